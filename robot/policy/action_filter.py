@@ -14,16 +14,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Self
-
-import numpy as np
-from numpy.typing import NDArray
 
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import PolicyPart, Seen
-from robot.policy.pilot_pace import PilotPace, SideChanges
-from robot.policy.stall_detector import ProgressClock, StallDetector
+from robot.policy.pilot_pace import PilotPace, ProgressClock, SideChanges
+from robot.policy.stall_detector import StallDetector
 from robot.types import Action
 
 VOTES_KEPT = 0.4
@@ -111,15 +107,6 @@ ASKING_S = 5.0
 """and if nobody takes the wheel, tries again after so long."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class View:
-    """What the filter sees of a frame: grey values, time, and if a bumper was pressed."""
-
-    picture: NDArray[np.uint8]
-    at_s: float
-    bumped: bool
-
-
 class ActionFilter(PolicyPart):
     """Makes steady driving of the votes on single frames.
 
@@ -163,68 +150,39 @@ class ActionFilter(PolicyPart):
         return cls(kinds, 0.0, turn_inertia=0.0, straight_inertia=0.0, gives_up=False)
 
     def on_frame(self, seen: Seen) -> None:
-        seen.shares = self.average(seen.shares, seen.at_s, self.pace.usual_run_s)
+        """Average the votes, and choose the move with most of them, or the one under way."""
+        seen.shares = self._average.update(seen.shares, seen.at_s, self.pace.usual_run_s)
         seen.kept = self._average.kept
         self._now_s = self._now_s + USUAL_STEP_S if seen.at_s is None else seen.at_s
-        view = View(picture=seen.picture, at_s=self._now_s, bumped=seen.bumped)
-        seen.action = self.choose(
-            seen.shares, view, seen.under_way, self.pace, in_context=seen.in_context
-        )
-        seen.is_stalled, seen.needs_help = self.is_stalled, self.needs_help
+        seen.action = self._choose(seen, self._now_s)
+        seen.is_stalled, seen.needs_help = self._stall_detector.is_stalled, self.needs_help
+        if self._gives_up:
+            self._sides.note(seen.action, self._now_s)
 
-    def average(
-        self,
-        shares: Mapping[Action, float],
-        at_s: float | None = None,
-        usual_run_s: float | None = None,
-    ) -> dict[Action, float]:
-        """Add the votes on one more frame, and return their average; see `RunningVotes.update`."""
-        return self._average.update(shares, at_s, usual_run_s)
-
-    def choose(
-        self,
-        shares: Mapping[Action, float],
-        view: View,
-        under_way: Action | None,
-        pace: PilotPace,
-        *,
-        in_context: bool = False,
-    ) -> Action:
-        """Return the move with most votes, the first on a tie; or the one under way.
-
-        Args:
-            shares: The averaged votes.
-            view: The frame.
-            under_way: The move that the robot makes while it drives itself, else None: the pilot's
-                move must not influence a prediction that is compared with the pilot's move.
-            pace: How long the pilot's manoeuvres took.
-            in_context: The votes are for what follows the move under way: it needs no inertia.
-        """
+    def _choose(self, seen: Seen, at_s: float) -> Action:
+        """Return the best move that is not barred; the first on a tie."""
+        under_way, shares, pace, turns = seen.under_way, seen.shares, self.pace, self._kinds.turns
         futile, urge = None, 0.0
         if self._gives_up:  # on an EV3 each comparison of pictures counts
             self._stall_detector.patience_s = pace.patience_s
             futile = self._stall_detector.barred(
-                view.picture, under_way, view.at_s, bumped=view.bumped, taught=pace.scale
+                seen.picture, under_way, at_s, bumped=seen.bumped, taught=pace.scale
             )
-            urge = self._watch(under_way, view.at_s, ALLOWANCE * pace.longest_debt_s)
-        turns = self._kinds.turns
-        barred = self._barred_side(view.at_s, pace.to_and_fro_s)
+            urge = self._watch(under_way, at_s, ALLOWANCE * pace.longest_debt_s)
+        barred = self._barred_side(at_s, pace.to_and_fro_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action is not futile and shares[action] > 0.0]
         if futile is not None and not fruitful:
-            self._ask(view.at_s)  # it was taught no other move
+            self._ask(at_s)  # it was taught no other move
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
-        chosen = max(
+        return max(
             fruitful or allowed or shares,
             key=lambda action: (
                 shares[action]
-                + (inertia if action is under_way and not in_context else 0.0)
+                + (inertia if action is under_way and not seen.in_context else 0.0)
                 - (urge if action in turns else 0.0)
             ),
         )
-        if self._gives_up:
-            self._sides.note(chosen, view.at_s)
-        return chosen
 
     def _barred_side(self, at_s: float, within_s: float) -> float | None:
         """Return the side to which it must not turn, for it has just come from there twice."""
@@ -235,16 +193,15 @@ class ActionFilter(PolicyPart):
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
         """Update the clock and `needs_help`; return what to subtract from the votes of turns."""
         clock = self._clock
-        if under_way is None:  # the pilot drives, and knows the way out
-            clock.reset()
-        clock.note(under_way, at_s, is_stalled=self._stall_detector.is_stalled)
-        if under_way is None or clock.is_paid:
-            self._sides.free()
         if under_way is None or (self.needs_help and at_s >= self._asks_until_s):
-            self.needs_help = False
+            self.needs_help = False  # the pilot drives, and knows the way out, or it tries again
             clock.reset()
             self._sides.free()
-        elif clock.debt_s > allowed_s + HELPLESS_S:
+            return 0.0
+        clock.note(under_way, at_s, is_stalled=self._stall_detector.is_stalled)
+        if clock.is_paid:
+            self._sides.free()
+        if clock.debt_s > allowed_s + HELPLESS_S:
             self._ask(at_s)
         return min(max((clock.debt_s - allowed_s) / (0.5 * allowed_s), 0.0), 2.0)
 
@@ -252,13 +209,7 @@ class ActionFilter(PolicyPart):
         if not self.needs_help:
             self.needs_help, self._asks_until_s = True, at_s + ASKING_S
 
-    @property
-    def is_stalled(self) -> bool:
-        """True while a straight move under way has no effect."""
-        return self._stall_detector.is_stalled
-
     def reset(self) -> None:
-        """Forget whatever belongs to the drive that ends here."""
         self._average.reset()
         self._stall_detector.reset()
         self._clock.reset()

@@ -1,4 +1,4 @@
-"""The learned images as people see them, and when the robot last met each of them."""
+"""The learned images as people see them: when the robot last met each, and what one decides."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.base import Learner
+from robot.learner.base import Learner, Vector
 from robot.learner.part import Value
 from robot.learner.values import Names, count, table
 from robot.policy.features import Features
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.types import Action
+
+_COMPARED = 128
+"""With more learned images than this, so many of them are compared, at even distances."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +37,28 @@ class LearnedImage:
     last_taught: int
     is_pinned: bool = False
     angle: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Explanation:
+    """The image that decides, beside the present view.
+
+    Attributes:
+        node_id: The image.
+        present: The view as the learner sees it, shape (30, 40).
+        image: The deciding image, shape (30, 40).
+        alike: For each part how much more alike the two are than the view is to the learned images
+            on average, from 0 to 1, shape (6, 8). All 0 if there is one image alone.
+        votes: What the image was taught for, in frames.
+        frames: How many frames it sums up.
+    """
+
+    node_id: int
+    present: NDArray[np.uint8]
+    image: NDArray[np.uint8]
+    alike: NDArray[np.float64]
+    votes: dict[Action, int]
+    frames: int
 
 
 def _node_id(plain: Any, names: Names) -> int:
@@ -59,18 +84,10 @@ class Gallery(PolicyPart):
         self._last_taught: dict[int, int] = {}
 
     def on_frame(self, seen: Seen) -> None:
-        self.note_used(seen.evidence.node, seen.number)
+        self._note(self._last_used, seen.evidence.node, seen.number)
 
     def on_example(self, lesson: Lesson) -> None:
-        self.note_taught(self._learner.last_node_, lesson.number)
-
-    def note_used(self, node_id: int | None, proposal: int) -> None:
-        """Write down which proposal a node decided; None: there is no such node."""
-        self._note(self._last_used, node_id, proposal)
-
-    def note_taught(self, node_id: int | None, example: int) -> None:
-        """Write down which example a node took in; None: there is no such node."""
-        self._note(self._last_taught, node_id, example)
+        self._note(self._last_taught, self._learner.last_node_, lesson.number)
 
     def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
         if node_id is None:
@@ -97,6 +114,35 @@ class Gallery(PolicyPart):
             )
             for index, node in enumerate(self._learner.nodes())
         ]
+
+    def explain(self, x: Vector, node_id: int | None) -> Explanation | None:
+        """Return why a view was decided by an image; None if that is gone.
+
+        A squared distance is a sum over the parts of the picture. A part counts as alike where it
+        is nearer to the deciding image than to the learned images on average: what all of them
+        share, an empty floor, explains nothing.
+        """
+        nodes, features = self._learner.nodes(), self._features
+        decisive = next((node for node in nodes if node.id == node_id), None)
+        if decisive is None:
+            return None
+        view = np.asarray(x, np.float64)
+        some = nodes[:: -(-len(nodes) // _COMPARED)]
+        others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
+        usual = np.mean(others, axis=0)
+        here = features.cells(view - np.asarray(decisive.image, np.float64))
+        # Where even the average difference is small there is little to be alike in.
+        weight = np.maximum(usual, usual.mean())
+        alike = np.zeros_like(here)
+        np.divide(usual - here, weight, out=alike, where=weight > 0.0)
+        return Explanation(
+            node_id=decisive.id,
+            present=features.thumbnail(x),
+            image=features.thumbnail(decisive.image),
+            alike=alike.clip(0.0, 1.0),
+            votes={Action(label): count for label, count in decisive.votes.items()},
+            frames=decisive.frames,
+        )
 
     @property
     def _kept_last_taught(self) -> dict[str, int]:

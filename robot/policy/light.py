@@ -59,21 +59,16 @@ class LightAdaptation(PolicyPart):
             brightness: The view's mean grey value.
             at_s: When it was taken; None: a tenth of a second after the last.
         """
-        step_s = (
-            USUAL_STEP_S if at_s is None or self._last_s is None else max(at_s - self._last_s, 0.0)
-        )
-        self._last_s = at_s
-        if self._driven is None:
-            self._driven = brightness
-        else:
-            self._driven += (1.0 - math.exp(-step_s / SECONDS)) * (brightness - self._driven)
-        if not self._examples:
-            return 1.0
-        times = self._taught / max(self._driven, 1.0)
-        return 1.0 if 1.0 / ANOTHER_LIGHT <= times <= ANOTHER_LIGHT else times
+        last_s, self._last_s = self._last_s, at_s
+        step_s = USUAL_STEP_S if at_s is None or last_s is None else max(at_s - last_s, 0.0)
+        driven = brightness if self._driven is None else self._driven
+        driven += (1.0 - math.exp(-step_s / SECONDS)) * (brightness - driven)
+        self._driven = driven
+        times = self._taught / max(driven, 1.0)
+        is_alike = 1.0 / ANOTHER_LIGHT <= times <= ANOTHER_LIGHT
+        return 1.0 if is_alike or not self._examples else times
 
     def reset(self) -> None:
-        """Forget the drive that ends here."""
         self._driven = self._last_s = None
 
     def restored(self) -> None:

@@ -16,7 +16,7 @@ from robot.learner.part import Array, Arrays, Params, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
-from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter, ProgressClock, StraightScale
+from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter, StraightScale
 from robot.types import DEFAULT_MOVES, Action
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
@@ -33,6 +33,72 @@ TO_AND_FRO_S, _QUICKER = 2.0, 0.75
 within so much of the time that it takes him."""
 PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
+
+
+PAYS_BACK = 4.0
+"""A second of driving straight pays for so many seconds of turning."""
+EFFECT_S = 0.2
+"""A straight move pays from here on: sooner nobody can tell if it has an effect."""
+STRAIGHT_S = 0.3
+"""Turns are paid back after driving straight for so long, and as long as the clock wants."""
+_LONGEST_STEP_S = 0.25
+
+
+class ProgressClock:
+    """Counts a debt in seconds, the pilot's as the robot's: time without progress.
+
+    Turning either way, and pushing without effect, add to it; driving straight with effect takes
+    four times as much off; it is never below 0.
+
+    Args:
+        kinds: Which moves are turns.
+    """
+
+    def __init__(self, kinds: MoveKinds) -> None:
+        self._kinds = kinds
+        self.debt_s = 0.0
+        self.straight_s = 0.0
+        """For how long the robot has been driving straight with effect."""
+        self._last_s: float | None = None
+
+    def note(self, action: Action | None, at_s: float, *, is_stalled: bool = False) -> None:
+        """Update the debt by the move that has been under way since the last call.
+
+        Args:
+            action: The move; None or STOP change nothing.
+            at_s: Now, in seconds.
+            is_stalled: True if it has no effect.
+        """
+        last_s, self._last_s = self._last_s, at_s
+        step_s = 0.0 if last_s is None else min(max(at_s - last_s, 0.0), _LONGEST_STEP_S)
+        if action is None or action is Action.STOP:
+            return
+        if action in self._kinds.turns or is_stalled:
+            self.debt_s += step_s
+            self.straight_s = 0.0
+        else:
+            self.straight_s += step_s
+            if self.straight_s > EFFECT_S:
+                self.debt_s = max(0.0, self.debt_s - PAYS_BACK * step_s)
+
+    @property
+    def is_paid(self) -> bool:
+        """True if the turns are paid back."""
+        return self.debt_s == 0.0 and self.straight_s >= STRAIGHT_S
+
+    def reset(self) -> None:
+        """Forget the debt: a new drive begins."""
+        self.debt_s = self.straight_s = 0.0
+        self._last_s = None
+
+    @property
+    def values(self) -> tuple[float, float, float | None]:
+        """Debt, time straight, and the time of the last call."""
+        return self.debt_s, self.straight_s, self._last_s
+
+    @values.setter
+    def values(self, values: tuple[float, float, float | None]) -> None:
+        self.debt_s, self.straight_s, self._last_s = values
 
 
 class SideChanges:

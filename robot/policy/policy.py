@@ -14,7 +14,7 @@ from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
 from robot.policy.degrees import Degrees
 from robot.policy.features import Features
-from robot.policy.gallery import Gallery, LearnedImage
+from robot.policy.gallery import Explanation, Gallery, LearnedImage
 from robot.policy.light import LightAdaptation
 from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
@@ -267,6 +267,10 @@ class Policy(Stateful):
     def gallery(self) -> list[LearnedImage]:
         """Return every learned image, in the order of the nodes; none if the learner keeps none."""
         return self._gallery.images()
+
+    def explain(self, x: Vector, node_id: int | None) -> Explanation | None:
+        """Return why a view was decided by a learned image; None if that is gone."""
+        return self._gallery.explain(x, node_id)
 
     def relabel_node(self, node_id: int, label: Action) -> None:
         """Let one learned image vote for `label` alone.

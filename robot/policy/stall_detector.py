@@ -2,9 +2,7 @@
 
 A pilot seldom lets it come to that, so no example shows the view from there, and votes alone would
 push on for ever. An image that does not change shows it, or a bumper where there is one. A turn is
-not watched here: near a plain wall it changes the picture little. `ProgressClock` watches
-it: it counts time without progress, the pilot's as the robot's, so that the pilot's own longest
-manoeuvre sets how long the robot may turn before it has to try something else.
+not watched here: near a plain wall it changes the picture little (`ProgressClock` watches it).
 """
 
 from __future__ import annotations
@@ -143,74 +141,3 @@ class StallDetector:
         self._meter.reset()
         self._stuck_since_s = self._barred = None
         self.is_stalled = False
-
-
-PAYS_BACK = 4.0
-"""A second of driving straight pays for so many seconds of turning."""
-EFFECT_S = 0.2
-"""A straight move pays from here on: sooner nobody can tell if it has an effect."""
-STRAIGHT_S = 0.3
-"""Turns are paid back after driving straight for so long, and as long as the clock wants."""
-_LONGEST_STEP_S = 0.25
-
-
-def passed_s(last_s: float | None, at_s: float) -> float:
-    """Return the time since the last frame, a quarter of a second at most; 0 for a first frame."""
-    return 0.0 if last_s is None else min(max(at_s - last_s, 0.0), _LONGEST_STEP_S)
-
-
-class ProgressClock:
-    """Counts a debt in seconds.
-
-    Turning either way, and pushing without effect, add to it; driving straight with effect takes
-    four times as much off; it is never below 0.
-
-    Args:
-        kinds: Which moves are turns.
-    """
-
-    def __init__(self, kinds: MoveKinds) -> None:
-        self._kinds = kinds
-        self.debt_s = 0.0
-        self.straight_s = 0.0
-        """For how long the robot has been driving straight with effect."""
-        self._last_s: float | None = None
-
-    def note(self, action: Action | None, at_s: float, *, is_stalled: bool = False) -> None:
-        """Update the debt by the move that has been under way since the last call.
-
-        Args:
-            action: The move; None or STOP change nothing.
-            at_s: Now, in seconds.
-            is_stalled: True if it has no effect.
-        """
-        step_s = passed_s(self._last_s, at_s)
-        self._last_s = at_s
-        if action is None or action is Action.STOP:
-            return
-        if action in self._kinds.turns or is_stalled:
-            self.debt_s += step_s
-            self.straight_s = 0.0
-        else:
-            self.straight_s += step_s
-            if self.straight_s > EFFECT_S:
-                self.debt_s = max(0.0, self.debt_s - PAYS_BACK * step_s)
-
-    @property
-    def is_paid(self) -> bool:
-        """True if the turns are paid back."""
-        return self.debt_s == 0.0 and self.straight_s >= STRAIGHT_S
-
-    def reset(self) -> None:
-        """Forget the debt: a new drive begins."""
-        self.debt_s = self.straight_s = 0.0
-        self._last_s = None
-
-    @property
-    def values(self) -> tuple[float, float, float | None]:
-        """Debt, time straight, and the time of the last call."""
-        return self.debt_s, self.straight_s, self._last_s
-
-    @values.setter
-    def values(self, values: tuple[float, float, float | None]) -> None:
-        self.debt_s, self.straight_s, self._last_s = values

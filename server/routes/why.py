@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Request
 
 from robot.control.loop import ControlLoop
-from robot.policy.explanation import Explanation, explain
+from robot.policy.gallery import Explanation
 from robot.types import Prediction
 from server.routes.answers import Of, Route, answer, png_text
 from server.services import services_of
@@ -70,5 +70,5 @@ def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
     if newest is None:
         return None
     x, prediction = newest
-    explanation = explain(loop.history.policy, x, prediction.node)
+    explanation = loop.history.policy.explain(x, prediction.node)
     return None if explanation is None else (prediction, explanation)

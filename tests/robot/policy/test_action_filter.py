@@ -3,9 +3,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.policy.action_filter import STRAIGHT_INERTIA, TURN_INERTIA, ActionFilter, View
+from robot.policy.action_filter import (
+    STRAIGHT_INERTIA,
+    TURN_INERTIA,
+    VOTES_KEPT,
+    ActionFilter,
+    RunningVotes,
+)
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.pilot_pace import PilotPace
+from robot.policy.part import Seen
 from robot.types import DEFAULT_MOVES, Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -14,9 +20,11 @@ KINDS = MoveKinds(DEFAULT_MOVES)
 
 def choose(shares, under_way=None, *, in_context=False):
     """Return what a fresh filter makes of the votes on one frame."""
-    view = View(picture=np.zeros(1200, np.uint8), at_s=0.0, bumped=False)
-    actions = ActionFilter(KINDS)
-    return actions.choose(shares, view, under_way, PilotPace(KINDS), in_context=in_context)
+    nothing = np.zeros(1200, np.uint8)
+    seen = Seen(number=1, x=nothing, picture=nothing, at_s=0.0, under_way=under_way, shares=shares)
+    seen.in_context = in_context
+    ActionFilter(KINDS).on_frame(seen)
+    return seen.action
 
 
 def test_a_move_under_way_goes_on_until_another_is_clearly_better():
@@ -42,7 +50,7 @@ def test_standing_still_is_no_move_under_way():
 
 @pytest.mark.parametrize(("usual_run_s", "at_least", "at_most"), [(3.0, 0.3, 0.5), (0.2, 0.0, 0.1)])
 def test_the_average_is_no_slower_than_the_pilots_hand(usual_run_s, at_least, at_most):
-    actions = ActionFilter(KINDS)
-    actions.average({F: 1.0, L: 0.0}, 0.0, usual_run_s)
-    steady = actions.average({F: 0.0, L: 1.0}, 0.1, usual_run_s)
+    votes = RunningVotes(VOTES_KEPT)
+    votes.update({F: 1.0, L: 0.0}, 0.0, usual_run_s)
+    steady = votes.update({F: 0.0, L: 1.0}, 0.1, usual_run_s)
     assert at_least < steady[F] < at_most

@@ -12,9 +12,9 @@ from robot.policy.action_filter import (
     ASKING_S,
     HELPLESS_S,
     ActionFilter,
-    View,
 )
 from robot.policy.move_kinds import MoveKinds
+from robot.policy.part import Seen
 from robot.policy.pilot_pace import LONGEST_DEBT_S, TO_AND_FRO_S, PilotPace
 from robot.policy.stall_detector import AWAY_S, STUCK_S
 from robot.types import Action
@@ -47,7 +47,7 @@ class Body:
         self.now_s = 100.0
         self.shift = 0.0
         self.doing: Action | None = Action.STOP
-        self.pace = Pace(longest_debt_s, patience_s)
+        self.pace = self.filter.pace = Pace(longest_debt_s, patience_s)
         self.sent: list[tuple[Action, bool]] = []
         self._rng = np.random.default_rng(1)
         self._wall = self._rng.integers(0, 200, 400, np.uint8)
@@ -60,13 +60,10 @@ class Body:
         at = int(self.shift) % 300
         noise = self._rng.integers(0, 4, (30, 40), np.uint8)
         picture = np.tile(self._wall[at : at + 40], (30, 1)) + noise
-        action = self.filter.choose(
-            self.filter.average(votes, self.now_s),
-            View(picture=picture, at_s=self.now_s, bumped=False),
-            self.doing,
-            self.pace,
-        )
-        self.doing = Action.STOP if self.filter.needs_help else action
+        seen = Seen(number=1, x=picture, picture=picture, at_s=self.now_s, under_way=self.doing)
+        seen.shares = votes
+        self.filter.on_frame(seen)
+        self.doing = Action.STOP if seen.needs_help else seen.action
         self.sent.append((self.doing, is_free))
         return self.doing
 
