@@ -46,11 +46,6 @@ class Novelty(Stateful):
         self._median = self._border = 0.0
         self._n_new = 0
 
-    @property
-    def usual(self) -> float:
-        """The usual distance of an example; 0 before there were enough."""
-        return self._median
-
     def learn(self, squared_distance: float) -> None:
         """Add the distance of one example from the nearest node without recent examples."""
         self.lengths.append(math.sqrt(squared_distance))

@@ -69,19 +69,18 @@ class Value:
         """Give the part the value."""
         demand(self.name in params or self.older != (), f"{self.name} is missing")
         plain = params.pop(self.name, *self.older)
-        try:
-            value = self.read(plain, names)
-            demand(not self.is_fixed or value == _get(part, self))
-        except ValueError as error:
-            raise ValueError(f"{self.name} is {str(plain)[:40]}") from error
+        value = self._read(plain, names)
+        demand(not self.is_fixed or value == _get(part, self), f"{self.name} is {plain}")
         if not self.is_fixed:
             _set(part, self, value)
 
     def check(self, part: Stateful) -> None:
         """Raise ValueError if the part's value is none that could be loaded again."""
-        plain = self.save(part)
+        self._read(self.save(part), {})
+
+    def _read(self, plain: Any, names: Names) -> Any:
         try:
-            self.read(plain, {})
+            return self.read(plain, names)
         except ValueError as error:
             raise ValueError(f"{self.name} is {str(plain)[:40]}") from error
 
@@ -125,24 +124,18 @@ class Array:
         """Give the part a copy of the array."""
         array = arrays.pop(self.name, None)
         sides = [self._length(side, part, sizes) for side in self.shape]
+        dtypes = self.dtype if isinstance(self.dtype, tuple) else (self.dtype,)
         if array is None and self.older is not None:
-            array = np.full([side or 0 for side in sides], self.older, self._dtypes[0])
+            array = np.full([side or 0 for side in sides], self.older, dtypes[0])
         demand(array is not None or self.may_miss, f"the array {self.name} is missing")
         if array is not None:
             self._fit(array, sides, sizes)
-            array = self._as_declared(array)
+            array = array.copy() if array.dtype in dtypes else self._narrowed(array, dtypes[0])
         _set(part, self, array)
 
-    @property
-    def _dtypes(self) -> list[np.dtype[Any]]:
-        choice = self.dtype if isinstance(self.dtype, tuple) else (self.dtype,)
-        return [np.dtype(one) for one in choice]
-
-    def _as_declared(self, array: NDArray[Any]) -> NDArray[Any]:
-        """Return a copy of the declared type; older programs kept whole numbers in 64 bits."""
-        wanted = self._dtypes[0]
-        if array.dtype in self._dtypes:
-            return array.copy()
+    def _narrowed(self, array: NDArray[Any], dtype: type) -> NDArray[Any]:
+        """Return it in the declared type; older programs kept whole numbers in 64 bits."""
+        wanted: np.dtype[Any] = np.dtype(dtype)
         is_wider = array.dtype == np.int64 and wanted.kind in "iu" and wanted.itemsize > 1
         fits = is_wider and _is_within(array, np.iinfo(wanted).min, np.iinfo(wanted).max)
         demand(fits, f"the array {self.name} is of {array.dtype.str}, not {wanted.str}")

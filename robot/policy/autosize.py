@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -111,14 +112,11 @@ def choose_max_nodes(
     """
     if rate_hz <= 0:
         raise ConfigurationError(f"a frame rate is above 0, not {rate_hz}")
-    frames = sample_frames(60) if cost_of is None else []
+    if cost_of is None:
+        cost_of = partial(measure, kind=kind, integer=integer, frames=sample_frames(60))
     best = None
     for size in SIZES:
-        cost = (
-            cost_of(size)
-            if cost_of is not None
-            else measure(size, kind=kind, integer=integer, frames=frames)
-        )
+        cost = cost_of(size)
         if cost.frame_s > MARGIN / rate_hz:
             break
         best = cost
@@ -137,6 +135,3 @@ def _times(step: Callable[[int], object], repeats: int, now_s: Callable[[], floa
         step(i)
         times.append(now_s() - start_s)
     return times
-
-
-__all__ = ["MARGIN", "SIZES", "Cost", "choose_max_nodes", "measure", "sample_frames"]

@@ -97,7 +97,9 @@ class TrainingHistory:
     ) -> None:
         self._declared = declared
         self._on_event = on_event or (lambda event: None)
-        self._changes = 0
+        self.changes = 0
+        """How often the learner was changed, in any way; it only grows. Any thread may read it:
+        when a request that changes the learner has returned, the change is counted."""
         self.drives = 0
         """How often a drive was begun after something was taught; it only grows."""
         self._begin(policy, Counter())
@@ -109,7 +111,8 @@ class TrainingHistory:
         self._events: list[LogEvent] = []
         self._forgotten = 0
         self._is_drive_new = True
-        self._teaching_s = 0.0
+        self.teaching_s = 0.0
+        """Teaching time of the last example: pauses longer than half a second count as that."""
         self._last_example_s: float | None = None
         self._snapshots = [_Snapshot(position=0, at_s=0.0, state=policy.get_state())]
 
@@ -118,37 +121,23 @@ class TrainingHistory:
         """How many examples the learner holds."""
         return self.taught.total()
 
-    @property
-    def teaching_s(self) -> float:
-        """Teaching time of the last example: pauses longer than half a second count as that."""
-        return self._teaching_s
-
-    @property
-    def changes(self) -> int:
-        """How often the learner was changed, in any way; it only grows.
-
-        Safe to read from any thread: after a request that changes the learner has returned, the
-        change is counted.
-        """
-        return self._changes
-
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
         """Have the policy learn one labelled frame that was taken at `captured_s`."""
         step_s = captured_s - self._last_example_s if self._last_example_s is not None else 0.0
-        teaching_s = self._teaching_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
+        teaching_s = self.teaching_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
         event = Taught(example=example, x=x, at_s=teaching_s)
         _make(self.policy, event)
-        self._last_example_s, self._teaching_s = captured_s, teaching_s
+        self._last_example_s, self.teaching_s = captured_s, teaching_s
         self.taught[example.label] += 1
         self._record(event)
-        if self._teaching_s - self._snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
+        if self.teaching_s - self._snapshots[-1].at_s >= SNAPSHOT_EVERY_S:
             self._take_snapshot()
 
     def begin_drive(self) -> None:
         """Reset the policy, because a drive ends here and another will begin."""
         self.policy.reset()
         if not self._is_drive_new:
-            self._events.append(DriveBegun(at_s=self._teaching_s))
+            self._events.append(DriveBegun(at_s=self.teaching_s))
             self._is_drive_new = True
             self.drives += 1
 
@@ -159,13 +148,13 @@ class TrainingHistory:
             LookupError: If there is no such image.
             ValueError: If the verb is unknown or the policy refuses.
         """
-        event = Edited(verb=verb, node_id=node_id, value=value, at_s=self._teaching_s)
+        event = Edited(verb=verb, node_id=node_id, value=value, at_s=self.teaching_s)
         _make(self.policy, event)
         self._record(event)
 
     def last_examples(self, seconds: float) -> list[Taught]:
         """Return the examples of the last `seconds` of teaching, oldest first: what undo drops."""
-        since_s = self._teaching_s - seconds
+        since_s = self.teaching_s - seconds
         return [e for e in self._events if isinstance(e, Taught) and e.at_s > since_s]
 
     def undo(self, seconds: float) -> list[Example]:
@@ -179,7 +168,7 @@ class TrainingHistory:
             self.taught = self.taught - Counter(taught.example.label for taught in gone)
             kept = (e.at_s for e in reversed(self._events) if not isinstance(e, DriveBegun))
             last_s = next(kept, 0.0)
-            self._teaching_s = max(last_s, self._snapshots[-1].at_s)
+            self.teaching_s = max(last_s, self._snapshots[-1].at_s)
             self._tell(Undone(frame_ids=tuple(t.example.frame_id for t in gone)))
         return [taught.example for taught in gone]
 
@@ -202,7 +191,7 @@ class TrainingHistory:
         self._tell(event)
 
     def _tell(self, event: HistoryEvent) -> None:
-        self._changes += 1
+        self.changes += 1
         self._on_event(event)
 
     def _rebuild_without(self, dropped: list[Taught] | list[Edited]) -> None:
@@ -221,11 +210,11 @@ class TrainingHistory:
         self._snapshots.append(
             _Snapshot(
                 position=self._forgotten + len(self._events),
-                at_s=self._teaching_s,
+                at_s=self.teaching_s,
                 state=self.policy.get_state(),
             )
         )
-        while self._snapshots[1].at_s <= self._teaching_s - UNDO_HORIZON_S:
+        while self._snapshots[1].at_s <= self.teaching_s - UNDO_HORIZON_S:
             self._snapshots.pop(0)
         del self._events[: self._snapshots[0].position - self._forgotten]
         self._forgotten = self._snapshots[0].position

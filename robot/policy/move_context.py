@@ -36,8 +36,7 @@ class ExampleRate(PolicyPart):
     fields = (Value("last_learned", optional(row(number(), name)), older=(None,)),)
 
     def __init__(self) -> None:
-        self._label: str | None = None
-        self._room_from_s = 0.0
+        self._last_learned: tuple[float, str] | None = None  # since when there was room for it
 
     def on_example(self, lesson: Lesson) -> None:
         lesson.is_learned = self.admits(lesson.label, lesson.at_s)
@@ -50,23 +49,15 @@ class ExampleRate(PolicyPart):
             at_s: Its teaching time; None: it stands for itself and is learned.
         """
         if at_s is None:
-            self._label = None
+            self._last_learned = None
             return True
-        since_s = at_s - self._room_from_s if label == self._label else math.inf
+        room_from_s, last_label = self._last_learned or (-math.inf, "")
+        since_s = at_s - room_from_s if label == last_label else math.inf
         if -ROOM_S < since_s < ROOM_S - EARLY_S:
             return False
-        self._label = str(label)
-        self._room_from_s = self._room_from_s + ROOM_S if 0.0 < since_s < 2.0 * ROOM_S else at_s
+        is_in_time = 0.0 < since_s < 2.0 * ROOM_S
+        self._last_learned = (room_from_s + ROOM_S if is_in_time else at_s), str(label)
         return True
-
-    @property
-    def _last_learned(self) -> tuple[float, str] | None:
-        """Since when there was room for the last example, and its label, if there is one."""
-        return None if self._label is None else (self._room_from_s, self._label)
-
-    @_last_learned.setter
-    def _last_learned(self, values: tuple[float, str] | None) -> None:
-        self._room_from_s, self._label = (0.0, None) if values is None else values
 
 
 STRAIGHT, TURNING = 0, 1

@@ -8,11 +8,10 @@ from dataclasses import replace
 
 from robot.driver import Move
 from robot.learner import votes
-from robot.learner.base import ContextualLearner, Learner, NotFittedError, State, Vector
+from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.learner.part import Arrays, Params, Stateful, Value
 from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
-from robot.policy.degrees import Degrees
 from robot.policy.features import Features
 from robot.policy.gallery import Explanation, Gallery, LearnedImage
 from robot.policy.light import LightAdaptation
@@ -20,7 +19,7 @@ from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PilotPace
-from robot.policy.recognition import ContextualRecognition, Recognition
+from robot.policy.recognition import Degrees, Recognition
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _DOUBT = 0.5
@@ -83,12 +82,10 @@ class Policy(Stateful):
         parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())] if thins else []
         if brighten is not None:
             parts.append(("light", LightAdaptation(brighten)))
-        if learner.abilities.contexts and isinstance(learner, ContextualLearner):
+        if learner.abilities.contexts:
             parts.append(("context", MoveContext(self.kinds)))
-            parts.append(("", ContextualRecognition(learner, moves, degrees)))
-        else:
-            parts.append(("", Recognition(learner, moves, degrees)))
-        parts += [("pace", pace), ("", smoothing), ("degrees", degrees), ("", self._gallery)]
+        parts += [("", Recognition(learner, moves, degrees)), ("pace", pace), ("", smoothing)]
+        parts += [("degrees", degrees), ("", self._gallery)]
         self._parts = parts
         self._on_frame = _overridden(parts, "on_frame")
         self._on_example = _overridden(parts, "on_example")

@@ -1,53 +1,149 @@
-"""The learner among the parts of a policy: what it recognises on a frame, and what it learns."""
+"""What the learner makes of a frame: votes for the moves, and what a move means by degrees.
+
+The latter is the learner's angle, within what this pilot means by the move. An angle learned alone
+is a mean. Who steers all or nothing is then driven down the middle, where he never steers. So the angle is kept near the mean of what was taught with the chosen move, `BAND`
+standard deviations of it at most: no way at all for who steers all or nothing, and wide
+for who steers by degrees. On recorded drives it is nearer to the pilot than either alone.
+
+Before the first point is taught nothing is kept and nothing is answered.
+"""
 
 from __future__ import annotations
 
-from robot.learner.base import ContextualLearner, Learner
-from robot.policy.degrees import Degrees
-from robot.policy.part import Lesson, PolicyPart, Seen
-from robot.types import Action
+import math
 
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.learner.base import AngularLearner, ContextualLearner, Learner
+from robot.learner.clusters import MOST_FRAMES
+from robot.learner.part import Array
+from robot.policy.move_kinds import MoveKinds
+from robot.policy.part import Lesson, PolicyPart, Seen
+from robot.types import Action, Point
+
+BAND = 1.5
+"""So many standard deviations about a move's mean; flat from 1 to 2 on recorded drives."""
 _LEAST = 1e-6
 """Votes for a move that was taught: more than for one that never was."""
 
 
+class Degrees(PolicyPart):
+    """Follows how each move was steered.
+
+    Args:
+        learner: Learns the angles, if it can; else each move means its mean.
+        moves: The moves.
+        kinds: Says what the body declares of them.
+    """
+
+    fields = (Array("sums", np.float64, ("n_moves", 4), -MOST_FRAMES, MOST_FRAMES, may_miss=True),)
+
+    def __init__(self, learner: Learner, moves: tuple[Action, ...], kinds: MoveKinds) -> None:
+        self._learner: AngularLearner | None = None
+        if learner.abilities.angles and isinstance(learner, AngularLearner):
+            self._learner = learner
+        self._moves = moves
+        self._kinds = kinds
+        self.n_moves = len(moves)
+        self._sums: NDArray[np.float64] | None = None  # examples, steering, its square, throttle
+        self._average: float | None = None
+
+    def teach(self, lesson: Lesson) -> bool:
+        """Teach the learner an example with its angle; False if it is to learn none."""
+        learner = self._learner
+        if learner is None or (self._sums is None and lesson.point is None):
+            return False
+        points = self._kinds.points
+        if self._sums is None:
+            learner.begin_angles({move: point.steering for move, point in points.items()})
+        point = lesson.point or points.get(lesson.label, Point(0.0, 0.0))
+        learner.learn_in(lesson.x, lesson.label, lesson.contexts, point.steering)
+        return True
+
+    def on_example(self, lesson: Lesson) -> None:
+        if lesson.is_learned and lesson.point is not None:
+            if self._sums is None:
+                self._sums = np.zeros((self.n_moves, 4))
+            steering, throttle = lesson.point
+            row = self._moves.index(lesson.label)
+            self._sums[row] += 1.0, steering, steering * steering, throttle
+
+    def on_frame(self, seen: Seen) -> None:
+        usual = self.usual(seen.action)
+        if usual is None:
+            return
+        steering, angle = usual.steering, seen.evidence.angle
+        if angle is not None:
+            angle = min(max(angle, -1.0), 1.0)
+            old = angle if self._average is None else self._average
+            self._average = angle + seen.kept * (old - angle)
+            width = BAND * self._deviation(seen.action)
+            steering = min(max(self._average, steering - width), steering + width)
+        seen.point = Point(min(max(steering, -1.0), 1.0), usual.throttle)
+        seen.spread = seen.evidence.spread
+
+    def usual(self, move: Action) -> Point | None:
+        """Return the mean of what was taught with a move, else what the body says of it.
+
+        None before anything was taught by degrees, and if nobody knows.
+        """
+        if self._sums is None:
+            return None
+        n, steering, _, throttle = self._sums[self._moves.index(move)].tolist()
+        return Point(steering / n, throttle / n) if n else self._kinds.points.get(move)
+
+    def _deviation(self, move: Action) -> float:
+        assert self._sums is not None
+        n, steering, square, _ = self._sums[self._moves.index(move)].tolist()
+        return math.sqrt(max(square / n - (steering / n) ** 2, 0.0)) if n else 0.0
+
+    def relabel(self, node_id: int, label: Action) -> bool:
+        """Let an image steer as its new move usually does; False if no angles are learned."""
+        usual = self.usual(label)
+        if self._learner is None or self._sums is None:
+            return False
+        self._learner.relabel_node(node_id, label, usual.steering if usual else 0.0)
+        return True
+
+    def reset(self) -> None:
+        self._average = None
+
+
 class Recognition(PolicyPart):
-    """The learner among the parts of a policy."""
+    """The learner among the parts of a policy.
+
+    Args:
+        learner: Recognises and learns.
+        moves: The moves.
+        degrees: Teaches it angles, too.
+    """
 
     def __init__(self, learner: Learner, moves: tuple[Action, ...], degrees: Degrees) -> None:
         self._learner = learner
-        self._degrees = degrees
         self._moves = moves
+        self._degrees = degrees
+        self._contextual: ContextualLearner | None = None
+        if learner.abilities.contexts and isinstance(learner, ContextualLearner):
+            self._contextual = learner
 
     def on_frame(self, seen: Seen) -> None:
-        seen.evidence = self._learner.explain_one(seen.x)
-        self._share_out(seen)
-
-    def on_example(self, lesson: Lesson) -> None:
-        if lesson.is_learned and not self._degrees.learn(lesson):
-            self._learn(lesson)
-
-    def _learn(self, lesson: Lesson) -> None:
-        self._learner.learn_one(lesson.x, lesson.label)
-
-    def reset(self) -> None:
-        self._learner.reset()
-
-    def _share_out(self, seen: Seen) -> None:
+        if self._contextual is None:
+            seen.evidence = self._learner.explain_one(seen.x)
+        else:
+            seen.evidence = self._contextual.explain_in(seen.x, seen.context)
         known = seen.evidence.probabilities
         seen.shares = {
             move: max(known[move], _LEAST) if move in known else 0.0 for move in self._moves
         }
 
+    def on_example(self, lesson: Lesson) -> None:
+        if not lesson.is_learned or self._degrees.teach(lesson):
+            return
+        if self._contextual is None:
+            self._learner.learn_one(lesson.x, lesson.label)
+        else:
+            self._contextual.learn_in(lesson.x, lesson.label, lesson.contexts)
 
-class ContextualRecognition(Recognition):
-    """A learner to which the move under way matters."""
-
-    _learner: ContextualLearner
-
-    def on_frame(self, seen: Seen) -> None:
-        seen.evidence = self._learner.explain_in(seen.x, seen.context)
-        self._share_out(seen)
-
-    def _learn(self, lesson: Lesson) -> None:
-        self._learner.learn_in(lesson.x, lesson.label, lesson.contexts)
+    def reset(self) -> None:
+        self._learner.reset()

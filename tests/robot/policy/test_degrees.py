@@ -16,9 +16,9 @@ from robot.learner.base import State
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.context_ridge import ContextRidge
 from robot.learner.ridge import RecursiveRidge
-from robot.policy.degrees import BAND
 from robot.policy.history import Taught, TrainingHistory
 from robot.policy.policy import Policy
+from robot.policy.recognition import BAND
 from robot.policy.registry import make_policy
 from robot.store.models.events import describe_event, read_event
 from robot.types import Action, Encoding, Example, Frame, Mode, Point
