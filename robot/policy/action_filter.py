@@ -5,7 +5,7 @@ Every constant is a time or a share of votes, never a number of frames.
 1. Votes are averaged over time, less for a pilot who changes his moves quickly.
 2. Without contexts, a move under way goes on until another exceeds it clearly.
 3. A straight move without effect is given up (`stall_detector.py`).
-4. Turning for longer than the pilot's own longest loses votes (`ProgressClock`).
+4. Turning for longer than the pilot's own longest loses votes (`Headway`).
 5. A robot that turns to and fro more quickly than its pilot keeps to one side for a while.
 6. If none of this helps, the robot stops and asks for help.
 """
@@ -18,7 +18,7 @@ from typing import Self
 
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import PolicyPart, Seen
-from robot.policy.pilot_pace import PilotPace, ProgressClock, SideChanges
+from robot.policy.pilot_pace import Headway, PilotPace
 from robot.policy.stall_detector import StallDetector
 from robot.types import Action
 
@@ -137,12 +137,11 @@ class ActionFilter(PolicyPart):
         self._kinds = kinds
         self._average = RunningVotes(votes_kept)
         self._stall_detector = StallDetector(kinds)
-        self._clock = ProgressClock(kinds)
+        self._headway = Headway(kinds)
         self._gives_up = gives_up
         self.pace = PilotPace(kinds)
         self._now_s = 0.0
         self._asks_until_s = 0.0
-        self._sides = SideChanges(kinds)
 
     @classmethod
     def none(cls, kinds: MoveKinds) -> Self:
@@ -157,7 +156,7 @@ class ActionFilter(PolicyPart):
         seen.action = self._choose(seen, self._now_s)
         seen.is_stalled, seen.needs_help = self._stall_detector.is_stalled, self.needs_help
         if self._gives_up:
-            self._sides.note(seen.action, self._now_s)
+            self._headway.turn(seen.action, self._now_s)
 
     def _choose(self, seen: Seen, at_s: float) -> Action:
         """Return the best move that is not barred; the first on a tie."""
@@ -186,24 +185,21 @@ class ActionFilter(PolicyPart):
 
     def _barred_side(self, at_s: float, within_s: float) -> float | None:
         """Return the side to which it must not turn, for it has just come from there twice."""
-        sides = self._sides
-        is_restless = len(sides.at_s) == 2 and at_s - sides.at_s[0] <= within_s
-        return -sides.side if is_restless and sides.side is not None else None
+        side, sides_s = self._headway.side, self._headway.sides_s
+        is_restless = len(sides_s) == 2 and at_s - sides_s[0] <= within_s
+        return -side if is_restless and side is not None else None
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
         """Update the clock and `needs_help`; return what to subtract from the votes of turns."""
-        clock = self._clock
         if under_way is None or (self.needs_help and at_s >= self._asks_until_s):
             self.needs_help = False  # the pilot drives, and knows the way out, or it tries again
-            clock.reset()
-            self._sides.free()
+            self._headway.reset()
             return 0.0
-        clock.note(under_way, at_s, is_stalled=self._stall_detector.is_stalled)
-        if clock.is_paid:
-            self._sides.free()
-        if clock.debt_s > allowed_s + HELPLESS_S:
+        self._headway.note(under_way, at_s, is_stalled=self._stall_detector.is_stalled)
+        debt_s = self._headway.debt_s
+        if debt_s > allowed_s + HELPLESS_S:
             self._ask(at_s)
-        return min(max((clock.debt_s - allowed_s) / (0.5 * allowed_s), 0.0), 2.0)
+        return min(max((debt_s - allowed_s) / (0.5 * allowed_s), 0.0), 2.0)
 
     def _ask(self, at_s: float) -> None:
         if not self.needs_help:
@@ -212,6 +208,5 @@ class ActionFilter(PolicyPart):
     def reset(self) -> None:
         self._average.reset()
         self._stall_detector.reset()
-        self._clock.reset()
-        self._sides.free()
+        self._headway.reset()
         self.needs_help = False

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.base import Learner, Vector
+from robot.learner.base import Learner, Node, Vector
 from robot.learner.part import Value
 from robot.learner.values import Names, count, table
 from robot.policy.features import Features
@@ -44,21 +44,15 @@ class Explanation:
     """The image that decides, beside the present view.
 
     Attributes:
-        node_id: The image.
+        image: The image.
         present: The view as the learner sees it, shape (30, 40).
-        image: The deciding image, shape (30, 40).
         alike: For each part how much more alike the two are than the view is to the learned images
             on average, from 0 to 1, shape (6, 8). All 0 if there is one image alone.
-        votes: What the image was taught for, in frames.
-        frames: How many frames it sums up.
     """
 
-    node_id: int
+    image: LearnedImage
     present: NDArray[np.uint8]
-    image: NDArray[np.uint8]
     alike: NDArray[np.float64]
-    votes: dict[Action, int]
-    frames: int
 
 
 def _node_id(plain: Any, names: Names) -> int:
@@ -100,20 +94,20 @@ class Gallery(PolicyPart):
 
     def images(self) -> list[LearnedImage]:
         """Return every learned image, in the order of the nodes; none if the learner keeps none."""
-        return [
-            LearnedImage(
-                node_id=node.id,
-                index=index,
-                thumbnail=self._features.thumbnail(node.image),
-                votes={Action(label): count for label, count in node.votes.items()},
-                frames=node.frames,
-                last_used=self._last_used.get(node.id, 0),
-                last_taught=self._last_taught.get(node.id, 0),
-                is_pinned=node.is_pinned,
-                angle=node.angle,
-            )
-            for index, node in enumerate(self._learner.nodes())
-        ]
+        return [self._shown(index, node) for index, node in enumerate(self._learner.nodes())]
+
+    def _shown(self, index: int, node: Node) -> LearnedImage:
+        return LearnedImage(
+            node_id=node.id,
+            index=index,
+            thumbnail=self._features.thumbnail(node.image),
+            votes={Action(label): count for label, count in node.votes.items()},
+            frames=node.frames,
+            last_used=self._last_used.get(node.id, 0),
+            last_taught=self._last_taught.get(node.id, 0),
+            is_pinned=node.is_pinned,
+            angle=node.angle,
+        )
 
     def explain(self, x: Vector, node_id: int | None) -> Explanation | None:
         """Return why a view was decided by an image; None if that is gone.
@@ -123,25 +117,22 @@ class Gallery(PolicyPart):
         share, an empty floor, explains nothing.
         """
         nodes, features = self._learner.nodes(), self._features
-        decisive = next((node for node in nodes if node.id == node_id), None)
-        if decisive is None:
+        index = next((i for i, node in enumerate(nodes) if node.id == node_id), None)
+        if index is None:
             return None
         view = np.asarray(x, np.float64)
         some = nodes[:: -(-len(nodes) // _COMPARED)]
         others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
         usual = np.mean(others, axis=0)
-        here = features.cells(view - np.asarray(decisive.image, np.float64))
+        here = features.cells(view - np.asarray(nodes[index].image, np.float64))
         # Where even the average difference is small there is little to be alike in.
         weight = np.maximum(usual, usual.mean())
         alike = np.zeros_like(here)
         np.divide(usual - here, weight, out=alike, where=weight > 0.0)
         return Explanation(
-            node_id=decisive.id,
+            image=self._shown(index, nodes[index]),
             present=features.thumbnail(x),
-            image=features.thumbnail(decisive.image),
             alike=alike.clip(0.0, 1.0),
-            votes={Action(label): count for label, count in decisive.votes.items()},
-            frames=decisive.frames,
         )
 
     @property

@@ -16,11 +16,11 @@ from robot.learner.part import Array, Arrays, Params, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
-from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter, StraightScale
+from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter
 from robot.types import DEFAULT_MOVES, Action
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
-"""Bounds of the debt (`ProgressClock`) that a pilot is taken to allow himself, in seconds.
+"""Bounds of the debt (`Headway`) that a pilot is taken to allow himself, in seconds.
 
 The longest is less than half a turn about one wheel takes: who turns to and fro for longer shows
 no way out."""
@@ -44,88 +44,74 @@ STRAIGHT_S = 0.3
 _LONGEST_STEP_S = 0.25
 
 
-class ProgressClock:
-    """Counts a debt in seconds, the pilot's as the robot's: time without progress.
+class Headway:
+    """What a body, the pilot's or the robot's, has done since it last got on.
 
-    Turning either way, and pushing without effect, add to it; driving straight with effect takes
-    four times as much off; it is never below 0.
+    Turning either way, and pushing without effect, add to a debt in seconds; driving straight with
+    effect takes four times as much off; it is never below 0. Changes from one side to the other
+    count until the debt is paid.
 
     Args:
-        kinds: Which moves are turns.
+        kinds: Which moves are turns, and to which side.
+
+    Attributes:
+        debt_s: The debt.
+        side: The side that it turned to last; None since the debt was paid.
+        sides_s: When it changed sides, the last two times.
     """
 
     def __init__(self, kinds: MoveKinds) -> None:
         self._kinds = kinds
-        self.debt_s = 0.0
-        self.straight_s = 0.0
-        """For how long the robot has been driving straight with effect."""
-        self._last_s: float | None = None
+        self.reset()
 
-    def note(self, action: Action | None, at_s: float, *, is_stalled: bool = False) -> None:
+    def reset(self) -> None:
+        """Begin anew."""
+        self.debt_s = self._straight_s = 0.0
+        self._last_s: float | None = None
+        self._free()
+
+    def _free(self) -> None:
+        self.side: float | None = None
+        self.sides_s: list[float] = []
+
+    def note(self, action: Action, at_s: float, *, is_stalled: bool = False) -> None:
         """Update the debt by the move that has been under way since the last call.
 
         Args:
-            action: The move; None or STOP change nothing.
+            action: The move; STOP changes nothing.
             at_s: Now, in seconds.
             is_stalled: True if it has no effect.
         """
         last_s, self._last_s = self._last_s, at_s
         step_s = 0.0 if last_s is None else min(max(at_s - last_s, 0.0), _LONGEST_STEP_S)
-        if action is None or action is Action.STOP:
-            return
         if action in self._kinds.turns or is_stalled:
             self.debt_s += step_s
-            self.straight_s = 0.0
-        else:
-            self.straight_s += step_s
-            if self.straight_s > EFFECT_S:
+            self._straight_s = 0.0
+        elif action is not Action.STOP:
+            self._straight_s += step_s
+            if self._straight_s > EFFECT_S:
                 self.debt_s = max(0.0, self.debt_s - PAYS_BACK * step_s)
+        if self.debt_s == 0.0 and self._straight_s >= STRAIGHT_S:
+            self._free()
 
-    @property
-    def is_paid(self) -> bool:
-        """True if the turns are paid back."""
-        return self.debt_s == 0.0 and self.straight_s >= STRAIGHT_S
-
-    def reset(self) -> None:
-        """Forget the debt: a new drive begins."""
-        self.debt_s = self.straight_s = 0.0
-        self._last_s = None
-
-    @property
-    def values(self) -> tuple[float, float, float | None]:
-        """Debt, time straight, and the time of the last call."""
-        return self.debt_s, self.straight_s, self._last_s
-
-    @values.setter
-    def values(self, values: tuple[float, float, float | None]) -> None:
-        self.debt_s, self.straight_s, self._last_s = values
-
-
-class SideChanges:
-    """When a body changed from one side to the other, the last two times since it was freed.
-
-    Args:
-        kinds: Which moves are turns, and to which side.
-    """
-
-    def __init__(self, kinds: MoveKinds) -> None:
-        self._kinds = kinds
-        self.side: float | None = None
-        self.at_s: list[float] = []
-
-    def note(self, action: Action, at_s: float) -> float | None:
-        """Take note of a move; return how long two changes took if this is the second."""
+    def turn(self, action: Action, at_s: float) -> float | None:
+        """Take note of a move; return how long two changes of side took if this is the second."""
         side = self._kinds.turns.get(action)
         if side is None:
             return None
         is_change, self.side = self.side == -side, side
         if is_change:
-            self.at_s = [*self.at_s[-1:], at_s]
-        return self.at_s[1] - self.at_s[0] if is_change and len(self.at_s) == 2 else None
+            self.sides_s = [*self.sides_s[-1:], at_s]
+        return self.sides_s[1] - self.sides_s[0] if is_change and len(self.sides_s) == 2 else None
 
-    def free(self) -> None:
-        """Forget them: the turns are paid back."""
-        self.side, self.at_s = None, []
+    @property
+    def clock(self) -> tuple[float, float, float | None]:
+        """Debt, time straight with effect, and the time of the last call."""
+        return self.debt_s, self._straight_s, self._last_s
+
+    @clock.setter
+    def clock(self, values: tuple[float, float, float | None]) -> None:
+        self.debt_s, self._straight_s, self._last_s = values
 
 
 class PilotPace(PolicyPart):
@@ -135,7 +121,7 @@ class PilotPace(PolicyPart):
         kinds: Which moves are turns, and which drive straight.
 
     Attributes:
-        longest_debt_s: Largest debt (`ProgressClock`) of the pilot's own driving, within bounds.
+        longest_debt_s: Largest debt (`Headway`) of the pilot's own driving, within bounds.
         scale: How much the picture changes as he drives straight.
     """
 
@@ -146,30 +132,28 @@ class PilotPace(PolicyPart):
         Value("runs_s", many(number(0.0), _RUNS), older=((),)),
         Value("run_s", number(0.0), older=(0.0,)),
         Value("label", optional(name), older=(None,)),
-        Value("side", optional(number(-1.0, 1.0)), "_sides.side", older=(None,)),
-        Value("sides_s", many(number(), 2), "_sides.at_s", older=((),)),
+        Value("side", optional(number(-1.0, 1.0)), "_headway.side", older=(None,)),
+        Value("sides_s", many(number(), 2), "_headway.sides_s", older=((),)),
         Value("changes_s", many(number(0.0), _MEANT), older=((),)),
         Value("last_s", number()),
-        Value("clock", row(number(0.0), number(0.0), optional(number())), "_clock.values"),
-        Value("before_s", number(), "_meter.before_s", older=(0.0,)),
+        Value("clock", row(number(0.0), number(0.0), optional(number())), "_headway.clock"),
+        Value("before_s", number(), "scale.before_s", older=(0.0,)),
         Value("changes", many(number(0.0, 255.0), MEMORY), "scale.changes", older=((),)),
-        Array("picture", np.uint8, ("n_pixels",), attribute="_meter.before", may_miss=True),
+        Array("picture", np.uint8, ("n_pixels",), attribute="scale.before", may_miss=True),
     )
 
     def __init__(self, kinds: MoveKinds | None = None) -> None:
         self.kinds = kinds or MoveKinds(DEFAULT_MOVES)
         self.longest_debt_s = SHORTEST_DEBT_S
-        self.scale = StraightScale()
+        self.scale = ChangeMeter()
         self._pushes_s = [0.0] * _MEANT
         self._push_s = 0.0
         self._runs_s: deque[float] = deque(maxlen=_RUNS)
         self._run_s = 0.0
         self._label: Action | None = None
         self._last_s = 0.0
-        self._sides = SideChanges(self.kinds)
         self._changes_s: list[float] = []
-        self._clock = ProgressClock(self.kinds)
-        self._meter = ChangeMeter()
+        self._headway = Headway(self.kinds)
 
     @property
     def patience_s(self) -> float:
@@ -204,10 +188,9 @@ class PilotPace(PolicyPart):
         if not is_going_on:
             step_s = 0.0
             self._end_push()
-            self._clock.reset()
-            self._sides.free()
-            self._meter.reset()
-        change = self._meter.note(picture, at_s)
+            self._headway.reset()
+            self.scale.reset()
+        change = self.scale.note(picture, at_s)
         is_still = None if change is None else self.scale.is_still(change)
         if label not in self.kinds.straight or is_still is False:
             self._end_push()
@@ -220,13 +203,11 @@ class PilotPace(PolicyPart):
             if is_going_on and self._label is not None:
                 self._runs_s.append(self._run_s)
             self._label, self._run_s = label, 0.0
-        self._clock.note(label, at_s, is_stalled=self._push_s > 0.0)
-        if self._clock.is_paid:
-            self._sides.free()
-        took_s = self._sides.note(label, at_s)
+        self._headway.note(label, at_s, is_stalled=self._push_s > 0.0)
+        took_s = self._headway.turn(label, at_s)
         if took_s is not None:
             self._changes_s = sorted([*self._changes_s, took_s])[:_MEANT]
-        debt_s = min(self._clock.debt_s, LONGEST_DEBT_S)
+        debt_s = min(self._headway.debt_s, LONGEST_DEBT_S)
         self.longest_debt_s = max(self.longest_debt_s, debt_s)
 
     def _end_push(self) -> None:
@@ -241,4 +222,5 @@ class PilotPace(PolicyPart):
     def restored(self) -> None:
         self._runs_s = deque(self._runs_s, maxlen=_RUNS)
         self.scale.changes = deque(self.scale.changes, maxlen=MEMORY)
-        self._sides.at_s, self._changes_s = list(self._sides.at_s), list(self._changes_s)
+        self._headway.sides_s = list(self._headway.sides_s)
+        self._changes_s = list(self._changes_s)

@@ -1,9 +1,10 @@
 """What the learner makes of a frame: votes for the moves, and what a move means by degrees.
 
 The latter is the learner's angle, within what this pilot means by the move. An angle learned alone
-is a mean. Who steers all or nothing is then driven down the middle, where he never steers. So the angle is kept near the mean of what was taught with the chosen move, `BAND`
-standard deviations of it at most: no way at all for who steers all or nothing, and wide
-for who steers by degrees. On recorded drives it is nearer to the pilot than either alone.
+is a mean. Who steers all or nothing is then driven down the middle, where he never steers. So the
+angle is kept near the mean of what was taught with the chosen move, `BAND` standard deviations of
+it at most: no way at all for who steers all or nothing, and wide for who steers by degrees. On
+recorded drives it is nearer to the pilot than either alone.
 
 Before the first point is taught nothing is kept and nothing is answered.
 """

@@ -2,7 +2,7 @@
 
 A pilot seldom lets it come to that, so no example shows the view from there, and votes alone would
 push on for ever. An image that does not change shows it, or a bumper where there is one. A turn is
-not watched here: near a plain wall it changes the picture little (`ProgressClock` watches it).
+not watched here: near a plain wall it changes the picture little (`Headway` watches it).
 """
 
 from __future__ import annotations
@@ -26,14 +26,22 @@ MEMORY, _FEWEST = 100, 5
 
 
 class ChangeMeter:
-    """How much the picture changes within a tenth of a second; None if that is not over yet."""
+    """How much the picture changes within a tenth of a second, and usually, driving straight.
+
+    Turns say nothing of the latter: where a turn is quick or the place is wide, driving straight
+    would look still beside it.
+
+    Attributes:
+        changes: The latest changes of a straight drive; their median is the usual one.
+    """
 
     def __init__(self) -> None:
+        self.changes: deque[float] = deque(maxlen=MEMORY)
         self.before: NDArray[np.uint8] | None = None
         self.before_s = 0.0
 
     def note(self, picture: NDArray[np.uint8], at_s: float) -> float | None:
-        """Compare a picture with the one of a tenth of a second before.
+        """Compare a picture with the one of a tenth of a second before; None: that is not over yet.
 
         Args:
             picture: The frame in grey, of any one shape.
@@ -47,31 +55,23 @@ class ChangeMeter:
             return None
         return float(np.abs(picture.astype(np.int16) - before).mean())
 
-    def reset(self) -> None:
-        """Compare the next picture with none."""
-        self.before = None
-
-
-class StraightScale:
-    """How much the picture usually changes while the body drives straight: the median.
-
-    Turns say nothing of it: where a turn is quick or the place is wide, driving straight would
-    look still beside it.
-    """
-
-    def __init__(self) -> None:
-        self.changes: deque[float] = deque(maxlen=MEMORY)
+    @property
+    def is_known(self) -> bool:
+        """True as soon as it has seen enough of a straight drive."""
+        return len(self.changes) >= _FEWEST
 
     def is_still(self, change: float) -> bool:
         """Tell whether a change is so small that the body stands; False before it has driven."""
-        if len(self.changes) < _FEWEST:
-            return False
-        return change < _STILL_SHARE * statistics.median(self.changes)
+        return self.is_known and change < _STILL_SHARE * statistics.median(self.changes)
 
     def add(self, change: float) -> None:
         """Add the change between two pictures of a straight drive, unless the body stood."""
         if not self.is_still(change):
             self.changes.append(change)
+
+    def reset(self) -> None:
+        """Compare the next picture with none."""
+        self.before = None
 
 
 class StallDetector:
@@ -91,7 +91,6 @@ class StallDetector:
         self.is_stalled = False
         self._kinds = kinds or MoveKinds(DEFAULT_MOVES)
         self._meter = ChangeMeter()
-        self._driven = StraightScale()
         self._stuck_since_s: float | None = None
         self._barred: Action | None = None
         self._barred_until_s = 0.0
@@ -103,7 +102,7 @@ class StallDetector:
         at_s: float,
         *,
         bumped: bool = False,
-        taught: StraightScale | None = None,
+        taught: ChangeMeter | None = None,
     ) -> Action | None:
         """Look at one more frame; return the move that has no effect now, if there is one.
 
@@ -118,9 +117,8 @@ class StallDetector:
         change = self._meter.note(picture, at_s)
         if change is not None:
             if under_way in self._kinds.straight:
-                self._driven.add(change)
-            is_known = taught is not None and len(taught.changes) >= _FEWEST
-            scale = taught if taught is not None and is_known else self._driven
+                self._meter.add(change)
+            scale = taught if taught is not None and taught.is_known else self._meter
             self._note(scale.is_still(change) or bumped, under_way, at_s)
         return self._barred
 

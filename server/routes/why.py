@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Annotated
 
 from fastapi import APIRouter, Request
@@ -16,8 +17,8 @@ from server.services import services_of
 router = APIRouter(route_class=Route)
 
 
-def _png(name: str) -> Of:
-    return Of(lambda explanation: png_text(getattr(explanation, name)))
+def _png(path: str) -> Of:
+    return Of(lambda explanation: png_text(attrgetter(path)(explanation)))
 
 
 def _rows(explanation: Explanation) -> list[list[float]]:
@@ -31,11 +32,11 @@ class Why:
     frame: int
     action: str | None
     novelty: float
-    node: Annotated[int, Of("node_id")]
-    votes: dict[str, int]
-    frames: int
+    node: Annotated[int, Of(attrgetter("image.node_id"))]
+    votes: Annotated[dict[str, int], Of(attrgetter("image.votes"))]
+    frames: Annotated[int, Of(attrgetter("image.frames"))]
     present: Annotated[str, _png("present")]
-    image: Annotated[str, _png("image")]
+    image: Annotated[str, _png("image.thumbnail")]
     alike: Annotated[list[list[float]], Of(_rows)]
 
 

@@ -55,7 +55,7 @@ def test_what_is_marked_is_what_only_the_deciding_image_shares(name: str, seed: 
         assert why is not None and why.alike.shape == (CELL_ROWS, CELL_COLUMNS)
         assert why.alike.min() >= 0.0 and why.alike.max() <= 1.0
         assert why.alike[rows[which], columns[which]] > 0.6, "its own pattern"
-        assert why.votes[(Action.FORWARD, Action.LEFT, Action.RIGHT)[which]] == 1
+        assert why.image.votes[(Action.FORWARD, Action.LEFT, Action.RIGHT)[which]] == 1
         np.testing.assert_array_equal(why.present, policy.features.thumbnail(x))
         # A part of bare ground is alike in all images: it explains nothing.
         far = [
