@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import contextlib
 
+from robot.lab.adapters.driving_learner import DrivingLearner
 from robot.lab.ground.worlds import STEP_S, ForeignWorld, make_world
 from robot.lab.ideas import make_learner
 from robot.lab.task import Params, Result
-from robot.policy.driving_learner import DrivingLearner
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50

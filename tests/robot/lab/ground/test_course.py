@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.lab.adapters.driving_learner import DrivingLearner
 from robot.lab.ground.run import FIRST_EXAMPLES, Course, drive_alone
 from robot.lab.ground.worlds import Picture
 from robot.lab.tables import interval
-from robot.policy.driving_learner import DrivingLearner
 
 
 class Lamp:

@@ -7,7 +7,7 @@ import pytest
 
 from robot.clock import ManualClock
 from robot.control.online_learning import OnlineLearning
-from robot.policy.driving_learner import DrivingLearner
+from robot.lab.adapters.driving_learner import DrivingLearner
 from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame, PilotCommand
 
