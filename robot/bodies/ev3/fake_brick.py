@@ -121,6 +121,7 @@ class FakeBrick(StartStop):
         for attribute, value in attributes.items():
             file = folder / attribute
             file.write_text(value + "\n")
+            file.chmod(0o664)  # python-ev3dev2 looks at the group's bits
         return folder
 
     def add_motor(self, port: str) -> None:

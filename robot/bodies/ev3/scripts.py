@@ -11,6 +11,10 @@ umask 077
 mkdir -p drivelesson
 cd drivelesson
 tar -xf -
+python3 -c 'import ev3dev2' 2>/dev/null || {
+  echo 'python3-ev3dev2 is missing; on the brick: sudo apt-get install python3-ev3dev2' >&2
+  exit 1
+}
 if [ -f agent.pid ]; then kill "$(cat agent.pid)" 2>/dev/null || true; sleep 1; fi
 : >agent.log
 if ! systemctl is-active --quiet drivelesson-agent 2>/dev/null; then

@@ -1,6 +1,6 @@
 """Motors and sensors of an EV3, and the agent that lends them to a server elsewhere.
 
-Written for the Python 3.5 of ev3dev's stock image, with the standard library alone;
+Written for the Python 3.5 of ev3dev's stock image, with the standard library and python-ev3dev2;
 `robot.bodies.ev3.archive` packs it, with `robot.bodies.v4l2`, into one file for the brick.
 On a brick that runs the server itself the driver uses `BrickBody` without the network.
 

@@ -1,9 +1,8 @@
-"""Devices of the kernel's motor and sensor classes: a folder each, with a file for an attribute."""
+"""Devices of the kernel's motor and sensor classes, through python-ev3dev2."""
 
 import glob
-import io
 import os
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional
 
 try:
     from robot.errors import DriveError as DriveError
@@ -18,7 +17,8 @@ class DevicePort:
 
     def __init__(self, folder: str) -> None:
         self._folder = folder
-        self._files = {}  # type: Dict[Tuple[str, int], Any]
+        self._device = _open_device(folder)
+        self._files = {}  # type: Dict[str, Any]
         self.driver, self.address = self._glance("driver_name"), self._glance("address")
 
     def _glance(self, name: str) -> str:
@@ -29,28 +29,32 @@ class DevicePort:
             return "?"  # it was unplugged just now
 
     def read(self, name: str) -> str:
-        text = self._file(name, os.O_RDONLY).read().decode()
-        return str(text).partition("\n")[0].strip()
+        self._files[name], text = self._device.get_attr_string(self._files.get(name), name)
+        return str(text).partition("\n")[0]
 
     def write(self, name: str, value: object) -> None:
         """Set an attribute. It ends in a newline, as `echo` ends it, so that no longer old
         value shows behind it where the attributes are plain files."""
-        self._file(name, os.O_WRONLY).write("{}\n".format(value).encode())
-
-    def _file(self, name: str, flags: int) -> Any:
-        file = self._files.get((name, flags))
-        if file is None:
-            opened = os.open(os.path.join(self._folder, name), flags)
-            file = io.FileIO(opened, "w" if flags == os.O_WRONLY else "r")
-            self._files[name, flags] = file
-        file.seek(0)
-        return file
+        text = "{}\n".format(value)
+        self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 
     def close(self) -> None:
         """Close the attribute files; the next use opens them again."""
         for file in self._files.values():
             file.close()
         self._files.clear()
+
+
+def _open_device(folder: str) -> Any:
+    try:
+        import ev3dev2
+    except ImportError:
+        raise DriveError(
+            "python-ev3dev2 is not installed; install it with: pip install 'drivelesson[ev3]'"
+        ) from None
+    kind, name = os.path.split(folder)
+    ev3dev2.Device.DEVICE_ROOT_PATH, kind = os.path.split(kind)
+    return ev3dev2.Device(kind, name, name_exact=True)
 
 
 def list_ports(root: str, kind: str) -> List[DevicePort]:

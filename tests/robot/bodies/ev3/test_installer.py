@@ -163,6 +163,7 @@ def test_installing_is_safe_to_repeat(
     program = there / "root/opt/drivelesson"
     assert (program / "robot/bodies/ev3/agent/body.py").is_file()
     assert (program / "server/web/index.html").is_file()
+    assert (program / "ev3dev2/__init__.py").is_file()
     assert (
         "ev3 = robot.bodies.ev3.driver"
         in next(program.glob("*.dist-info/entry_points.txt")).read_text()
