@@ -21,10 +21,16 @@ class Camera(StartStop):
     blocks, so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent.
     Options are declared as a driver declares its own.
 
+    Attributes:
+        fault: What is wrong with the camera, as a sentence for the page; None if all is well.
+        source_age_s: How old pictures are where the camera is plugged in, as it says, in seconds;
+            what they are older here they spent waiting and on their way. None: the camera is
+            plugged in here, or does not say.
+
     Example:
-        >>> from robot.clock import ManualClock
+        >>> from robot.testing import VirtualClock
         >>> from robot.testing import FakeCamera
-        >>> camera = FakeCamera(ManualClock(), width=80, height=60)
+        >>> camera = FakeCamera(VirtualClock(), width=80, height=60)
         >>> camera.latest() is None
         True
         >>> frame = camera.take()
@@ -43,7 +49,8 @@ class Camera(StartStop):
         self._slot_lock = threading.Lock()
         self._latest: Frame | None = None
         self._last_frame_id = 0
-        self._fault: str | None = None
+        self.fault: str | None = None
+        self.source_age_s: float | None = None
         self._on_frame: Callable[[], None] | None = None
 
     @classmethod
@@ -69,8 +76,7 @@ class Camera(StartStop):
 
     def latest(self) -> Frame | None:
         """Return the newest frame, or None before the first. Never blocks."""
-        with self._slot_lock:
-            return self._latest
+        return self._latest
 
     def for_the_eye(self, frame: Frame) -> Frame:
         """Return a larger picture of the moment of `frame` if this camera has one, else `frame`.
@@ -79,20 +85,6 @@ class Camera(StartStop):
         may make such pictures only while they are asked for.
         """
         return frame
-
-    @property
-    def fault(self) -> str | None:
-        """What is wrong with the camera, as a sentence for the page; None if all is well."""
-        return self._fault
-
-    @property
-    def source_age_s(self) -> float | None:
-        """How old pictures are where the camera is plugged in, as it says, in seconds.
-
-        What they are older here they spent there waiting and on their way. None: the camera is
-        plugged in here, or does not say.
-        """
-        return None
 
     def listen(self, on_frame: Callable[[], None] | None) -> None:
         """Have `on_frame` called after each new frame, on the camera's thread; it must be quick."""
@@ -122,13 +114,13 @@ class Camera(StartStop):
                 data=data,
             )
             self._latest = frame
-            self._fault = None
+            self.fault = None
         if self._on_frame is not None:
             self._on_frame()
         return frame
 
     def _report_fault(self, sentence: str) -> None:
         """Set the fault; the next published frame clears it. Wakes the listener."""
-        self._fault = sentence
+        self.fault = sentence
         if self._on_frame is not None:
             self._on_frame()

@@ -12,7 +12,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
-from types import TracebackType
 from typing import Any, ClassVar, Self
 
 from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
@@ -279,6 +278,17 @@ class Driver(ABC):
         """
         return self.send_action(self.move_of(point), speed_scale=speed_scale)
 
+    def drive(
+        self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
+    ) -> Action:
+        """Drive the point, if there is one and this body takes points, or else the move.
+
+        Returns and raises what `send_action` does.
+        """
+        if point is not None and self.takes_points:
+            return self.send_point(point, speed_scale=speed_scale)
+        return self.send_action(action, speed_scale=speed_scale)
+
     def move_of(self, point: Point) -> Action:
         """Return the move of this body that a point counts as (`move_at`), or STOP."""
         return move_at(point, self.declared_moves) or Action.STOP
@@ -325,10 +335,5 @@ class Driver(ABC):
         self.connect()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.disconnect()

@@ -7,13 +7,13 @@ where a bare number crosses a border.
 
 from __future__ import annotations
 
+import math
 import re
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
-from types import TracebackType
 from typing import ClassVar, NamedTuple, Self
 from weakref import WeakValueDictionary
 
@@ -142,10 +142,6 @@ class Frame:
     encoding: Encoding
     data: bytes = field(repr=False)
 
-    def age_s(self, now_s: float) -> float:
-        """Seconds between the taking of this picture and `now_s`."""
-        return now_s - self.captured_s
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
@@ -159,6 +155,16 @@ class Pose:
     y_m: float
     heading_rad: float
     is_estimate: bool = False
+
+    def along(self, turn_rad: float, way_m: float) -> Pose:
+        """Return the pose at the end of an arc of so much turn and way."""
+        middle_rad = self.heading_rad + turn_rad / 2
+        return replace(
+            self,
+            x_m=self.x_m + way_m * math.cos(middle_rad),
+            y_m=self.y_m + way_m * math.sin(middle_rad),
+            heading_rad=math.remainder(self.heading_rad + turn_rad, math.tau),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,10 +291,5 @@ class StartStop(ABC):
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.stop()

@@ -124,7 +124,7 @@ class Persistence(StartStop):
 
     def _note_failure(self) -> None:
         """Write down that the learner in use failed, so that the next start sets it aside."""
-        why, name = self._loop.learner_failure, self.autosave.name
+        why, name = self._loop.learning.failure, self.autosave.name
         if why is not None and why != self._noted_failure and name is not None:
             with contextlib.suppress(OSError, RobotError):  # the next turn tries again
                 self.models.note_failure(name, why)

@@ -40,10 +40,18 @@ class CameraState:
 
     period_s: float = USUAL_PERIOD_S
     delivery_age_s: float = 0.0
+    """The age at which its pictures arrive."""
     source_age_s: float | None = None
     """How much of it is the camera's own; None: all of it."""
     timeout_s: float = 0.2
+    """How old the newest picture may be while the robot may move."""
     speed_scale: float = 1.0
+    """Share of full speed at which the robot travels no further on one picture than allowed."""
+    slack_s: float = 0.0
+    """What this camera's period adds to the age of the pilot's picture on any link."""
+    sight_slack_s: float = 0.0
+    """What a camera with fewer than five pictures a second adds to how long a pilot may have seen
+    nothing new: two of its periods pass between a picture and the one after a lost one."""
 
 
 class CameraTiming:
@@ -52,6 +60,9 @@ class CameraTiming:
     Args:
         shortest_timeout_s: The limit for a quick camera; never less.
         config: The bounds.
+
+    Attributes:
+        state: The estimates and limits, as one frozen value.
     """
 
     _WINDOW = 15
@@ -66,18 +77,23 @@ class CameraTiming:
         self._ages_s: deque[float] = deque(maxlen=self._WINDOW)
         self._captured_s: float | None = None
         self._noted_s: float | None = None
-        self.period_s = USUAL_PERIOD_S
-        self.delivery_age_s = 0.0
-        self.source_age_s: float | None = None
-        """What a camera elsewhere says of its pictures' age there."""
+        self.state = self._judge(USUAL_PERIOD_S, 0.0, None)
 
-    def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
+    def note(
+        self,
+        captured_s: float,
+        delivered_s: float,
+        *,
+        is_moving: bool,
+        source_age_s: float | None = None,
+    ) -> None:
         """Take note of a new picture.
 
         Args:
             captured_s: When it was taken, on the loop's clock.
             delivered_s: When the loop first saw it.
             is_moving: True in a mode in which the robot may move: estimates then grow slowly.
+            source_age_s: What a camera elsewhere says of its pictures' age there.
         """
         if self._captured_s is not None and captured_s > self._captured_s:
             self._periods_s.append(captured_s - self._captured_s)
@@ -86,46 +102,30 @@ class CameraTiming:
         elapsed_s = delivered_s - self._noted_s if self._noted_s is not None else 0.0
         self._noted_s = delivered_s
         growth_s = self.config.growth_s_per_s * max(0.0, elapsed_s) if is_moving else float("inf")
-        age_s = _quantile(self._ages_s, self._AGE_QUANTILE)
-        self.delivery_age_s = min(age_s, self.delivery_age_s + growth_s)
-        if self._periods_s:
-            period_s = _typical(self._periods_s)
-            self.period_s = min(period_s, self.period_s + growth_s)
+        before = self.state
+        period_s = _typical(self._periods_s) if self._periods_s else before.period_s
+        self.state = self._judge(
+            min(period_s, before.period_s + growth_s),
+            min(_quantile(self._ages_s, self._AGE_QUANTILE), before.delivery_age_s + growth_s),
+            source_age_s,
+        )
 
-    @property
-    def timeout_s(self) -> float:
-        """How old the newest picture may be while the robot may move."""
-        wanted_s = self.delivery_age_s + self._MISSED_PERIODS * self.period_s
+    def _judge(
+        self, period_s: float, delivery_age_s: float, source_age_s: float | None
+    ) -> CameraState:
+        """Derive the limits from the estimates."""
         longest_s = max(self.config.longest_timeout_s, self._shortest_timeout_s)
-        longest_s += max(0.0, self.period_s - self.config.full_speed_s)
-        return min(max(wanted_s, self._shortest_timeout_s), longest_s)
-
-    @property
-    def slack_s(self) -> float:
-        """What this camera's period adds to the age of the pilot's picture on any link."""
-        return max(0.0, self.period_s - USUAL_PERIOD_S)
-
-    @property
-    def sight_slack_s(self) -> float:
-        """What a camera with fewer than five pictures a second adds to how long a pilot may have
-        seen nothing new: two of its periods pass between a picture and the one after a lost one."""
-        return 2 * max(0.0, self.period_s - 1 / 5)
-
-    @property
-    def speed_scale(self) -> float:
-        """Share of full speed at which the robot travels no further on one picture than allowed."""
-        sight_s = self.delivery_age_s + self.period_s
-        return min(1.0, max(_LEAST_SCALE, self.config.full_speed_s / sight_s))
-
-    @property
-    def state(self) -> CameraState:
-        """The estimates and limits, as one frozen value."""
+        longest_s += max(0.0, period_s - self.config.full_speed_s)
+        wanted_s = delivery_age_s + self._MISSED_PERIODS * period_s
+        full_speed_share = self.config.full_speed_s / (delivery_age_s + period_s)
         return CameraState(
-            period_s=self.period_s,
-            delivery_age_s=self.delivery_age_s,
-            source_age_s=self.source_age_s,
-            timeout_s=self.timeout_s,
-            speed_scale=self.speed_scale,
+            period_s=period_s,
+            delivery_age_s=delivery_age_s,
+            source_age_s=source_age_s,
+            timeout_s=min(max(wanted_s, self._shortest_timeout_s), longest_s),
+            speed_scale=min(1.0, max(_LEAST_SCALE, full_speed_share)),
+            slack_s=max(0.0, period_s - USUAL_PERIOD_S),
+            sight_slack_s=2 * max(0.0, period_s - 1 / 5),
         )
 
 

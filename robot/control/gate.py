@@ -12,7 +12,10 @@ The rules, in their order:
 
 from __future__ import annotations
 
+import logging
 import math
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from robot.types import (
@@ -24,6 +27,8 @@ from robot.types import (
     Prediction,
     StopReason,
 )
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,13 +53,28 @@ class GateConfig:
 
 
 class Gate:
-    """The dead-man's switch and the choice of who drives."""
+    """The dead-man's switch and the choice of who drives.
 
-    def __init__(self, config: GateConfig | None = None) -> None:
+    Args:
+        config: The time limits.
+        on_stop: Called whenever a robot that could move is stopped.
+
+    Attributes:
+        mode: What the pilot has asked for; STOPPED after any stop.
+        stop_reason: Why the robot stands; None since it was started.
+        emergency: True while no mode can be chosen.
+        stops: How often a robot that could move was stopped, by reason.
+    """
+
+    def __init__(
+        self, config: GateConfig | None = None, on_stop: Callable[[], None] = lambda: None
+    ) -> None:
         self.config = config or GateConfig()
+        self._on_stop = on_stop
         self.mode = Mode.STOPPED
         self.stop_reason: StopReason | None = None
         self.emergency = False
+        self.stops: Counter[StopReason] = Counter()
         self._command: PilotCommand | None = None
         self._heard_s = -math.inf
         self._proven_s = -math.inf
@@ -90,8 +110,8 @@ class Gate:
             return False
         proven_s = now_s if proven_s is None else min(proven_s, now_s)
         if not self.is_fresh(proven_s, now_s):
-            self.stop_reason = StopReason.LINK_SLOW
             self.trip(StopReason.LINK_SLOW)
+            self.stop_reason = StopReason.LINK_SLOW
             return False
         self.mode = mode
         self.stop_reason = None
@@ -120,10 +140,12 @@ class Gate:
 
     def trip(self, reason: StopReason) -> None:
         """Stop, remember why, and wait for an explicit start. A stopped robot keeps its reason."""
-        if self.mode is not Mode.STOPPED:
-            self.stop_reason = reason
-        self.mode = Mode.STOPPED
         self._command = None
+        if self.mode is not Mode.STOPPED:
+            self.mode, self.stop_reason = Mode.STOPPED, reason
+            self.stops[reason] += 1
+            log.info("stop reason=%s", reason.value)
+            self._on_stop()
 
     def latch_emergency(self) -> None:
         """Stop until `release_emergency`; no mode can be chosen before."""
@@ -164,14 +186,14 @@ class Gate:
             if doubt is not None:
                 self.trip(doubt)
             elif is_waiting:
-                return self._stand(DrivenBy.NOBODY)
+                return self.stand()
         if self.mode is Mode.STOPPED:
-            return self._stand(DrivenBy.NOBODY)
+            return self.stand()
         if self.held is not None:
             point = self._command.point if self._command else None
             return Decision(action=self.held, driven_by=DrivenBy.PILOT, mode=self.mode, point=point)
         if self.mode is Mode.TRAIN:
-            return self._stand(DrivenBy.NOBODY)
+            return self.stand()
         return self._robot_drives(prediction)
 
     def _doubt(self, now_s: float, camera_fault: bool, may_use_picture: bool) -> StopReason | None:
@@ -188,10 +210,10 @@ class Gate:
 
     def _robot_drives(self, prediction: Prediction | None) -> Decision:
         if prediction is None or prediction.action is None:
-            return self._stand(DrivenBy.ROBOT, asks_pilot=True)
+            return self.stand(DrivenBy.ROBOT, asks_pilot=True)
         if prediction.needs_help:  # not a trip: the pilot's hand is all that it takes to go on
             return replace(
-                self._stand(DrivenBy.ROBOT, asks_pilot=True), stop_reason=StopReason.NEEDS_HELP
+                self.stand(DrivenBy.ROBOT, asks_pilot=True), stop_reason=StopReason.NEEDS_HELP
             )
         # Turning away is the way out of a view that is not known: never slower.
         is_slow = prediction.is_novel and not prediction.is_turn
@@ -205,7 +227,8 @@ class Gate:
             point=prediction.point,
         )
 
-    def _stand(self, driven_by: DrivenBy, *, asks_pilot: bool = False) -> Decision:
+    def stand(self, driven_by: DrivenBy = DrivenBy.NOBODY, *, asks_pilot: bool = False) -> Decision:
+        """Return the decision to stand, in this mode and for this reason."""
         return Decision(
             action=Action.STOP,
             driven_by=driven_by,

@@ -7,8 +7,12 @@ step down only after the link has been clearly better for a while (hysteresis).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+
+from robot.control.camera_timing import CameraState
+from robot.types import PilotCommand
 
 
 class LinkLevel(StrEnum):
@@ -42,6 +46,22 @@ class LinkGovernorConfig:
     """A step is taken back when the age is below this share of its threshold ..."""
     recovery_s: float = 1.0
     """... and was so for this long."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkState:
+    """What is known of the link and of the computer, and what follows from it."""
+
+    level: LinkLevel = LinkLevel.GOOD
+    age_s: float | None = None
+    """Of the picture that the pilot acts upon; None: not known."""
+    is_busy: bool = False
+    """The computer is late: not the link is to blame then."""
+    must_stop: bool = False
+    may_learn: bool = True
+    """Labels meet the right pictures."""
+    speed_scale: float = 1.0
+    """Share of full speed that is allowed."""
 
 
 def age_of_link_s(
@@ -82,6 +102,36 @@ class LinkGovernor:
         self._better_since_s: float | None = None
         self._seen_s: float | None = None
 
+    def judge(
+        self,
+        command: PilotCommand,
+        times_of: Callable[[int], tuple[float, float] | None],
+        camera: CameraState,
+        now_s: float,
+    ) -> None:
+        """Take note of what a command tells of the link: how old the picture is that it names.
+
+        Args:
+            command: Any command, even one that is too old to be obeyed.
+            times_of: Returns when a frame was taken and when it reached the loop.
+            camera: How fast pictures come.
+            now_s: The loop's clock.
+        """
+        times = None if command.frame_id is None else times_of(command.frame_id)
+        if command.frame_id is None or times is None:
+            return
+        captured_s, delivered_s = times
+        seen_id = command.frame_id if command.seen_id is None else command.seen_id
+        seen = times_of(min(seen_id, command.frame_id))
+        self.note_seen((seen or times)[1])
+        reported_s = command.frame_age_s
+        if reported_s is not None:
+            reported_s -= delivered_s - captured_s
+        # If the page reports how long the phone had the picture, no period has to be allowed for.
+        slack_s = camera.slack_s if command.phone_s is None else 0.0
+        age_s = age_of_link_s(command.received_s - delivered_s, reported_s, command.phone_s)
+        self.note_age(age_s, now_s, slack_s)
+
     def note_seen(self, delivered_s: float) -> None:
         """Take note that the pilot saw a picture that reached the loop at `delivered_s`."""
         self._seen_s = delivered_s
@@ -115,26 +165,18 @@ class LinkGovernor:
         two, but not while the robot stands because of it."""
         self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
 
-    @property
-    def is_busy(self) -> bool:
-        """True while the computer is late: not the link is to blame then."""
-        return self._lateness_s > self.config.busy_s
+    def state(self, now_s: float, slack_s: float = 0.0) -> LinkState:
+        """Return what follows, also for a pilot who is blind; arguments as for `blind_in_s`."""
+        level, is_busy = self.level, self._lateness_s > self.config.busy_s
+        is_free = level in (LinkLevel.GOOD, LinkLevel.SLOW) and not is_busy
+        return LinkState(
+            level=level,
+            age_s=self.age_s,
+            is_busy=is_busy,
+            must_stop=level is LinkLevel.TOO_SLOW or self.blind_in_s(now_s, slack_s) < 0,
+            may_learn=level not in (LinkLevel.NOT_LEARNING, LinkLevel.TOO_SLOW),
+            speed_scale=1.0 if is_free else self.config.capped_speed_scale,
+        )
 
     def _rank(self, age_s: float, share: float) -> int:
         return sum(age_s > threshold_s * share for threshold_s in self._thresholds_s)
-
-    @property
-    def must_stop(self) -> bool:
-        """True while the robot may not move at all."""
-        return self.level is LinkLevel.TOO_SLOW
-
-    @property
-    def may_learn(self) -> bool:
-        """True while labels meet the right pictures."""
-        return self.level not in (LinkLevel.NOT_LEARNING, LinkLevel.TOO_SLOW)
-
-    @property
-    def speed_scale(self) -> float:
-        """Share of full speed that is allowed."""
-        is_free = self.level in (LinkLevel.GOOD, LinkLevel.SLOW) and not self.is_busy
-        return 1.0 if is_free else self.config.capped_speed_scale

@@ -10,6 +10,7 @@ they carry what was held then, because a change is always sent at once.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -21,6 +22,8 @@ from robot.learner.base import Vector
 from robot.policy.history import HistoryEvent, Replaced, TrainingHistory, Undone
 from robot.policy.policy import Policy
 from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
+
+log = logging.getLogger(__name__)
 
 WINDOW_S = 10.0
 """A time, not a number of examples: at thirty a second a hundred are one way straight ahead."""
@@ -55,11 +58,6 @@ class Agreement:
         while self._examples and self._examples[-1][0] > at_s:
             self._n_right -= self._examples.pop()[1]
 
-    def clear(self) -> None:
-        """Drop everything: another policy learns."""
-        self._examples.clear()
-        self._n_right = 0
-
 
 class Labeller:
     """Turns the pilot's commands of one drive into labels of frames, each frame once."""
@@ -92,24 +90,18 @@ class Labeller:
         self._previous = command
 
 
-log = logging.getLogger(__name__)
-
 CORRECTS_BEYOND = 0.1
 """Who steers by degrees while the robot drives corrects it if he steers otherwise by more."""
 MEMORY_FRAMES = 64
 """How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Timing:
     """How often something was done, and how long it took in all."""
 
     count: int = 0
     total_s: float = 0.0
-
-    def plus(self, seconds: float) -> Timing:
-        """Return this with one more."""
-        return Timing(count=self.count + 1, total_s=self.total_s + seconds)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,23 +190,26 @@ class OnlineLearning:
         self, frame: Frame, x: Vector, under_way: Action | None, bumped: bool
     ) -> Prediction:
         """Ask the policy; where its learner fails there is no proposal."""
-        try:
+        prediction = Prediction(
+            frame_id=frame.frame_id, action=None, confidence=0.0, probabilities={}
+        )
+        with self._guarded():
             prediction = self.history.policy.propose(
                 frame.frame_id, x, under_way=under_way, at_s=frame.captured_s, bumped=bumped
             )
-        except Exception as error:  # a learner may be anybody's
-            self._note_failure(error)
-            return Prediction(
-                frame_id=frame.frame_id, action=None, confidence=0.0, probabilities={}
-            )
-        self.fault = None
+            self.fault = None
         return prediction
 
-    def _note_failure(self, error: Exception) -> None:
-        fault = f"The learner failed, and proposes nothing: {str(error) or repr(error)}"[:300]
-        if fault != self.failure:  # once, not thirty times a second
-            log.error("the learner failed", exc_info=error)
-        self.fault = self.failure = fault
+    @contextlib.contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Note what goes wrong within, and go on: a learner may be anybody's."""
+        try:
+            yield
+        except Exception as error:
+            fault = f"The learner failed, and proposes nothing: {str(error) or repr(error)}"[:300]
+            if fault != self.failure:  # once, not thirty times a second
+                log.error("the learner failed", exc_info=error)
+            self.fault = self.failure = fault
 
     @property
     def newest(self) -> tuple[Vector, Prediction] | None:
@@ -230,22 +225,28 @@ class OnlineLearning:
         for command in commands:
             for frame_id, label, point in list(self._labeller.label(command, self._seen)):
                 if may_learn:
-                    differs = self._seen[frame_id].differs(label, point)
-                    example = Example(
-                        frame_id=frame_id,
-                        label=label,
-                        is_intervention=is_intervention and differs,
-                        point=point,
-                    )
-                    self._learn_one(example)
+                    self._learn_one(frame_id, label, point, is_intervention)
+
+    def _learn_one(
+        self, frame_id: int, label: Action, point: Point | None, is_intervention: bool
+    ) -> None:
+        seen, started_s = self._seen[frame_id], self._clock.now_s()
+        example = Example(
+            frame_id=frame_id,
+            label=label,
+            is_intervention=is_intervention and seen.differs(label, point),
+            point=point,
+        )
+        with self._guarded():
+            self.history.teach(example, seen.x, seen.captured_s)
+            self._note_time("learn", started_s)
+            self.agreement.add(self.history.teaching_s, is_right=seen.predicted is label)
 
     def reset(self) -> None:
         """Forget whatever belongs to the drive that ends here."""
         self._labeller.reset()
-        try:
+        with self._guarded():
             self.history.begin_drive()
-        except Exception as error:  # as above
-            self._note_failure(error)
 
     def times_of(self, frame_id: int) -> tuple[float, float] | None:
         """Return when a frame was taken and when it reached the loop; for a frame that is no longer
@@ -274,21 +275,11 @@ class OnlineLearning:
     def _note_event(self, event: HistoryEvent) -> None:
         self._events.append(event)
         if isinstance(event, Replaced):
-            self.agreement.clear()
+            self.agreement = Agreement()
             self.fault = self.failure = None
         elif isinstance(event, Undone):
             self.agreement.drop_after(self.history.teaching_s)
 
-    def _learn_one(self, example: Example) -> None:
-        seen = self._seen[example.frame_id]
-        started_s = self._clock.now_s()
-        try:
-            self.history.teach(example, seen.x, seen.captured_s)
-        except Exception as error:  # as above
-            self._note_failure(error)
-            return
-        self._note_time("learn", started_s)
-        self.agreement.add(self.history.teaching_s, is_right=seen.predicted is example.label)
-
     def _note_time(self, name: str, started_s: float) -> None:
-        self.timings[name] = self.timings[name].plus(self._clock.now_s() - started_s)
+        before, taken_s = self.timings[name], self._clock.now_s() - started_s
+        self.timings[name] = Timing(before.count + 1, before.total_s + taken_s)

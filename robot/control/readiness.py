@@ -80,25 +80,12 @@ class Gap:
     frame: Frame | None = None
 
 
-@dataclass(slots=True)
-class _Trial:
-    """How the robot has driven alone since something last went wrong."""
-
-    clean_s: float = 0.0
-    novel_s: float = 0.0
-    stalled_s: float = 0.0
-
-    @property
-    def novel_share(self) -> float:
-        return self.novel_s / self.clean_s if self.clean_s else 0.0
-
-    @property
-    def needed_s(self) -> float:
-        return max(CLEAN_S, self.novel_s / NOVEL_SHARE)
-
-
 class Readiness:
-    """Follows one robot tick by tick; call `note` on the loop's thread."""
+    """Follows one robot tick by tick; call `note` on the loop's thread.
+
+    Attributes:
+        clean_s: For how long the robot has driven alone since something last went wrong.
+    """
 
     def __init__(self) -> None:
         self._begin()
@@ -111,12 +98,15 @@ class Readiness:
         self._proposed: deque[tuple[float, Action | None]] = deque(maxlen=64)
         self._foreseen: deque[bool] = deque(maxlen=_CHANGES)
         self._gaps: deque[Gap] = deque(maxlen=_GAPS)
-        self._trial = _Trial()
         self._was: DrivenBy = DrivenBy.NOBODY
         self._is_taken = False
         self._instead: Action | None = None
         self._last_s: float | None = None
         self._frame: Frame | None = None
+        self._begin_trial()
+
+    def _begin_trial(self) -> None:
+        self.clean_s = self._novel_s = self._stalled_s = 0.0
 
     def note(self, tick: Tick) -> None:
         """Process one tick."""
@@ -129,7 +119,7 @@ class Readiness:
             if isinstance(event, Replaced):
                 self._begin()
             elif isinstance(event, Undone):
-                self._trial = _Trial()
+                self._begin_trial()
             elif isinstance(event, Taught):
                 self._note_taught(event, tick)
         if tick.decision.driven_by is DrivenBy.ROBOT:
@@ -144,10 +134,11 @@ class Readiness:
     def _note_takeover(self, tick: Tick) -> None:
         """Notice where the pilot drives otherwise: he may begin with what the robot was doing."""
         if self._was is DrivenBy.ROBOT:
-            self._trial, self._is_taken = _Trial(), True
+            self._begin_trial()
+            self._is_taken = True
         move = tick.decision.action
         if self._is_taken and move is not self._instead:
-            self._add(Gap(kind=GapKind.CORRECTED, move=move, instead=self._instead), tick)
+            self._add(GapKind.CORRECTED, tick, move=move, instead=self._instead)
             self._is_taken = False
 
     def _note_taught(self, event: Taught, tick: Tick) -> None:
@@ -160,46 +151,51 @@ class Readiness:
         if before is not None and is_going_on and label == before[1]:
             return
         self._starts[label] += 1
-        if before is None or not is_going_on or event.example.is_intervention:
+        if not is_going_on or event.example.is_intervention:
             return
         near = [move for at_s, move in self._proposed if tick.now_s - at_s <= BEFORE_S + AFTER_S]
         self._foreseen.append(label in near)
         if label not in near and near:
-            self._add(Gap(kind=GapKind.UNFORESEEN, move=label, instead=near[-1]), tick)
+            self._add(GapKind.UNFORESEEN, tick, move=label, instead=near[-1])
 
     def _note_alone(self, tick: Tick, step_s: float) -> None:
-        trial, prediction = self._trial, tick.prediction
+        prediction = tick.prediction
         if tick.decision.stop_reason is StopReason.NEEDS_HELP:
             self._fail(GapKind.HELPLESS, tick)
             return
         if prediction is None or tick.sent is Action.STOP:
             return
-        trial.stalled_s = trial.stalled_s + step_s if prediction.is_stalled else 0.0
-        if trial.stalled_s >= PUSHED_S:
+        self._stalled_s = self._stalled_s + step_s if prediction.is_stalled else 0.0
+        if self._stalled_s >= PUSHED_S:
             self._fail(GapKind.PUSHED, tick)
             return
-        trial.clean_s += step_s
+        self.clean_s += step_s
         if prediction.novelty >= HARDLY_KNOWN:
-            trial.novel_s += step_s
-            newest = self._gaps[-1] if self._gaps else None
-            if newest is None or newest.kind is not GapKind.UNKNOWN_VIEW:
-                self._add(Gap(kind=GapKind.UNKNOWN_VIEW, instead=prediction.action), tick)
+            self._novel_s += step_s
+            if not self._gaps or self._gaps[-1].kind is not GapKind.UNKNOWN_VIEW:
+                self._add(GapKind.UNKNOWN_VIEW, tick, instead=prediction.action)
         # Old trials say little about the robot as it is now.
-        if trial.clean_s > _FORGOTTEN_S:
-            trial.clean_s, trial.novel_s = trial.clean_s / 2, trial.novel_s / 2
+        if self.clean_s > _FORGOTTEN_S:
+            self.clean_s, self._novel_s = self.clean_s / 2, self._novel_s / 2
 
     def _fail(self, kind: GapKind, tick: Tick) -> None:
-        before = self._proposed[-1][1] if self._proposed else None
-        if self._trial.clean_s > 0.0 or kind is not GapKind.HELPLESS:
-            self._add(Gap(kind=kind, instead=before), tick)
-        self._trial = _Trial()
+        if self.clean_s > 0.0 or kind is not GapKind.HELPLESS:
+            self._add(kind, tick, instead=self._proposed[-1][1] if self._proposed else None)
+        self._begin_trial()
 
-    def _add(self, gap: Gap, tick: Tick) -> None:
+    def _add(
+        self,
+        kind: GapKind,
+        tick: Tick,
+        *,
+        move: Action | None = None,
+        instead: Action | None = None,
+    ) -> None:
         self._gaps.append(
             Gap(
-                kind=gap.kind,
-                move=gap.move,
-                instead=gap.instead,
+                kind=kind,
+                move=move,
+                instead=instead,
                 distance_m=tick.sensors.distance_m,
                 at_s=tick.now_s,
                 frame=self._frame,
@@ -220,22 +216,21 @@ class Readiness:
         """What to do next."""
         if self._missing_to_try():
             return Stage.TEACH
-        return Stage.READY if self._trial.clean_s >= self._trial.needed_s else Stage.TRY
+        return Stage.READY if self.clean_s >= self._wanted_s else Stage.TRY
 
     @property
-    def clean_s(self) -> float:
-        """For how long the robot has driven alone since something last went wrong."""
-        return self._trial.clean_s
+    def novel_share(self) -> float:
+        """Share of `clean_s` on views that it hardly knows."""
+        return self._novel_s / self.clean_s if self.clean_s else 0.0
 
     @property
     def needed_s(self) -> float:
         """For how long it has to: longer while too much of that time was on hardly known views."""
-        return min(self._trial.needed_s, _FORGOTTEN_S)
+        return min(self._wanted_s, _FORGOTTEN_S)
 
     @property
-    def novel_share(self) -> float:
-        """Share of that time on views that it hardly knows."""
-        return self._trial.novel_share
+    def _wanted_s(self) -> float:
+        return max(CLEAN_S, self._novel_s / NOVEL_SHARE)
 
     @property
     def foreseen(self) -> Mapping[str, int]:

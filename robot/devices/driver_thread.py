@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
-from typing import Any, ClassVar
+from typing import Any
 
 from robot.clock import Clock, Worker
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
@@ -45,22 +45,16 @@ class DriverThread(Driver):
     """Wraps a driver that says `is_remote`; the loop's calls return at once.
 
     A fault of the body is raised by the next call, and by every one until a request succeeds.
-    `step` does one request and is what the thread repeats; tests in virtual time call it
-    themselves and start no thread.
+    `step` does one request and is what the thread repeats.
 
     Args:
         driver: The driver that may block.
         clock: The loop's.
-        threaded: False for tests that call `step`.
     """
 
-    name: ClassVar[str] = "driver-thread"
-    default_camera: ClassVar[str] = ""
-
-    def __init__(self, driver: Driver, clock: Clock, *, threaded: bool = True) -> None:
+    def __init__(self, driver: Driver, clock: Clock) -> None:
         self.driver = driver
         self._clock = clock
-        self._threaded = threaded
         self._lock = threading.Lock()
         self._due = threading.Event()
         self._thread: Worker | None = None
@@ -75,6 +69,8 @@ class DriverThread(Driver):
         self._driven = Action.STOP
         self._request_s: float | None = None
 
+    name = _of_body("name")
+    default_camera = _of_body("default_camera")
     options_type = _of_body("options_type")
     declared_moves = _of_body("declared_moves")
     moves = _of_body("moves")
@@ -88,7 +84,7 @@ class DriverThread(Driver):
 
     def connect(self) -> None:
         self.driver.connect()
-        if self._thread is None and self._threaded:
+        if self._thread is None:
             self._ending = False
             self._thread = self._clock.start_thread(self._run, "driver")
 
@@ -107,16 +103,18 @@ class DriverThread(Driver):
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
         """Leave the action for the body; see `Driver`. It replaces one that still waits."""
-        return self._leave(action, speed_scale)
+        return self.drive(action, speed_scale=speed_scale)
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
         """Leave a point for the body in the same way."""
-        return self._leave(self.driver.move_of(point), speed_scale, point)
+        return self.drive(self.driver.move_of(point), point, speed_scale=speed_scale)
 
-    def _leave(self, action: Action, speed_scale: float, point: Point | None = None) -> Action:
+    def drive(
+        self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
+    ) -> Action:
         self.driver.check_action(action, speed_scale)
         if not self.driver.is_connected:
-            raise NotConnectedError(f"the robot {self.driver.name!r} is not connected")
+            raise NotConnectedError(f"the robot {self.name!r} is not connected")
         with self._lock:
             self._order = _Order(action, speed_scale, self._clock.now_s(), point)
         self._due.set()
@@ -133,7 +131,7 @@ class DriverThread(Driver):
         with self._lock:
             self._order, self._must_stop = None, True
         self._due.set()
-        if self._thread is None and self._threaded:
+        if self._thread is None:
             self.driver.stop()
 
     def take_button(self) -> BodyButton | None:
@@ -193,10 +191,8 @@ class DriverThread(Driver):
             self._driven = order.action
             if now_s - order.queued_s > STALE_S:
                 self.driver.stop()
-            elif order.point is not None:
-                self.driver.send_point(order.point, speed_scale=order.speed_scale)
             else:
-                self.driver.send_action(order.action, speed_scale=order.speed_scale)
+                self.driver.drive(order.action, order.point, speed_scale=order.speed_scale)
 
     def _sense(self, now_s: float) -> None:
         self._sensed_s = now_s
@@ -227,7 +223,7 @@ class DriverThread(Driver):
         request_s = self._request_s
         if request_s is not None and self._clock.now_s() - request_s > SILENT_S:
             raise DriveError(
-                f"the robot {self.driver.name!r} does not answer; is it switched on and in reach?"
+                f"the robot {self.name!r} does not answer; is it switched on and in reach?"
             )
         fault = self._faults.get(kind)
         if fault is not None:

@@ -7,21 +7,24 @@ from collections.abc import Mapping
 from typing import Any
 
 from robot.camera import Camera
-from robot.clock import Clock, RealClock
+from robot.clock import Clock, RealClock, Worker
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.control.state import Tick
-from robot.control.thread import LoopThread
 from robot.devices.driver_thread import DriverThread
 from robot.devices.options import make_options
 from robot.devices.plugins import load_camera, load_driver
 from robot.driver import Driver
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.types import StartStop
+from robot.types import StartStop, StopReason
 
 
 class Rig(StartStop):
-    """Owns the parts, and starts and stops them in the right order. A context manager."""
+    """Owns the parts, and starts and stops them in the right order. A context manager.
+
+    The loop ticks on a thread of its own for each new frame, command or request, and every 50 ms
+    or sooner without them.
+    """
 
     def __init__(
         self,
@@ -30,13 +33,13 @@ class Rig(StartStop):
         policy: Policy,
         clock: Clock | None = None,
         config: LoopConfig | None = None,
-        wake: threading.Event | None = None,
     ) -> None:
         self.clock = clock or RealClock()
         self.driver = driver
         self.camera = camera
-        self.loop = ControlLoop(driver, camera, policy, self.clock, config, wake)
-        self._thread = LoopThread(self.loop, self.clock)
+        self.loop = ControlLoop(driver, camera, policy, self.clock, config)
+        self._ending = threading.Event()
+        self._thread: Worker | None = None
         if driver.takes_advice:
             self.loop.subscribe(self._advise)
 
@@ -52,12 +55,27 @@ class Rig(StartStop):
         except BaseException:
             self.stop()
             raise
-        self._thread.start()
+        if self._thread is None:
+            self._ending.clear()
+            self._thread = self.clock.start_thread(self._run, "control-loop")
 
     def stop(self) -> None:
-        self._thread.stop()
+        """Stop the robot, end the thread, and let go of camera and body."""
+        if self._thread is not None:
+            self.loop.trip(StopReason.PILOT_GONE)
+            self._ending.set()
+            self.loop.wake.set()
+            self._thread.join(timeout=5.0)
+            self._thread = None
         self.camera.stop()
         self.driver.disconnect()
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            self.clock.wait(self.loop.wake, self.loop.wait_s)
+            self.loop.wake.clear()
+            self.loop.tick(self.clock.now_s())
+        self.loop.tick(self.clock.now_s())
 
     def _advise(self, tick: Tick) -> None:
         if tick.frame is not None and tick.prediction is not None:

@@ -94,7 +94,7 @@ class WatchedCamera(ThreadedCamera):
 
     def _lose(self, sentence: str) -> None:
         """Report that pictures stay away, and why: more may be known by now."""
-        if sentence != self._fault:
+        if sentence != self.fault:
             self._report_fault(sentence)
 
     def _watch_over(self, *reading: Callable[[], None]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import statistics
 from typing import Any
 
-from robot.clock import ManualClock
 from robot.control.profile import behavior_profile, compare
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.lab.ideas import make_learner
@@ -15,6 +14,7 @@ from robot.lab.simulated_pilots.habits import HABITS, Habit
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.task import Params, Result
 from robot.lab.trial import Place, Trial, drive_by_hand
+from robot.testing import VirtualClock
 from robot.types import Action, DrivenBy, Mode, Pose
 
 DRIFT_SHARE = 0.15
@@ -124,7 +124,7 @@ def minute_by_hand(
     ten pictures a second a hand moves later than with thirty, and who follows a wall drives it
     otherwise.
     """
-    clock = ManualClock()
+    clock = VirtualClock()
     driver = SimDriver(SimOptions(world=place.world, seed=place.seed + 1000 * number))
     driver.connect()
     driver.simulation.pose = start

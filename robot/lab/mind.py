@@ -9,7 +9,6 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator, Sequence
 
-from robot.clock import ManualClock
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
@@ -23,6 +22,7 @@ from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Place, Trial, drive_by_hand
 from robot.policy.policy import Policy
 from robot.store.table import Cell, Table
+from robot.testing import VirtualClock
 from robot.types import Action, Mode
 
 WORLDS = ("box", "office", "clutter")
@@ -118,7 +118,7 @@ def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]
         `turning_right`: the same over all views on which the pilot turns.
     """
     policy.reset()
-    clock = ManualClock()
+    clock = VirtualClock()
     driver = SimDriver(SimOptions(world=world, seed=seed + 1000))
     camera = SimCamera(driver, SimCameraOptions(), clock)
     pilot = make_habit_pilot(HABITS["right"], f"asked {seed}")

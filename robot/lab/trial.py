@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from robot.clock import ManualClock
 from robot.control.link_governor import LinkGovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
@@ -21,6 +20,7 @@ from robot.lab.metrics.log import DriveLog, DriveSample
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.simulated_pilots.situation import Situation, observe
 from robot.policy.policy import Policy
+from robot.testing import VirtualClock
 from robot.types import Action, Mode, Pose, Prediction, StartStop
 
 FRAME_RATE_HZ = 10.0
@@ -59,7 +59,7 @@ class Trial(StartStop):
         rate_hz: float = FRAME_RATE_HZ,
         drift: float = 0.0,
     ) -> None:
-        self.clock = ManualClock()
+        self.clock = VirtualClock()
         self.rate_hz = rate_hz
         self.drift = drift
         self.driver = SimDriver(SimOptions(world=place.world, seed=place.seed))
@@ -159,7 +159,7 @@ class Trial(StartStop):
 def drive_by_hand(
     driver: SimDriver,
     pilot: SimulatedPilot,
-    clock: ManualClock,
+    clock: VirtualClock,
     seconds: float,
     rate_hz: float,
     propose: Callable[[Situation], Action | None] = lambda situation: None,

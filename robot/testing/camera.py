@@ -81,7 +81,7 @@ class FakeCamera(ThreadedCamera):
     def _run(self) -> None:
         next_s = self.clock.now_s()
         while not self.clock.wait(self._ending, max(0.0, next_s - self.clock.now_s())):
-            next_s += 1 / self.rate_hz
+            next_s = max(next_s + 1 / self.rate_hz, self.clock.now_s())
             if not self.is_frozen:
                 self.take()
 

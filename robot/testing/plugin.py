@@ -9,20 +9,24 @@ without the hook the suite drives whatever the options name, even a real robot.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from typing import TypeVar
 
 import pytest
 
+from robot.camera import Camera
 from robot.clock import RealClock
 from robot.devices.options import make_options
 from robot.devices.plugins import load_camera, load_driver
+from robot.driver import Driver
 from robot.errors import RobotError
 from robot.testing.cases import CameraCase, DriverCase
 
 pytest.register_assert_rewrite("robot.testing.driver_contract", "robot.testing.camera_contract")
-_HERE = Path(__file__).parent
+_T = TypeVar("_T")
+_SUITES = Path(__file__).with_name("suites.py")
 
 
 class DriverKitHooks:
@@ -60,7 +64,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Collect the suites beside the requested tests."""
     for kind in ("driver", "camera"):
         if config.getoption(f"--drivelesson-{kind}"):
-            config.args.append(str(_HERE / f"run_{kind}.py"))
+            config.args.append(f"{_SUITES}::Test{kind.capitalize()}")
 
 
 @pytest.fixture
@@ -68,7 +72,9 @@ def driver_case(request: pytest.FixtureRequest) -> Iterator[DriverCase]:
     """Yield a new driver of the name that was asked for."""
     config = request.config
     name = config.getoption("--drivelesson-driver")
-    made = config.hook.pytest_drivelesson_driver(name=name) or _plain_driver(config, name)
+    made = config.hook.pytest_drivelesson_driver(name=name) or nullcontext(
+        DriverCase(_make_driver(config, name), RealClock().sleep, None)
+    )
     with made as case:
         yield case
         case.driver.disconnect()
@@ -79,30 +85,26 @@ def camera_case(request: pytest.FixtureRequest) -> Iterator[CameraCase]:
     """Yield a new camera of the name that was asked for."""
     config = request.config
     name = config.getoption("--drivelesson-camera")
-    made = config.hook.pytest_drivelesson_camera(name=name) or _plain_camera(config, name)
+    made = config.hook.pytest_drivelesson_camera(name=name) or nullcontext(
+        CameraCase(_make_camera(config, name))
+    )
     with made as case:
         yield case
         case.camera.stop()
 
 
-@contextmanager
-def _plain_driver(config: pytest.Config, name: str) -> Iterator[DriverCase]:
+def _make_driver(config: pytest.Config, name: str) -> Driver:
     kind = _loaded(load_driver, name)
-    yield DriverCase(
-        kind(make_options(kind.options_type, _options(config))), RealClock().sleep, None
-    )
+    return kind(make_options(kind.options_type, _options(config)))
 
 
-@contextmanager
-def _plain_camera(config: pytest.Config, name: str) -> Iterator[CameraCase]:
+def _make_camera(config: pytest.Config, name: str) -> Camera:
     kind = _loaded(load_camera, name)
-    driver = _loaded(load_driver, config.getoption("--drivelesson-driver") or "replay")
-    given = _options(config)
-    body = driver(make_options(driver.options_type, given))
-    yield CameraCase(kind.for_driver(body, make_options(kind.options_type, given), RealClock()))
+    body = _make_driver(config, config.getoption("--drivelesson-driver") or "replay")
+    return kind.for_driver(body, make_options(kind.options_type, _options(config)), RealClock())
 
 
-def _loaded(load, name: str):  # type: ignore[no-untyped-def]
+def _loaded(load: Callable[[str], type[_T]], name: str) -> type[_T]:
     try:
         return load(name)
     except RobotError as error:

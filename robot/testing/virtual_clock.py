@@ -6,11 +6,14 @@ import asyncio
 import contextlib
 import threading
 from collections.abc import Callable, Coroutine, Iterator
+from concurrent.futures import Future
 from typing import Any, TypeVar
 
-from robot.clock import WALL_START_S, ManualClock, Worker
+from robot.clock import Clock, Worker
 
 _T = TypeVar("_T")
+WALL_START_S = 1_700_000_000.0
+"""Seconds since 1970 at the start of such a clock: the same in every run."""
 
 
 class _Waiting:
@@ -25,9 +28,10 @@ class _Waiting:
         self.turn.acquire()
 
 
-class VirtualClock(ManualClock):
+class VirtualClock(Clock):
     """Discrete events: as soon as everybody waits, the clock jumps to whoever waits shortest.
 
+    Where nobody else waits it stands until it is moved, so simulations run as fast as they can.
     Threads that it started run one at a time and change only where they wait, so a run is the
     same each time. An asyncio program runs on `run` or a `runner`, whose event loop has this
     clock's time and takes turns with the threads.
@@ -39,8 +43,9 @@ class VirtualClock(ManualClock):
         3600.0
     """
 
-    def __init__(self, start_s: float = 0.0, wall_start_s: float = WALL_START_S) -> None:
-        super().__init__(start_s, wall_start_s)
+    def __init__(self, start_s: float = 0.0) -> None:
+        self._now_s = start_s
+        self._wall_ahead_s = WALL_START_S - start_s
         self._ahead_s = 0.0
         self._event_loop: _JumpingEventLoop | None = None
         self._event_loop_woken = threading.Event()
@@ -52,6 +57,14 @@ class VirtualClock(ManualClock):
         if event_loop is not None and event_loop.now_s > now_s:
             now_s = event_loop.now_s
         return now_s + self._ahead_s
+
+    def wall_s(self) -> float:
+        """Return seconds since 1970, which go with `now_s` but for `set_wall`."""
+        return self.now_s() + self._wall_ahead_s
+
+    def set_wall(self, wall_s: float) -> None:
+        """Set the wall clock, forwards or back; `now_s` does not notice."""
+        self._wall_ahead_s = wall_s - self.now_s()
 
     def _base_s(self) -> float:
         """Return the time without jumps; the event loop's falls behind while threads run."""
@@ -84,6 +97,16 @@ class VirtualClock(ManualClock):
         if not event.is_set():
             self._let_others_run(event, timeout_s)
         return event.is_set()
+
+    def result(self, future: Future[_T], timeout_s: float | None = None) -> _T:
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        if not self.wait(done, timeout_s):
+            raise TimeoutError(f"not done within {timeout_s} s")
+        return future.result(0)
+
+    def lock(self) -> contextlib.AbstractContextManager[Any]:
+        return _Lock(self)
 
     def _let_others_run(self, event: threading.Event | None, timeout_s: float | None) -> None:
         self._now_s = self._base_s()
@@ -140,7 +163,34 @@ class VirtualClock(ManualClock):
             self._event_loop = None
 
     async def pause(self, seconds: float) -> None:
+        if self._event_loop is None:  # another one, which knows nothing of this clock
+            self.sleep(seconds)
+            seconds = 0.0
         await asyncio.sleep(seconds)
+
+
+class _Lock:
+    """A reentrant lock whose holder may wait through the clock while others want it."""
+
+    def __init__(self, clock: VirtualClock) -> None:
+        self._clock = clock
+        self._holder: int | None = None
+        self._depth = 0
+        self._free = threading.Event()
+
+    def __enter__(self) -> None:
+        me = threading.get_ident()
+        while self._holder not in (None, me):
+            self._free.clear()
+            self._clock.wait(self._free)
+        self._holder = me
+        self._depth += 1
+
+    def __exit__(self, *error: object) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            self._holder = None
+            self._free.set()
 
 
 class _JumpingEventLoop(asyncio.SelectorEventLoop):

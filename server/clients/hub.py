@@ -316,7 +316,8 @@ class Hub:
         decision = state.decision
         return (
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
-            *(state.link, state.emergency, state.fault, self.stopped_by_teacher, self.lease.owner),
+            *(state.link.level, state.emergency, state.fault),
+            *(self.stopped_by_teacher, self.lease.owner),
         )
 
     def _tell_refused(self, refused: Sequence[PilotCommand]) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from robot.control.state import LoopState
+from robot.control.state import Tick
 from robot.driver import Driver, describe
 from robot.types import Mode, Prediction, Sensors
 
@@ -14,7 +14,7 @@ STATE_EVERY_S = 0.1
 _SOON_S = 0.05
 
 
-def state_every_s(state: LoopState) -> float:
+def state_every_s(state: Tick) -> float:
     """Return how often the state is sent: oftener while a robot with a slow camera moves.
 
     Its pictures alone bring the pilot too few nonces, and a short pause of the Wi-Fi would look
@@ -24,7 +24,7 @@ def state_every_s(state: LoopState) -> float:
     return _SOON_S if is_slow else STATE_EVERY_S
 
 
-def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
+def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
     """Return the fields of a `state` message that come from the control loop."""
     decision, camera = state.decision, state.camera
     source_s, brick_s = camera.source_age_s, None
@@ -43,8 +43,8 @@ def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
         "fault": state.fault,
         "frame": state.frame_id,
         "frame_age_ms": _milliseconds(_age_s(state, now_ms)),
-        "link": state.link,
-        "busy": state.is_busy,
+        "link": state.link.level,
+        "busy": state.link.is_busy,
         "camera": {
             "period_ms": _milliseconds(camera.period_s),
             "age_ms": _milliseconds(camera.delivery_age_s),
@@ -52,7 +52,7 @@ def describe_state(state: LoopState, now_ms: float) -> dict[str, Any]:
             "limit_ms": _milliseconds(camera.timeout_s),
             "speed_scale": camera.speed_scale,
         },
-        "pilot_frame_age_ms": _milliseconds(state.pilot_frame_age_s),
+        "pilot_frame_age_ms": _milliseconds(state.link.age_s),
         "cycle_hz": round(state.cycle_hz, 1),
         "prediction": state.prediction and _describe_prediction(state.prediction),
         "agreement": state.agreement,
@@ -76,7 +76,7 @@ def describe_body(driver: Driver) -> dict[str, Any]:
     }
 
 
-def _age_s(state: LoopState, now_ms: float) -> float | None:
+def _age_s(state: Tick, now_ms: float) -> float | None:
     return None if state.frame_captured_s is None else now_ms / 1000 - state.frame_captured_s
 
 

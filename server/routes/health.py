@@ -82,9 +82,9 @@ def _measure(services: Services) -> Iterator[Any]:
         ],
         sum_value=ages.total,
     )
-    if state.pilot_frame_age_s is not None:
+    if state.link.age_s is not None:
         text = "Age of the picture that the pilot acts upon"
-        yield _one(Gauge, "pilot_frame_age_seconds", text, state.pilot_frame_age_s)
+        yield _one(Gauge, "pilot_frame_age_seconds", text, state.link.age_s)
     text = "Websocket messages refused"
     yield _many(Counter, "messages_refused_total", text, "code", refused)
     text = "Requests and websockets refused"

@@ -67,7 +67,7 @@ async def show_why(request: Request) -> WhyAnswer:
 
 def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
     """Explain the newest proposal; on the loop's thread."""
-    newest = loop.newest
+    newest = loop.learning.newest
     if newest is None:
         return None
     x, prediction = newest

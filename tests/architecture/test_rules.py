@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from robot.clock import ManualClock
 from robot.control.loop import ControlLoop
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.policy.registry import make_policy
+from robot.testing import VirtualClock
 from tests.robot.bench_robot import BenchCamera
 
 from . import rules
@@ -71,7 +71,7 @@ def test_a_frame_goes_from_camera_to_motor_by_the_modules_that_the_page_names() 
     named = re.findall(r"^\d\. `([\w/]+\.py)`", section, re.MULTILINE)
     assert len(named) <= 6 and set(named) == set(PASSES_BY)
 
-    clock = ManualClock(100.0)
+    clock = VirtualClock(100.0)
     driver, camera = SimDriver(SimOptions()), BenchCamera(clock)
     driver.connect()
     loop = ControlLoop(driver, camera, make_policy("default-8"), clock)

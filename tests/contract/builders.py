@@ -37,7 +37,7 @@ from robot.bodies.picamera2.camera import Picamera2Camera, Picamera2Options
 from robot.bodies.ros.camera import RosCamera, RosCameraOptions
 from robot.bodies.v4l2.camera import UsbCameraOptions, V4l2Camera
 from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
-from robot.clock import Clock, ManualClock, RealClock
+from robot.clock import Clock, RealClock
 from robot.devices.pictures import read_jpeg
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
 from robot.devices.simulation.driver import SimDriver, SimOptions
@@ -315,7 +315,7 @@ def gpio_driver(motor_board: str = "two-pwm") -> Iterator[DriverCase]:
     pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
     from tests.standins.gpio import MockPins
 
-    clock = ManualClock()
+    clock = VirtualClock()
     with MockPins(clock) as pins:
         driver = GpioDriver(GpioOptions(motor_board=motor_board), clock, pins.open_line)
         yield DriverCase(
@@ -401,7 +401,7 @@ def grey_jpeg(index: int) -> bytes:
 
 @contextmanager
 def replay_driver() -> Iterator[DriverCase]:
-    clock = ManualClock()
+    clock = VirtualClock()
     driver = ReplayDriver(clock=clock)
     is_moving = lambda: driver.action is not Action.STOP  # noqa: E731
     yield DriverCase(driver, clock.advance, is_moving, now_s=clock.now_s)

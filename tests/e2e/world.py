@@ -53,7 +53,12 @@ class World:
 
     def __str__(self) -> str:
         state = self.rig.loop.state
-        said = (state.decision.mode, state.decision.action, state.decision.stop_reason, state.link)
+        said = (
+            state.decision.mode,
+            state.decision.action,
+            state.decision.stop_reason,
+            state.link.level,
+        )
         return f"{' '.join(map(str, said))}, {state.fault or 'no fault'}"
 
     @property

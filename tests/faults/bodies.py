@@ -27,7 +27,6 @@ from robot.bodies.remote.line import MessageLine
 from robot.bodies.remote.udp import UdpDriver
 from robot.bodies.remote.ws import WsDriver
 from robot.bodies.ros.driver import RosDriver, RosOptions
-from robot.clock import ManualClock
 from robot.driver import Driver
 from robot.errors import DriveError
 from robot.testing import VirtualClock
@@ -58,7 +57,7 @@ class TimedBody:
     """
 
     driver: Driver
-    clock: ManualClock
+    clock: VirtualClock
     is_moving: Callable[[], bool]
     lose: Callable[[], None]
     regain: Callable[[], None] | None = None
@@ -125,7 +124,7 @@ def _pybricks(seed: int) -> AbstractContextManager[TimedBody]:
 @contextmanager
 def _ev3_stock(seed: int) -> Iterator[TimedBody]:
     """The stand-in's machine of bytecodes, without its sockets."""
-    clock, chance = ManualClock(), random.Random(seed)
+    clock, chance = VirtualClock(), random.Random(seed)
 
     class Line:
         is_lost = False
@@ -164,7 +163,7 @@ def _gpio(seed: int) -> Iterator[TimedBody]:
     from robot.bodies.gpio.driver import GpioDriver, GpioOptions
     from tests.standins.gpio import MockPins
 
-    clock = ManualClock()
+    clock = VirtualClock()
     with MockPins(clock) as pins:
         driver = GpioDriver(GpioOptions(), clock, pins.open_line)
         yield TimedBody(
@@ -243,7 +242,7 @@ def _ev3(seed: int) -> Iterator[TimedBody]:
 
 @contextmanager
 def _lego_education(seed: int) -> Iterator[TimedBody]:
-    clock = ManualClock()
+    clock = VirtualClock()
     motor = DoubleMotor(clock, random.Random(seed))
     driver = LegoEducationDriver(LegoEducationOptions(), clock, library=motor)
 

@@ -12,8 +12,9 @@ import numpy as np
 
 from robot.camera import Camera
 from robot.clock import Clock
-from robot.control.loop import ControlLoop, LoopConfig
+from robot.control.loop import LoopConfig
 from robot.control.state import Tick
+from robot.devices.rig import Rig
 from robot.driver import Driver
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
@@ -96,7 +97,8 @@ class BenchRobot:
         self.camera = BenchCamera(self.clock)
         self.driver = BenchDriver(clock=self.clock)
         policy = make_policy(learner) if isinstance(learner, str) else learner
-        self.loop = ControlLoop(self.driver, self.camera, policy, self.clock, config)
+        self.rig = Rig(self.driver, self.camera, policy, self.clock, config)
+        self.loop = self.rig.loop
         self._seq = 0
 
     def start(self, mode: Mode, scene: int = 0) -> None:

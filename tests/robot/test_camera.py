@@ -6,20 +6,20 @@ from types import SimpleNamespace
 
 import pytest
 
-from robot.clock import ManualClock
+from robot.testing import VirtualClock
 from tests.robot.bench_robot import BenchCamera
 
 
 @pytest.fixture
-def machine(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
+def machine(monkeypatch: pytest.MonkeyPatch) -> VirtualClock:
     """The machine's own clock, by which drivers of the kernel stamp their pictures."""
-    clock = ManualClock(50.0)
+    clock = VirtualClock(50.0)
     monkeypatch.setattr("robot.camera.time", SimpleNamespace(monotonic=clock.now_s))
     return clock
 
 
-def test_a_camera_that_is_held_up_makes_no_picture_younger(machine: ManualClock) -> None:
-    class Slow(ManualClock):
+def test_a_camera_that_is_held_up_makes_no_picture_younger(machine: VirtualClock) -> None:
+    class Slow(VirtualClock):
         """The thread is held up right after each reading."""
 
         def now_s(self) -> float:
@@ -31,7 +31,7 @@ def test_a_camera_that_is_held_up_makes_no_picture_younger(machine: ManualClock)
     assert BenchCamera(Slow())._on_clock(taken_s) <= taken_s
 
 
-def test_a_moment_on_another_clock_keeps_its_age(machine: ManualClock) -> None:
+def test_a_moment_on_another_clock_keeps_its_age(machine: VirtualClock) -> None:
     taken_s = machine.now_s() - 0.25
-    ahead = ManualClock(machine.now_s() + 3600.0)
+    ahead = VirtualClock(machine.now_s() + 3600.0)
     assert BenchCamera(ahead)._on_clock(taken_s) == pytest.approx(taken_s + 3600.0)

@@ -4,11 +4,11 @@ import threading
 
 import pytest
 
-from robot.clock import ManualClock
+from robot.testing import VirtualClock
 
 
-def test_a_manual_clock_moves_to_the_end_of_a_wait() -> None:
-    clock = ManualClock(5.0)
+def test_a_clock_of_one_thread_moves_to_the_end_of_a_wait() -> None:
+    clock = VirtualClock(5.0)
     assert not clock.wait(threading.Event(), 2.0)
     assert clock.now_s() == 7.0
     with pytest.raises(RuntimeError, match="for ever"):
@@ -18,7 +18,7 @@ def test_a_manual_clock_moves_to_the_end_of_a_wait() -> None:
 
 
 def test_the_wall_clock_may_jump_and_the_other_does_not() -> None:
-    clock = ManualClock(5.0, wall_start_s=1000.0)
+    clock = VirtualClock(5.0)
     clock.set_wall(10.0)
     clock.advance(1.0)
     assert (clock.now_s(), clock.wall_s()) == (6.0, 11.0)

@@ -237,7 +237,7 @@ def test_a_model_that_fails_is_said_and_set_aside_at_the_next_start(tmp_path: Pa
             raise RuntimeError("out of order")
 
         rig.loop.history.policy.learner.explain_one = fail  # type: ignore[method-assign]
-        while rig.loop.learner_failure is None:
+        while rig.loop.learning.failure is None:
             rig.clock.sleep(0.1)
         assert "out of order" in (rig.loop.state.fault or "")
         name = persistence.autosave.save()

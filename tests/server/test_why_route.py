@@ -17,8 +17,8 @@ def test_why_shows_the_image_that_decides_now(server: VirtualServer) -> None:
     assert httpx.get(f"{server.address}/api/why").json() == {"why": None}
 
     def teach() -> None:
-        assert loop.newest is not None
-        x, _ = loop.newest
+        assert loop.learning.newest is not None
+        x, _ = loop.learning.newest
         for number, label in enumerate((Action.LEFT, Action.FORWARD)):
             example = Example(frame_id=number, label=label, is_intervention=False)
             loop.history.teach(example, (x + 40 * number).astype(x.dtype), float(number))

@@ -1,6 +1,6 @@
 """A served robot and its pilots in virtual time: real app, hub, protocol, loop and gate.
 
-Only uvicorn, the sockets and the threads are missing. See CONTRIBUTING.md, "Tests in virtual time".
+Only uvicorn and the sockets are missing. See CONTRIBUTING.md, "Tests in virtual time".
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 from unittest import mock
 
-from robot.clock import ManualClock
+from robot.testing import VirtualClock
 
 
 class DoubleMotor:
@@ -19,7 +19,7 @@ class DoubleMotor:
 
     BUTTON_STATE_PRESSED = 1
 
-    def __init__(self, clock: ManualClock, chance: random.Random) -> None:
+    def __init__(self, clock: VirtualClock, chance: random.Random) -> None:
         self._clock, self._chance = clock, chance
         self._coming: deque[tuple[float, float]] = deque()
         self._noted_s = self._ends_s = 0.0

@@ -10,7 +10,7 @@ from gpiozero.pins.mock import MockFactory, MockPWMPin
 from robot.bodies.gpio.keeper import make_motors
 from robot.bodies.gpio.wheels import TimedMotors
 from robot.bodies.remote.plain import encode_plain_report
-from robot.clock import ManualClock
+from robot.testing import VirtualClock
 
 MOTOR_PINS, CAR_PINS = (17, 18, 22, 23), (12, 13)
 
@@ -18,7 +18,7 @@ MOTOR_PINS, CAR_PINS = (17, 18, 22, 23), (12, 13)
 class MockPins:
     """`forward` lets time pass, and the keeper look at it every millisecond."""
 
-    def __init__(self, clock: ManualClock) -> None:
+    def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
         self._motors: TimedMotors | None = None
         self.is_silent = self.is_car = False

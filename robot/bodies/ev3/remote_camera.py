@@ -45,11 +45,6 @@ class Ev3RemoteCamera(WatchedCamera):
             raise CameraError(str(error)) from error
         self._watch_over()
 
-    @property
-    def source_age_s(self) -> float | None:
-        age_s = self._link.report.get("picture_age_s")
-        return max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
-
     def _let_go(self) -> None:
         self._link.on_picture = None
         with contextlib.suppress(DriveError):  # a lost line closes the camera by itself
@@ -57,6 +52,8 @@ class Ev3RemoteCamera(WatchedCamera):
         self._link.release("camera")
 
     def _take(self, picture: RemotePicture) -> None:
+        age_s = self._link.report.get("picture_age_s")
+        self.source_age_s = max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
         self._freshness.is_new(picture.data, self.clock.now_s())
         self._publish(
             picture.data,

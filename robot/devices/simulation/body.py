@@ -7,8 +7,7 @@ while the other stands, which turns the robot by 18.5 degrees a second about the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,40 +34,33 @@ WHEELS_MPS = {move: WHEELS.at(point) for move, point in CLASSIC_POINTS.items()}
 SONAR_RANGE_M = 2.55
 SONAR_HALF_CONE_RAD = math.radians(12.5)
 _SONAR_RAYS_RAD = np.linspace(-SONAR_HALF_CONE_RAD, SONAR_HALF_CONE_RAD, 7)
-_BUMPER_HALF_ARC_RAD = math.radians(80)
+_LEFT_BUMPER_RAD = math.radians(-10), math.radians(80)
+"""Bearings, relative to straight ahead; the right one is its mirror image."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Contact:
-    """The body touches something; `bearing_rad` is where, relative to straight ahead."""
-
-    bearing_rad: float
-
-    @property
-    def presses_left(self) -> bool:
-        return -math.radians(10) <= self.bearing_rad <= _BUMPER_HALF_ARC_RAD
-
-    @property
-    def presses_right(self) -> bool:
-        return -_BUMPER_HALF_ARC_RAD <= self.bearing_rad <= math.radians(10)
+def bumpers(contacts_rad: Sequence[float]) -> tuple[bool, bool]:
+    """Return whether the left and the right bumper are pressed by contacts at these bearings."""
+    least, most = _LEFT_BUMPER_RAD
+    return (
+        any(least <= at_rad <= most for at_rad in contacts_rad),
+        any(least <= -at_rad <= most for at_rad in contacts_rad),
+    )
 
 
 def move(pose: Pose, left_mps: float, right_mps: float, dt_s: float) -> Pose:
     """Return where the wheels bring the robot in `dt_s`, walls aside: an arc of a circle."""
     turn_rad = (right_mps - left_mps) / TRACK_M * dt_s
-    way_m = (left_mps + right_mps) / 2 * dt_s
-    middle_rad = pose.heading_rad + turn_rad / 2
-    return Pose(
-        x_m=pose.x_m + way_m * math.cos(middle_rad),
-        y_m=pose.y_m + way_m * math.sin(middle_rad),
-        heading_rad=_wrap(pose.heading_rad + turn_rad),
-    )
+    return pose.along(turn_rad, (left_mps + right_mps) / 2 * dt_s)
 
 
-def push_out(world: World, pose: Pose) -> tuple[Pose, list[Contact]]:
-    """Move the body out of whatever it has run into, so that it slides along; list the contacts."""
+def push_out(world: World, pose: Pose) -> tuple[Pose, list[float]]:
+    """Move the body out of whatever it has run into, so that it slides along.
+
+    Returns:
+        The pose, and the bearing of each contact relative to straight ahead.
+    """
     x_m, y_m = pose.x_m, pose.y_m
-    contacts: list[Contact] = []
+    contacts_rad: list[float] = []
     for _ in range(3):  # in a corner, being pushed out of one wall may push into the other
         normals = list(_overlaps(world, x_m, y_m))
         if not normals:
@@ -76,9 +68,9 @@ def push_out(world: World, pose: Pose) -> tuple[Pose, list[Contact]]:
         for normal_x, normal_y, depth_m in normals:
             x_m += normal_x * depth_m
             y_m += normal_y * depth_m
-            bearing_rad = _wrap(math.atan2(-normal_y, -normal_x) - pose.heading_rad)
-            contacts.append(Contact(bearing_rad=bearing_rad))
-    return Pose(x_m=x_m, y_m=y_m, heading_rad=pose.heading_rad), contacts
+            at_rad = math.atan2(-normal_y, -normal_x) - pose.heading_rad
+            contacts_rad.append(math.remainder(at_rad, math.tau))
+    return Pose(x_m=x_m, y_m=y_m, heading_rad=pose.heading_rad), contacts_rad
 
 
 def sonar_m(world: World, pose: Pose) -> float:
@@ -152,9 +144,7 @@ def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> tuple[float, flo
     gap_m = math.hypot(gap_x, gap_y)
     if gap_m >= reach_m:
         return None
-    if (
-        gap_m == 0.0
-    ):  # the centre is inside: leave by the way it came, which is away from the middle
+    if gap_m == 0.0:  # the centre is inside: leave away from the middle, as it came
         gap_x, gap_y, gap_m = along or 1.0, across, math.hypot(along or 1.0, across)
         reach_m = gap_m + RADIUS_M
     normal_x, normal_y = _out_of(obstacle, gap_x / gap_m, gap_y / gap_m)
@@ -174,8 +164,3 @@ def _out_of(obstacle: Obstacle, x: float, y: float) -> tuple[float, float]:
 
 def _clamp(value: float, limit: float) -> float:
     return max(-limit, min(limit, value))
-
-
-def _wrap(angle_rad: float) -> float:
-    """Return the same angle between -pi and pi."""
-    return math.remainder(angle_rad, math.tau)

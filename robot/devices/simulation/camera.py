@@ -6,15 +6,15 @@ import threading
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
+from robot.devices.simulation.driver import SimDriver
 from robot.devices.simulation.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
-from robot.devices.simulation.simulation import Simulation
 from robot.devices.watched_camera import ThreadedCamera
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError, RobotError
@@ -25,16 +25,6 @@ _LONGEST_GAP_S = 0.25
 
 _ASKED_FRAMES = 30
 """For so many frames after somebody asked for one, pictures for the eye are made."""
-
-
-@runtime_checkable
-class SimulatedBody(Protocol):
-    """A driver that moves a simulation."""
-
-    simulation: Simulation
-
-    def advance(self, dt_s: float) -> None:
-        """Let time pass in the world."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +97,7 @@ class SimCamera(WorldCamera):
     name: ClassVar[str] = "sim"
     options_type: ClassVar[type[Any]] = SimCameraOptions
 
-    def __init__(self, body: SimulatedBody, options: SimCameraOptions, clock: Clock) -> None:
+    def __init__(self, body: SimDriver, options: SimCameraOptions, clock: Clock) -> None:
         super().__init__(options, clock)
         self._body = body
         self._compress = make_compressor(options.jpeg_quality)
@@ -117,9 +107,9 @@ class SimCamera(WorldCamera):
 
     @classmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        if not isinstance(driver, SimulatedBody):
+        if not isinstance(driver, SimDriver):
             raise ConfigurationError(
-                f"the camera 'sim' only works with a simulated robot, not with {driver.name!r}"
+                f"the camera 'sim' only works with the robot 'sim', not with {driver.name!r}"
             )
         return cls(driver, options, clock)
 

@@ -37,10 +37,15 @@ class Renderer:
         core = need("panda3d.core", "the simulator", "sim")
         core.loadPrcFileData("", "notify-level error\naudio-library-name null\n")
         self._core = core
-        self._open_engine()
+        pipes = core.GraphicsPipeSelection.getGlobalPtr()
+        self._pipe = pipes.makePipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
+        self._engine = core.GraphicsEngine(self._pipe)
         self._root = core.NodePath("world")
         self._n_quads = 0
-        self._camera = self._place_camera()
+        lens = core.PerspectiveLens()
+        lens.setFov(*FIELD_OF_VIEW_DEG)
+        lens.setNearFar(0.01, 20.0)
+        self._camera = self._root.attachNewNode(core.Camera("camera", lens))
         self._window, self._texture = self._open_window("camera", WIDTH_PX, HEIGHT_PX)
         self._large: tuple[Any, Any] | None = None
         self._add_floor(world, np.random.default_rng(seed))
@@ -85,12 +90,6 @@ class Renderer:
     def close(self) -> None:
         self._engine.removeAllWindows()
 
-    def _open_engine(self) -> None:
-        core = self._core
-        selection = core.GraphicsPipeSelection.getGlobalPtr()
-        self._pipe = selection.makePipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
-        self._engine = core.GraphicsEngine(self._pipe)
-
     def _open_window(self, name: str, width_px: int, height_px: int) -> tuple[Any, Any]:
         """Return a new window that the camera looks through, and the texture that it fills."""
         core = self._core
@@ -104,13 +103,6 @@ class Renderer:
         window.addRenderTexture(texture, core.GraphicsOutput.RTMCopyRam)
         window.makeDisplayRegion().setCamera(self._camera)
         return window, texture
-
-    def _place_camera(self) -> Any:
-        core = self._core
-        lens = core.PerspectiveLens()
-        lens.setFov(*FIELD_OF_VIEW_DEG)
-        lens.setNearFar(0.01, 20.0)
-        return self._root.attachNewNode(core.Camera("camera", lens))
 
     def _add_floor(self, world: World, rng: np.random.Generator) -> None:
         core = self._core

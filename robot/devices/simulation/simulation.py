@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robot.devices.simulation.body import (
     WHEELS,
     WHEELS_MPS,
-    Contact,
+    bumpers,
     move,
     push_out,
     sonar_m,
@@ -75,7 +75,7 @@ class Simulation:
         self.drift_share = 0.0
         self._renderer: Renderer | None = None
         self._grain: NDArray[np.int16] | None = None
-        self._contacts: list[Contact] = []
+        self._contacts_rad: list[float] = []
         self.pose = self._start_pose()
         self.action = Action.STOP
         self.point: Point | None = None
@@ -95,7 +95,7 @@ class Simulation:
     def restart(self) -> None:
         """Put robot and things back to their starts; the random state goes on, so starts vary."""
         self.world = self._first_world
-        self._contacts = []
+        self._contacts_rad = []
         self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
 
@@ -104,28 +104,25 @@ class Simulation:
         noise_m = float(self._sonar_rng.normal(0.0, self.noise.sonar_m))
         return Sensors(
             distance_m=max(0.0, sonar_m(self.world, self.pose) + noise_m),
-            bumped=self.bumped_left or self.bumped_right,
-            bumpers=(self.bumped_left, self.bumped_right),
+            bumped=any(self.bumpers),
+            bumpers=self.bumpers,
             pose=self.pose,
         )
 
     @property
-    def bumped_left(self) -> bool:
-        return any(contact.presses_left for contact in self._contacts)
-
-    @property
-    def bumped_right(self) -> bool:
-        return any(contact.presses_right for contact in self._contacts)
+    def bumpers(self) -> tuple[bool, bool]:
+        """Whether the left and the right bumper are pressed."""
+        return bumpers(self._contacts_rad)
 
     @property
     def is_pushing(self) -> bool:
         """True while the robot drives forward against something."""
-        return self.action is Action.FORWARD and (self.bumped_left or self.bumped_right)
+        return self.action is Action.FORWARD and any(self.bumpers)
 
     @property
     def is_touching(self) -> bool:
         """True while the body touches anything, at any side."""
-        return bool(self._contacts)
+        return bool(self._contacts_rad)
 
     def render(self) -> NDArray[np.uint8]:
         """Return the camera's picture, shape (120, 160, 3), RGB; always on the same thread."""
@@ -164,7 +161,7 @@ class Simulation:
         scale = self.speed_scale
         moved = move(self.pose, left_mps * scale, right_mps * scale, dt_s)
         self.world = move_things(self.world, moved, dt_s)
-        self.pose, self._contacts = push_out(self.world, moved)
+        self.pose, self._contacts_rad = push_out(self.world, moved)
         self.time_s += dt_s
 
     def _drift_on(self, dt_s: float) -> None:

@@ -88,6 +88,3 @@ def wall_gap_m(thing: Obstacle, world: World) -> float:
         thing.y_m - half_y,
         world.depth_m - thing.y_m - half_y,
     )
-
-
-__all__ = ["move_things", "wall_gap_m"]

@@ -38,12 +38,3 @@ def test_what_is_undone_and_what_is_old_no_longer_counts(
         rights = [right for _, right in kept]
         assert agreement.n_examples == len(kept)
         assert agreement.share == (sum(rights) / len(rights) if rights else None)
-
-
-def test_of_another_policy_nothing_is_known() -> None:
-    agreement = Agreement()
-    agreement.add(1.0, is_right=True)
-    agreement.clear()
-    assert (agreement.share, agreement.n_examples) == (None, 0)
-    agreement.add(0.0, is_right=False)
-    assert agreement.share == 0.0

@@ -25,14 +25,14 @@ def _timing_of(period_s: float, age_s: float, frames: int = 60) -> CameraTiming:
 
 def test_a_quick_camera_gets_the_limits_of_old() -> None:
     timing = _timing_of(1 / 30, 0.005)
-    assert (timing.timeout_s, timing.speed_scale) == (SHORTEST_S, 1.0)
-    assert timing.slack_s == pytest.approx(0.0)
+    assert (timing.state.timeout_s, timing.state.speed_scale) == (SHORTEST_S, 1.0)
+    assert timing.state.slack_s == pytest.approx(0.0)
 
 
 def test_a_webcam_on_a_brick_gets_time_enough_and_full_speed() -> None:
     timing = _timing_of(0.1, 0.145)
-    assert timing.timeout_s > 0.145 + 2 * 0.1, "one picture may be lost"
-    assert timing.speed_scale == 1.0
+    assert timing.state.timeout_s > 0.145 + 2 * 0.1, "one picture may be lost"
+    assert timing.state.speed_scale == 1.0
 
 
 @settings(deadline=None)
@@ -53,14 +53,14 @@ def test_whatever_a_camera_does_the_limits_are_bounded(
         captured_s += period_s
         delivered_s = max(delivered_s, captured_s + age_s)
         timing.note(captured_s, delivered_s, is_moving=is_moving)
-        assert timing.timeout_s >= SHORTEST_S
-        assert timing.timeout_s * timing.speed_scale <= bound.longest_timeout_s + 1e-9
-        sight_s = timing.delivery_age_s + timing.period_s
-        assert timing.speed_scale * sight_s <= max(bound.full_speed_s, 0.05 * sight_s) + 1e-9
+        assert timing.state.timeout_s >= SHORTEST_S
+        assert timing.state.timeout_s * timing.state.speed_scale <= bound.longest_timeout_s + 1e-9
+        sight_s = timing.state.delivery_age_s + timing.state.period_s
+        assert timing.state.speed_scale * sight_s <= max(bound.full_speed_s, 0.05 * sight_s) + 1e-9
         if is_moving:
             most_s = bound.growth_s_per_s * (delivered_s - since_s) + 1e-9
-            assert timing.period_s <= before.period_s + most_s
-            assert timing.delivery_age_s <= before.delivery_age_s + most_s
+            assert timing.state.period_s <= before.period_s + most_s
+            assert timing.state.delivery_age_s <= before.delivery_age_s + most_s
 
 
 def test_it_grows_slowly_while_moving_and_shrinks_at_once() -> None:
@@ -69,14 +69,14 @@ def test_it_grows_slowly_while_moving_and_shrinks_at_once() -> None:
     for _ in range(10):
         at_s += 0.1
         timing.note(at_s, at_s + 0.2, is_moving=True)
-        ages.append(timing.delivery_age_s)
+        ages.append(timing.state.delivery_age_s)
     assert ages == sorted(ages)
     assert ages[-1] < 0.08, "a second has not taught it to wait for 200 ms"
     for _ in range(15):
         at_s += 1 / 30
         timing.note(at_s, at_s + 0.005, is_moving=True)
-    assert timing.delivery_age_s == pytest.approx(0.005)
-    assert timing.period_s == pytest.approx(USUAL_PERIOD_S)
+    assert timing.state.delivery_age_s == pytest.approx(0.005)
+    assert timing.state.period_s == pytest.approx(USUAL_PERIOD_S)
 
 
 @pytest.mark.parametrize("lost_every", [2, 3, 7])
@@ -85,7 +85,7 @@ def test_a_lost_picture_now_and_then_changes_nothing(lost_every: int) -> None:
     for i in range(60):
         if lost_every == 2 or i % lost_every:
             timing.note(i * 0.1, i * 0.1 + 0.1, is_moving=False)
-    assert timing.period_s == pytest.approx(0.1)
+    assert timing.state.period_s == pytest.approx(0.1)
 
 
 @dataclass

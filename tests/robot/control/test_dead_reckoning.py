@@ -11,12 +11,13 @@ import pytest
 
 from robot.bodies.ev3.chassis import ChassisDriver, ChassisOptions, wheels_of
 from robot.control.dead_reckoning import DeadReckoning
+from robot.control.state import Tick
 from robot.devices.simulation.body import TRACK_M, WHEELS_MPS, move
 from robot.devices.wheels import CLASSIC_POINTS
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import DriveError
 from robot.testing import FakeDriver
-from robot.types import Action, Pose, Sensors
+from robot.types import Action, Decision, DrivenBy, Mode, Pose, Sensors
 
 TICK_S = 1 / 30
 START = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
@@ -31,6 +32,12 @@ class _TwoWheels(FakeDriver):
         return WHEELS_MPS[action]
 
 
+def told(action: Action, now_s: float, scale: float = 1.0) -> Tick:
+    """A tick in which the motors were told this."""
+    decision = Decision(action=action, driven_by=DrivenBy.PILOT, mode=Mode.TRAIN, speed_scale=scale)
+    return Tick(now_s=now_s, decision=decision, sent=action)
+
+
 @pytest.mark.parametrize("counts", [True, False])
 @pytest.mark.parametrize("seed", range(10))
 def test_without_slip_the_estimate_is_the_truth(seed: int, counts: bool) -> None:
@@ -39,17 +46,18 @@ def test_without_slip_the_estimate_is_the_truth(seed: int, counts: bool) -> None
     wheels_m = (chance.uniform(-9, 9), chance.uniform(-9, 9))  # counts begin anywhere
     now_s = 100.0
     reading = Sensors(wheels_m=wheels_m if counts else None)
-    sensed = reckoning.locate(reading, now_s)
+    sensed = reckoning.locate(reading, told(Action.STOP, now_s), now_s)
     assert sensed.pose == replace(START, is_estimate=True)
     for _ in range(30):
         action, scale = chance.choice(list(WHEELS_MPS)), chance.choice([1.0, 0.5])
         for _ in range(chance.randint(1, 30)):
-            reckoning.told(action, scale)
+            last = told(action, now_s, scale)
             left, right = (speed * scale for speed in WHEELS_MPS[action])
             truth = move(truth, left, right, TICK_S)
             wheels_m = wheels_m[0] + left * TICK_S, wheels_m[1] + right * TICK_S
             now_s += TICK_S
-            sensed = reckoning.locate(Sensors(wheels_m=wheels_m if counts else None), now_s)
+            reading = Sensors(wheels_m=wheels_m if counts else None)
+            sensed = reckoning.locate(reading, last, now_s)
     assert sensed.pose is not None and sensed.pose.is_estimate
     assert math.hypot(sensed.pose.x_m - truth.x_m, sensed.pose.y_m - truth.y_m) < 1e-6
     turned = math.remainder(sensed.pose.heading_rad - truth.heading_rad, math.tau)
@@ -59,26 +67,23 @@ def test_without_slip_the_estimate_is_the_truth(seed: int, counts: bool) -> None
 def test_counts_know_of_wheels_that_were_held() -> None:
     reckoning = DeadReckoning(_TwoWheels())
     for tick in range(30):
-        reckoning.told(Action.FORWARD, 1.0)
-        sensed = reckoning.locate(Sensors(wheels_m=(1.0, 1.0)), tick * TICK_S)
+        last = told(Action.FORWARD, (tick - 1) * TICK_S)
+        sensed = reckoning.locate(Sensors(wheels_m=(1.0, 1.0)), last, tick * TICK_S)
     assert sensed.pose == replace(START, is_estimate=True)
 
 
 def test_a_move_that_is_not_renewed_ends_in_the_estimate_too() -> None:
     reckoning = DeadReckoning(_TwoWheels())
-    reckoning.locate(Sensors(), 0.0)
-    reckoning.told(Action.FORWARD, 1.0)
-    pose = reckoning.locate(Sensors(), 60.0).pose
+    pose = reckoning.locate(Sensors(), told(Action.FORWARD, 0.0), 60.0).pose
     assert pose is not None
     assert pose.x_m == pytest.approx(WHEELS_MPS[Action.FORWARD][0] * ACTION_TIMEOUT_S)
 
 
 def test_the_truth_stays_the_truth_and_what_nobody_knows_is_not_made_up() -> None:
     there = Sensors(pose=Pose(x_m=3.0, y_m=4.0, heading_rad=1.0))
-    assert DeadReckoning(_TwoWheels()).locate(there, 1.0) is there
-    reckoning = DeadReckoning(FakeDriver())
-    reckoning.told(Action.FORWARD, 1.0)
-    assert reckoning.locate(Sensors(), 1.0).pose is None
+    last = told(Action.FORWARD, 0.9)
+    assert DeadReckoning(_TwoWheels()).locate(there, last, 1.0) is there
+    assert DeadReckoning(FakeDriver()).locate(Sensors(), last, 1.0).pose is None
 
 
 class _CountingBody:

@@ -23,7 +23,9 @@ def test_each_step_is_taken_at_once(
     governor = LinkGovernor()
     governor.note_age(age_s, 0.0)
     assert governor.level is level
-    assert (governor.speed_scale, governor.may_learn, governor.must_stop) == (scale, learns, stops)
+    state = governor.state(0.0)
+    assert state.level is level
+    assert (state.speed_scale, state.may_learn, state.must_stop) == (scale, learns, stops)
 
 
 def test_steps_are_taken_back_one_by_one_and_only_after_a_while() -> None:
@@ -130,7 +132,9 @@ def test_a_slow_link_halves_the_speed_then_ends_learning_then_stops() -> None:
     assert robot.loop.state.decision.stop_reason is StopReason.LINK_SLOW
     _drive_with_age(robot, 0.1)
     assert robot.driver.sent[-1][0] is Action.STOP, "it waits for an explicit start"
-    assert robot.loop.state.link is LinkLevel.NOT_LEARNING, "and trusts the link only step by step"
+    assert robot.loop.state.link.level is LinkLevel.NOT_LEARNING, (
+        "and trusts the link only step by step"
+    )
 
 
 def test_a_new_pilot_has_a_new_link() -> None:
@@ -139,7 +143,7 @@ def test_a_new_pilot_has_a_new_link() -> None:
     _drive_with_age(robot, 0.6)
     robot.loop.empty_command()
     robot.tick()
-    assert robot.loop.state.link is LinkLevel.GOOD
+    assert robot.loop.state.link.level is LinkLevel.GOOD
 
 
 def test_words_of_the_past_are_not_obeyed_after_the_computer_was_held_up() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from robot.control.thread import LoopThread
+from robot.errors import DriveError
 from robot.learner.base import Evidence, Vector
 from robot.learner.classifier import BSOCClassifier
 from robot.policy.features import GreyFeatures
@@ -272,6 +272,20 @@ def test_a_drive_that_fails_is_stopped_and_said() -> None:
     assert state.fault == "No motor on port B."
 
 
+def test_a_body_that_cannot_even_be_told_to_stop_is_stopped_in_the_loop() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+
+    def refuse() -> None:
+        raise DriveError("out of reach")
+
+    robot.driver.failure = "out of reach"
+    robot.driver.stop = refuse  # type: ignore[method-assign]
+    tick = robot.step(1, F)
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
+    assert tick.fault == "out of reach"
+
+
 def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
@@ -340,11 +354,10 @@ def test_listeners_hear_every_turn_until_they_leave() -> None:
 
 def test_the_thread_turns_the_loop_and_stops_the_robot_at_its_end() -> None:
     robot = BenchRobot()
-    thread = LoopThread(robot.loop, robot.clock)
-    thread.start()
+    robot.rig.start()
     assert robot.clock.result(robot.loop.submit(lambda: "served"), 5.0) == "served"
-    thread.stop()
-    thread.stop()
+    robot.rig.stop()
+    robot.rig.stop()
     assert robot.driver.sent[-1][0] is Action.STOP
 
 
@@ -385,7 +398,7 @@ def test_a_learner_that_fails_proposes_nothing_and_stops_nobody() -> None:
     robot.step(scene=1, held=L)
     assert robot.step(scene=1, held=L).prediction.action is L
     assert robot.loop.state.fault is None
-    assert robot.loop.learner_failure is not None, "it is not forgotten"
+    assert robot.loop.learning.failure is not None, "it is not forgotten"
 
 
 @pytest.mark.parametrize("takes_points", [True, False])

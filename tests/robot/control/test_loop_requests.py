@@ -163,13 +163,13 @@ def test_another_pilot_has_another_link() -> None:
     robot.camera.show(1)
     robot.hold(F, frame_id=seen.frame_id)
     robot.tick()
-    links = [robot.loop.state.link]
+    links = [robot.loop.state.link.level]
     robot.hold(F, frame_id=seen.frame_id)
     robot.loop.empty_command()
     robot.tick()
-    links.append(robot.loop.state.link)
+    links.append(robot.loop.state.link.level)
     assert links == [LinkLevel.CAPPED, LinkLevel.GOOD]
-    assert robot.loop.state.pilot_frame_age_s is None
+    assert robot.loop.state.link.age_s is None
 
 
 @pytest.mark.parametrize(("age_s", "mode"), [(None, Mode.TRAIN), (0.4, Mode.TRAIN), (0.6, None)])
@@ -196,4 +196,4 @@ def test_a_command_that_a_start_overtakes_still_tells_of_the_link() -> None:
     robot.clock.advance(0.27)
     robot.hold(F, frame_id=seen.frame_id)
     robot.start(Mode.TRAIN)
-    assert robot.loop.state.link is LinkLevel.CAPPED
+    assert robot.loop.state.link.level is LinkLevel.CAPPED

@@ -10,7 +10,6 @@ import pytest
 
 from robot.control.link_governor import LinkLevel
 from robot.control.loop import LoopConfig
-from robot.control.thread import LoopThread
 from robot.errors import DriveError
 from robot.types import Action, Mode, PilotCommand, Sensors, StopReason
 from tests.robot.bench_robot import BenchRobot, started
@@ -53,23 +52,22 @@ def test_whatever_happens_wakes_the_loop(happens: Callable[[BenchRobot], object]
 
 def test_where_nothing_happens_the_loop_is_run_every_50_ms() -> None:
     robot = BenchRobot()
-    thread = LoopThread(robot.loop, robot.clock)
-    thread.start()
+    robot.rig.start()
     robot.clock.sleep(1.0)
-    thread.stop()
+    robot.rig.stop()
     assert 19 <= robot.loop.state.cycles <= 22
 
 
 def test_a_new_frame_is_shown_once_with_what_the_policy_made_of_it() -> None:
     robot = BenchRobot()
-    assert robot.loop.newest is None
+    assert robot.loop.learning.newest is None
     assert robot.loop.clock is robot.clock
     frame = robot.camera.show(1)
     tick = robot.tick()
     assert tick.frame is frame
     assert tick.sensors.distance_m == 0.5
-    assert robot.loop.newest is not None
-    x, prediction = robot.loop.newest
+    assert robot.loop.learning.newest is not None
+    x, prediction = robot.loop.learning.newest
     assert np.array_equal(x, robot.loop.history.policy.extract(frame))
     assert prediction is tick.prediction
     assert robot.tick().frame is None
@@ -189,7 +187,7 @@ def test_a_slow_cameras_period_is_allowed_for_unless_the_page_tells_what_its_pho
         )
     )
     robot.tick()
-    assert robot.loop.state.link is level
+    assert robot.loop.state.link.level is level
 
 
 def test_a_pilot_whose_phone_shows_a_picture_half_a_second_old_drives_no_more() -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from robot.clock import ManualClock
 from robot.control.online_learning import MEMORY_FRAMES, OnlineLearning
 from robot.errors import CameraError
 from robot.policy.registry import make_policy
+from robot.testing import VirtualClock
 from robot.types import Action, PilotCommand
 from tests.robot.bench_robot import BenchCamera
 
@@ -15,17 +15,17 @@ F = Action.FORWARD
 
 
 @pytest.fixture
-def clock() -> ManualClock:
-    return ManualClock(50.0)
+def clock() -> VirtualClock:
+    return VirtualClock(50.0)
 
 
 @pytest.fixture
-def camera(clock: ManualClock) -> BenchCamera:
+def camera(clock: VirtualClock) -> BenchCamera:
     return BenchCamera(clock)
 
 
 @pytest.fixture
-def online_learning(clock: ManualClock) -> OnlineLearning:
+def online_learning(clock: VirtualClock) -> OnlineLearning:
     return OnlineLearning(make_policy("published-8"), clock)
 
 
@@ -73,7 +73,7 @@ def test_it_remembers_only_the_newest_frames(
 
 
 def test_when_a_frame_was_taken_and_came_is_known_before_the_first_command(
-    online_learning: OnlineLearning, camera: BenchCamera, clock: ManualClock
+    online_learning: OnlineLearning, camera: BenchCamera, clock: VirtualClock
 ) -> None:
     assert online_learning.times_of(1) is None
     frame = camera.show(1)
@@ -82,7 +82,7 @@ def test_when_a_frame_was_taken_and_came_is_known_before_the_first_command(
 
 
 def test_the_frame_rate_is_that_of_the_camera(
-    online_learning: OnlineLearning, camera: BenchCamera, clock: ManualClock
+    online_learning: OnlineLearning, camera: BenchCamera, clock: VirtualClock
 ) -> None:
     for scene in range(5):
         clock.advance(0.1)
@@ -91,7 +91,7 @@ def test_the_frame_rate_is_that_of_the_camera(
 
 
 def test_what_is_undone_no_longer_counts_in_the_agreement(
-    online_learning: OnlineLearning, camera: BenchCamera, clock: ManualClock
+    online_learning: OnlineLearning, camera: BenchCamera, clock: VirtualClock
 ) -> None:
     for scene in range(80):
         clock.advance(0.1)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import heapq
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 
 import pytest
 
-from robot.clock import ManualClock
 from robot.control.loop import ControlLoop
 from robot.devices.driver_thread import SILENT_S, STALE_S, DriverThread
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
@@ -24,11 +24,22 @@ from tests.robot.devices.still_camera import StillCamera
 TICK_S = 1 / 30
 
 
+class NoThread(threading.Thread):
+    def join(self, timeout: float | None = None) -> None: ...
+
+
+class StepClock(VirtualClock):
+    """Starts no thread: the test does its steps."""
+
+    def start_thread(self, target: Callable[[], None], name: str) -> threading.Thread:
+        return NoThread()
+
+
 @dataclass
 class Body(ReplayDriver):
     """A body in virtual time that notes each request and when it came; it may fail."""
 
-    clock: ManualClock
+    clock: VirtualClock
     requests: list[tuple[float, str]] = field(default_factory=list)
     failure: Exception | None = None
     moving_s: float = 0.0
@@ -74,11 +85,11 @@ class Drive:
 def drive(request_s: float, *, remote: bool, seconds: float = 20.0) -> Drive:
     """Teach for `seconds` of virtual time: pictures at 30 Hz, a pilot at 10 Hz, a body whose every
     request takes `request_s`. A body that is not remote holds up the loop that asks it."""
-    clock = ManualClock(1.0)
+    clock = StepClock(1.0)
     body = Body(clock)
     driver: Driver = body
     if remote:
-        driver = DriverThread(body, clock, threaded=False)
+        driver = DriverThread(body, clock)
     camera = StillCamera(clock)
     loop = ControlLoop(driver, camera, make_policy("published-8"), clock)
     driver.connect()
@@ -132,10 +143,10 @@ def test_the_same_body_on_the_loops_own_thread_would_cost_half() -> None:
     assert drive(0.05, remote=False).cycles < 0.5 * drive(0.0, remote=False).cycles
 
 
-def wrapped() -> tuple[ManualClock, Body, DriverThread]:
-    clock = ManualClock(1.0)
+def wrapped() -> tuple[VirtualClock, Body, DriverThread]:
+    clock = StepClock(1.0)
     body = Body(clock)
-    driver = DriverThread(body, clock, threaded=False)
+    driver = DriverThread(body, clock)
     driver.connect()
     return clock, body, driver
 
@@ -161,10 +172,10 @@ def test_only_the_newest_action_is_sent() -> None:
 
 
 def test_a_point_waits_and_is_sent_as_a_move_does() -> None:
-    clock = ManualClock(1.0)
+    clock = StepClock(1.0)
     body = FakeDriver(clock=clock)
     body.takes_points = True
-    driver = DriverThread(body, clock, threaded=False)
+    driver = DriverThread(body, clock)
     drain(driver)
     assert driver.takes_points
     for point in (Point(0.5, 0.5), Point(-0.5, 0.25)):

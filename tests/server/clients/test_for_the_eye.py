@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from robot.clock import ManualClock
+from robot.testing import VirtualClock
 from robot.types import Encoding, Frame
 from server.clients.flow_control import PictureSize
 from server.clients.video import EncodedFrame, Encoder, VideoHub, Viewer
@@ -51,7 +51,7 @@ class _Screen:
 @pytest.mark.parametrize("seed", range(5))
 def test_each_link_gets_the_picture_that_it_takes(seed: int) -> None:
     chance = random.Random(seed)
-    clock = ManualClock()
+    clock = VirtualClock()
     asked: list[int] = []
 
     def for_the_eye(frame: Frame) -> Frame:
@@ -95,7 +95,7 @@ def test_a_link_too_narrow_for_larger_pictures_tries_them_rarely() -> None:
 
 
 def test_with_slow_links_alone_nobody_asks_for_larger_pictures() -> None:
-    clock = ManualClock()
+    clock = VirtualClock()
 
     def for_the_eye(frame: Frame) -> Frame:
         raise AssertionError("nobody shows it")

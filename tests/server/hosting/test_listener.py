@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from robot.clock import ManualClock
+from robot.testing import VirtualClock
 from server.config import Limits
 from server.hosting.serving import open_socket
 from server.security.access import Role, Session
@@ -19,7 +19,7 @@ from server.security.listener import DoorListener
 
 
 def _listener(door: Door) -> DoorListener:
-    listener = DoorListener.behind(door, open_socket("127.0.0.1", 0), ManualClock())
+    listener = DoorListener.behind(door, open_socket("127.0.0.1", 0), VirtualClock())
     listener.setblocking(False)
     return listener
 
@@ -114,7 +114,7 @@ def what_has_come_is_read_before_it_is_pushed_out() -> None:
     async def scenario() -> None:
         listener = _listener(door)
         clients = [socket.create_connection(listener.getsockname()) for _ in range(100)]
-        assert isinstance(listener.clock, ManualClock)
+        assert isinstance(listener.clock, VirtualClock)
         rounds = []
         for _ in range(9):
             listener.clock.advance(1.0)  # of a busy computer

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 from robot.bodies.ev3.stock import codec
 from robot.bodies.ev3.stock.lines import UsbLine, find_usb, open_line, parse_beacon
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions, StockBody
-from robot.clock import ManualClock
 from robot.errors import ConfigurationError, DriveError
+from robot.testing import VirtualClock
 from robot.types import Action
 from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.standins.ev3_stock import LARGE, SERIAL, TOUCH, StockBrick, StockFirmware, _Machine
@@ -69,7 +69,7 @@ def test_only_an_ev3s_beacon_counts(data: bytes, found: bool) -> None:
 
 @pytest.fixture
 def brick() -> StockFirmware:
-    return StockFirmware(ManualClock().now_s)
+    return StockFirmware(VirtualClock().now_s)
 
 
 class Wire:

@@ -16,8 +16,8 @@ import pytest
 from robot.bodies.mjpeg.answer import Chunks, read_head
 from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
 from robot.bodies.mjpeg.finder import PictureFinder
-from robot.clock import ManualClock
 from robot.errors import CameraError
+from robot.testing import VirtualClock
 from robot.types import Encoding
 
 STREAMS = int(os.environ.get("DRIVELESSON_STREAMS", "60"))
@@ -43,7 +43,7 @@ class FakeSocket:
     """Gives what a camera sends, a piece at a time; the clock stands for the time between."""
 
     def __init__(
-        self, pieces: list[bytes], clock: ManualClock, pause_s: float, *, stalls: bool
+        self, pieces: list[bytes], clock: VirtualClock, pause_s: float, *, stalls: bool
     ) -> None:
         self._pieces, self._clock, self._pause_s, self._stalls = pieces, clock, pause_s, stalls
         self.asked = b""
@@ -77,7 +77,7 @@ def cut(data: bytes, dice: random.Random) -> list[bytes]:
 def watch(answers: list[list[bytes]], *, pause_s: float = 0.01, stalls: bool = False,
           source: str = SOURCE) -> tuple[list[Any], str, list[bytes]]:  # fmt: skip
     """Run a camera over what a server sends at each request: what it showed, said and asked."""
-    clock, shown, sockets = ManualClock(), [], []
+    clock, shown, sockets = VirtualClock(), [], []
     camera = MjpegCamera(MjpegOptions(source=source), clock)
 
     def connect(url: object) -> None:
@@ -283,7 +283,7 @@ def test_the_reason_is_true(words: str) -> None:
 def test_bursts_are_no_fault_and_a_slow_camera_is_called_slow(
     burst: int, pause_s: float, is_slow: bool
 ) -> None:
-    clock = ManualClock()
+    clock = VirtualClock()
     camera = MjpegCamera(MjpegOptions(source=SOURCE), clock)
     faults = set()
     for number in range(40):

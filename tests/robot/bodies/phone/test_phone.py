@@ -7,13 +7,14 @@ from collections.abc import Iterator
 import pytest
 
 from robot.bodies.phone.camera import NOBODY, PhoneCamera, PhoneOptions
-from robot.clock import ManualClock, Worker
+from robot.clock import Worker
 from robot.devices.freshness import STILL_S
 from robot.devices.pictures import Picture
+from robot.testing import VirtualClock
 from robot.types import Encoding
 
 
-class Clock(ManualClock):
+class Clock(VirtualClock):
     """Starts no thread: the test moves time and calls the watch itself."""
 
     def start_thread(self, target, name: str) -> Worker:  # type: ignore[no-untyped-def]

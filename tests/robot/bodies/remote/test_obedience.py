@@ -9,8 +9,8 @@ import pytest
 
 from robot.bodies.remote.driver import RemoteOptions
 from robot.bodies.remote.udp import UdpDriver
-from robot.clock import ManualClock
 from robot.errors import DriveError
+from robot.testing import VirtualClock
 from robot.types import Action, Point
 
 
@@ -21,7 +21,7 @@ class LateLine:
     """
 
     def __init__(self, lag: int, *, obeys: bool = True, **tells: object) -> None:
-        self.clock, self.tells = ManualClock(), tells
+        self.clock, self.tells = VirtualClock(), tells
         self.orders: list[dict[str, object]] = []
         self.obeys = obeys
         self._seq = 0

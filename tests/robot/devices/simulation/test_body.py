@@ -12,6 +12,7 @@ import pytest
 from robot.devices.simulation.body import (
     RADIUS_M,
     WHEELS_MPS,
+    bumpers,
     move,
     push_out,
     ranges_m,
@@ -53,19 +54,17 @@ def test_a_turn_is_18_5_degrees_a_second_about_the_standing_wheel(
 def test_a_wall_stops_the_body_and_presses_the_bumper(box: World) -> None:
     pose, contacts = push_out(box, Pose(x_m=1.10, y_m=0.5, heading_rad=0.0))
     assert pose.x_m == pytest.approx(1.15 - RADIUS_M)
-    assert [c.presses_left and c.presses_right for c in contacts] == [True]
+    assert bumpers(contacts) == (True, True)
 
 
 def test_a_wall_at_the_side_presses_only_that_side(box: World) -> None:
     _, contacts = push_out(box, Pose(x_m=0.5, y_m=1.10, heading_rad=math.radians(45)))
-    assert contacts[0].presses_left
-    assert not contacts[0].presses_right
+    assert bumpers(contacts) == (True, False)
 
 
 def test_a_wall_behind_presses_nothing(box: World) -> None:
     _, contacts = push_out(box, Pose(x_m=0.05, y_m=0.5, heading_rad=0.0))
-    assert not contacts[0].presses_left
-    assert not contacts[0].presses_right
+    assert contacts and bumpers(contacts) == (False, False)
 
 
 def test_a_corner_pushes_out_of_both_walls(box: World) -> None:

@@ -7,7 +7,6 @@ import random
 
 import pytest
 
-from robot.clock import ManualClock
 from robot.devices.options import make_options
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
 from robot.errors import ConfigurationError
@@ -78,7 +77,7 @@ def model_bytes(loop: ControlLoop) -> int:
 def test_experiments_get_the_pixels_themselves() -> None:
     driver = SimDriver(make_options(SimDriver.options_type, {}))
     driver.connect()
-    camera = SimCamera(driver, SimCameraOptions(), ManualClock())
+    camera = SimCamera(driver, SimCameraOptions(), VirtualClock())
     raw, jpeg = camera.capture(), camera._take()
     assert raw.encoding is Encoding.RGB and len(raw.data) == 160 * 120 * 3
     assert abs(to_rgb(raw).astype(int) - to_rgb(jpeg)).mean() < 6
@@ -91,7 +90,7 @@ def test_experiments_get_the_pixels_themselves() -> None:
 def test_a_quality_that_there_is_not_is_refused(quality: int) -> None:
     driver = SimDriver(make_options(SimDriver.options_type, {}))
     with pytest.raises(ConfigurationError, match="jpeg-quality"):
-        SimCamera(driver, SimCameraOptions(jpeg_quality=quality), ManualClock())
+        SimCamera(driver, SimCameraOptions(jpeg_quality=quality), VirtualClock())
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -104,7 +103,7 @@ def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: 
     def frames(is_looked_at: bool) -> list[bytes]:
         driver = SimDriver(make_options(SimDriver.options_type, {"world": world, "seed": seed}))
         driver.connect()
-        camera, taken = SimCamera(driver, SimCameraOptions(), ManualClock()), []
+        camera, taken = SimCamera(driver, SimCameraOptions(), VirtualClock()), []
         n_large = 0
         for move, looks in plan:
             driver.send_action(move)
@@ -130,7 +129,7 @@ def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: 
 def test_nobody_looks_and_nothing_is_made_for_the_eye() -> None:
     driver = SimDriver(make_options(SimDriver.options_type, {}))
     driver.connect()
-    camera = SimCamera(driver, SimCameraOptions(), ManualClock())
+    camera = SimCamera(driver, SimCameraOptions(), VirtualClock())
     camera.for_the_eye(camera._take())
     large = [camera.for_the_eye(camera._take()).width for _ in range(3)]
     assert large == [320, 320, 320]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.clock import ManualClock
 from robot.control.online_learning import OnlineLearning
 from robot.lab.adapters.driving_learner import DrivingLearner
 from robot.policy.registry import make_policy
+from robot.testing import VirtualClock
 from robot.types import Action, Encoding, Frame, PilotCommand
 
 MOVES = ("left", "right", "gas")
@@ -42,7 +42,7 @@ def test_it_is_the_learner_of_the_control_loop() -> None:
     rng = np.random.default_rng(5)
     own = DrivingLearner(MOVES)
     loop = OnlineLearning(
-        make_policy("default-32", tuple(Action(move) for move in MOVES)), ManualClock()
+        make_policy("default-32", tuple(Action(move) for move in MOVES)), VirtualClock()
     )
     under_way = None
     for i in range(80):

@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from robot.control.state import Tick
-from robot.control.thread import LoopThread
 from robot.store.folder import Storage
 from robot.store.models.autosave import Autosave
 from robot.store.models.journal import Journal
@@ -27,7 +26,6 @@ class KeptRobot(BenchRobot):
         storage = Storage(folder)
         self.store, self.journal = ModelStore(storage), Journal(storage.journal)
         self.told: list[str] = []
-        self.thread = LoopThread(self.loop, self.clock)
         self.new_keeper()
 
     def new_keeper(self) -> None:
@@ -59,10 +57,10 @@ class KeptRobot(BenchRobot):
 @pytest.fixture
 def robot(tmp_path: Path) -> Iterator[KeptRobot]:
     robot = KeptRobot(tmp_path)
-    robot.thread.start()
+    robot.rig.start()
     yield robot
     robot.autosave.stop()
-    robot.thread.stop()
+    robot.rig.stop()
 
 
 def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
@@ -74,12 +72,12 @@ def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
             taught.set()
             robot.clock.wait(go_on, 5)
 
-    listeners = robot.loop._board._listeners
+    listeners = robot.loop._publisher._listeners
     listeners.insert(0, hold_up)
     robot.ask_to_teach(1)
     assert robot.clock.wait(taught, 5) and robot.autosave.has_unsaved
     ending = robot.clock.start_thread(robot.autosave.stop, "ending")
-    while robot.autosave.note in robot.loop._board._listeners:
+    while robot.autosave.note in robot.loop._publisher._listeners:
         robot.clock.sleep(0.01)
     go_on.set()
     ending.join(10)
