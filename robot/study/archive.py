@@ -7,6 +7,7 @@ Nothing is computed anywhere else: the server packs what `rebuild` returns, and
 from __future__ import annotations
 
 import io
+import zipfile
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
@@ -18,7 +19,7 @@ from robot.errors import ConfigurationError
 from robot.store.table import Table, format_cell
 from robot.study import figures
 from robot.study.events import read_events, write_csv, write_events
-from robot.study.plan import CODE, PhaseKind, StudyPlan, parse_plan
+from robot.study.plan import CODE, StudyPlan, parse_plan
 from robot.study.rows import ConditionLog, Row, columns, condition_logs, rows_of
 from robot.study.tables import make_tables, measures, values_of
 from robot.types import Action, DrivenBy
@@ -73,8 +74,8 @@ def _draw(plan: StudyPlan, rows: list[Row], logs: list[ConditionLog]) -> dict[st
             drawn["-".join(measure)] = figures.strips(name, columns, joined=plan.is_within)
     for condition in plan.conditions:
         mine = [log for log in logs if log.condition is condition]
-        pilots = [log.profile(DrivenBy.PILOT, PhaseKind.TEACH) for log in mine]
-        robots = [log.profile(DrivenBy.ROBOT, PhaseKind.ALONE) for log in mine]
+        pilots = [log.profile(DrivenBy.PILOT, "teach") for log in mine]
+        robots = [log.profile(DrivenBy.ROBOT, "alone") for log in mine]
         for move in condition.moves:
             both = _mean(pilots, move), _mean(robots, move)
             if any(both):
@@ -117,8 +118,6 @@ def _report(
 
 def pack(plan_text: str, logs: Mapping[str, bytes]) -> bytes:
     """Return the zip: plan, event logs, and all that is made of them."""
-    import zipfile
-
     files: dict[str, bytes] = {
         "README.txt": _ABOUT.encode(),
         PLAN: plan_text.encode(),
@@ -142,8 +141,6 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
     Raises:
         ConfigurationError: If the file is not such a zip.
     """
-    import zipfile
-
     try:
         with zipfile.ZipFile(path) as archive:
             if sum(info.file_size for info in archive.infolist()) > _LARGEST_ZIP_MB * 1_000_000:

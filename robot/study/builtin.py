@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from typing import Any
 
 from robot.errors import ConfigurationError
 from robot.study.plan import MOST_PARTICIPANTS
@@ -34,7 +35,7 @@ world = "{world}"                # the simulator's world, or your name for the r
 moves = {moves}
 learner = {learner}
 questionnaires = {questionnaires}
-result = "{result}"            # "shown": who has finished sees how alike they drove; or "hidden"
+result = {result}            # "shown": who has finished sees how alike they drove; or "hidden"
 
 # Shown to the participant, who confirms it before anything begins. What it has to say is yours
 # to decide; without this line nothing is shown.
@@ -68,7 +69,9 @@ seconds = {{ teach = {teach}, correct = {correct} }}
 
 def paper_plan(trial: int = 1) -> str:
     """Return the paper's protocol of one trial as TOML; the conditions are its teaching times."""
-    return _write(trial, TIMES_S, 12, ("nasa-tlx", "trust", "closing"), "hidden", "default-32")
+    asked = ["nasa-tlx", "trust", "closing"]
+    chosen = {"participants": 12, "questionnaires": asked, "result": "hidden"}
+    return _write(trial, TIMES_S, **chosen, learner="default-32")
 
 
 def trial_plan(trial: int, teach_s: int, learner: str = "default-32") -> str:
@@ -81,30 +84,20 @@ def trial_plan(trial: int, teach_s: int, learner: str = "default-32") -> str:
         raise ConfigurationError(f"there is no trial {trial!r}; choose 1, 2 or 3")
     if repr(teach_s) not in map(repr, TIMES_S):
         raise ConfigurationError(f"teaching takes 90 or 180 s, not {teach_s!r}")
-    times_s = {teach_s: TIMES_S[teach_s]}
-    return _write(trial, times_s, MOST_PARTICIPANTS, ("closing",), "shown", learner)
+    chosen = {"participants": MOST_PARTICIPANTS, "questionnaires": ["closing"], "result": "shown"}
+    return _write(trial, {teach_s: TIMES_S[teach_s]}, **chosen, learner=learner)
 
 
-def _write(
-    trial: int,
-    times: Mapping[int, int],
-    participants: int,
-    questionnaires: tuple[str, ...],
-    result: str,
-    learner: str,
-) -> str:
+def _write(trial: int, times: Mapping[int, int], **fields: Any) -> str:
     (world, moves), (teach, correct) = TRIALS[trial], next(iter(times.items()))
     return _PLAN.format(
         trial=trial,
         seconds=" or ".join(map(str, times)),
-        participants=participants,
         world=world,
-        moves=json.dumps(moves),  # texts are written alike in TOML
-        questionnaires=json.dumps(questionnaires),
-        result=result,
-        learner=json.dumps(learner),
         teach=teach,
         correct=correct,
         alone=ALONE_S,
         conditions="".join(_CONDITION.format(teach=t, correct=c) for t, c in times.items()),
+        # Texts are written alike in TOML.
+        **{name: json.dumps(value) for name, value in {"moves": moves, **fields}.items()},
     )

@@ -3,48 +3,75 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
-from robot.errors import ConfigurationError
-from robot.study.order import order_of, williams_rows
-from robot.study.questions import Question, Words, questionnaires
-from robot.study.table_reader import TableReader
+from robot.devices.outside import must_be, number, text, whole
+from robot.errors import ConfigurationError, did_you_mean
+from robot.study.plan_table import PlanTable, Words, refuse_twins, refuse_unknown, words
+from robot.study.questions import Question, questionnaires
 from robot.types import Action, Mode
 
 MOST_PARTICIPANTS, MOST_CONDITIONS, MOST_PHASES, MOST_QUESTIONS = 500, 8, 12, 60
 LONGEST_PHASE_S = 7200.0
 CODE = re.compile(r"[A-Z]{1,3}[0-9]{1,4}")
 """A participant's code: nothing else of a person is asked for, or kept."""
+_MOVES = 'a list of moves such as ["forward", "left"]'
 
 
-class PhaseKind(StrEnum):
-    """What happens in a phase."""
+PhaseKind = Literal["teach", "correct", "alone"]
+"""The pilot drives, the robot learns; or the robot drives, and is corrected; or is left alone."""
 
-    TEACH = "teach"
-    """The pilot drives, the robot learns."""
-    CORRECT = "correct"
-    """The robot drives, the pilot corrects it."""
-    ALONE = "alone"
-    """The robot drives, and nobody is to touch it."""
+
+class PlannedPhase(PlanTable):
+    """One timed part of a condition."""
+
+    kind: PhaseKind = must_be("'teach', 'correct' or 'alone'")
+    name: str = text("")
+    seconds: float = number(above=0, most=LONGEST_PHASE_S)
+    instructions: Words = words({})
 
     @property
     def mode(self) -> Mode:
         """The mode in which the phase's clock runs."""
-        return Mode.TRAIN if self is PhaseKind.TEACH else Mode.AUTONOMOUS
+        return Mode.TRAIN if self.kind == "teach" else Mode.AUTONOMOUS
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlannedPhase:
-    """One timed part of a condition."""
+class _Condition(PlanTable):
+    """A table [[condition]]; what it leaves out is as in the rest of the plan."""
 
-    name: str
-    kind: PhaseKind
-    seconds: float
-    instructions: Words
+    name: str = text()
+    world: str = text("")
+    moves: list[str] = must_be(_MOVES, [])
+    learner: str = text("")
+    seconds: dict[str, float] = must_be("times by phase: { teach = 90, ... }", {})
+    instructions: Words = words({})
+
+
+class _Plan(PlanTable):
+    """The whole file, with the tables in it unread."""
+
+    title: str = text(most=100)
+    participants: int = whole(12, least=1, most=MOST_PARTICIPANTS)
+    design: Literal["within", "between"] = must_be("'within' or 'between'", "within")
+    consent: Words = words({})
+    world: str = text("")
+    moves: list[str] = must_be(_MOVES, ["forward", "left", "right"])
+    learner: str = text("default-32")
+    result: Literal["hidden", "shown"] = must_be("'hidden' or 'shown'", "hidden")
+    questionnaires: list[str] = must_be("a list of names", list(questionnaires()))
+    phase: list[dict[str, Any]] = must_be("tables, each below a line [[phase]]")
+    condition: list[dict[str, Any]] = must_be("tables, each below a line [[condition]]")
+    question: list[dict[str, Any]] = must_be("tables, each below a line [[question]]", [])
+
+    def check_together(self) -> None:
+        for name in self.questionnaires:
+            if name not in questionnaires():
+                hint = did_you_mean(name, questionnaires())
+                there = ", ".join(questionnaires())
+                raise ValueError(f"'questionnaires' has {name!r}{hint}; there are {there}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,19 +105,35 @@ class StudyPlan:
 
     def order(self, slot: int) -> tuple[str, ...]:
         """Return the names of the conditions for one place in the plan (from 0), in order."""
-        chosen = order_of(slot, len(self.conditions), is_within=self.is_within)
-        return tuple(self.conditions[i].name for i in chosen)
+        return tuple(self.conditions[i].name for i in self._orders[slot % self.balanced_every])
 
     @property
     def balanced_every(self) -> int:
         """The order is balanced for multiples of so many participants."""
+        return len(self._orders)
+
+    @cached_property
+    def _orders(self) -> list[tuple[int, ...]]:
         n = len(self.conditions)
-        return len(williams_rows(n)) if self.is_within else n
+        return williams_rows(n) if self.is_within else [(i,) for i in range(n)]
 
     def questions_at(self, position: int, of: int) -> tuple[Question, ...]:
         """Return what is asked after the condition at `position` (from 0) of `of`."""
         is_last = position == of - 1
-        return tuple(q for q in self.questions if is_last or not q.is_at_the_end)
+        return tuple(q for q in self.questions if is_last or q.when == "each")
+
+
+def williams_rows(n: int) -> list[tuple[int, ...]]:
+    """Return in which order participants meet `n` conditions, numbered from 0: a Latin square.
+
+    Every condition stands equally often at every position, and follows every other equally often.
+    Source: E. J. Williams, "Experimental designs balanced for the estimation of residual effects of
+    treatments", Australian Journal of Scientific Research A 2 (1949): one square for an even number
+    of conditions, a square and its mirror image for an odd one.
+    """
+    first = [0] + [(k + 1) // 2 if k % 2 else n - k // 2 for k in range(1, n)]
+    rows = [tuple((start + i) % n for start in first) for i in range(n)]
+    return rows if n % 2 == 0 or n == 1 else rows + [row[::-1] for row in rows]
 
 
 def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
@@ -105,101 +148,45 @@ def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigurationError(f"{where} is not TOML: {error}; mend that line") from error
-    reader = TableReader(table, where)
-    questions = _questions(reader)
-    plan = StudyPlan(
-        title=reader.text("title", most=100),
-        participants=reader.whole("participants", 1, MOST_PARTICIPANTS, default=12),
-        is_within=reader.one_of("design", ("within", "between"), default="within") == "within",
-        consent=reader.words("consent"),
-        shows_result=reader.one_of("result", ("hidden", "shown"), default="hidden") == "shown",
-        conditions=_conditions(reader),
-        questions=questions,
+    plan = _Plan.read(table, where)
+    named = [{"name": phase.get("kind"), **phase} for phase in plan.phase]
+    phases = PlannedPhase.read_all(named, where, "phase", 1, MOST_PHASES)
+    refuse_twins([phase.name for phase in phases], "phase", where)
+    own = _Condition.read_all(plan.condition, where, "condition", 1, MOST_CONDITIONS)
+    refuse_twins([condition.name for condition in own], "condition", where)
+    chosen = dict.fromkeys(plan.questionnaires)
+    questions = [question for name in chosen for question in questionnaires()[name]]
+    questions += Question.read_all(plan.question, where, "question", 0, MOST_QUESTIONS)
+    refuse_twins([question.name for question in questions], "question", where)
+    return StudyPlan(
+        title=plan.title,
+        participants=plan.participants,
+        is_within=plan.design == "within",
+        consent=plan.consent,
+        shows_result=plan.result == "shown",
+        conditions=tuple(
+            _condition(plan, phases, condition, f"{where}, [[condition]] number {number}")
+            for number, condition in enumerate(own, start=1)
+        ),
+        questions=tuple(questions),
     )
-    reader.refuse_unknown()
-    return plan
-
-
-def _conditions(reader: TableReader) -> tuple[Condition, ...]:
-    phases = tuple(_phase(part) for part in reader.tables("phase", 1, MOST_PHASES))
-    _refuse_twins(reader, "phase", [phase.name for phase in phases])
-    defaults = {
-        "world": reader.text("world", default="", most=200),
-        "moves": reader.moves("moves", default=(Action.FORWARD, Action.LEFT, Action.RIGHT)),
-        "learner": reader.learner("learner", default="default-32"),
-    }
-    conditions = tuple(
-        _condition(part, phases, defaults)
-        for part in reader.tables("condition", 1, MOST_CONDITIONS)
-    )
-    _refuse_twins(reader, "condition", [condition.name for condition in conditions])
-    return conditions
-
-
-def _phase(reader: TableReader) -> PlannedPhase:
-    kind = PhaseKind(reader.one_of("kind", tuple(PhaseKind)))
-    phase = PlannedPhase(
-        name=reader.name("name", default=str(kind)),
-        kind=kind,
-        seconds=reader.number("seconds", above=0.0, most=LONGEST_PHASE_S),
-        instructions=reader.words("instructions"),
-    )
-    reader.refuse_unknown()
-    return phase
 
 
 def _condition(
-    reader: TableReader, phases: tuple[PlannedPhase, ...], defaults: Mapping[str, Any]
+    plan: _Plan, phases: Sequence[PlannedPhase], own: _Condition, where: str
 ) -> Condition:
-    name = reader.name("name")
-    seconds = reader.table("seconds")
-    own_s = {
-        p.name: seconds.number(p.name, above=0.0, most=LONGEST_PHASE_S, default=p.seconds)
-        for p in phases
-    }
-    seconds.refuse_unknown()
-    condition = Condition(
-        name=name,
-        world=reader.text("world", default=defaults["world"] or None, most=200),
-        moves=reader.moves("moves", default=defaults["moves"]),
-        learner=reader.learner("learner", default=defaults["learner"]),
-        instructions=reader.words("instructions"),
-        phases=tuple(replace(phase, seconds=own_s[phase.name]) for phase in phases),
+    world = own.world or plan.world
+    if not world:
+        raise ConfigurationError(f"{where}: 'world' is missing; add it")
+    refuse_unknown(own.seconds, [phase.name for phase in phases], f"{where}, seconds")
+    timed = [
+        {**dict(phase), "seconds": own.seconds.get(phase.name, phase.seconds)} for phase in phases
+    ]
+    return Condition(
+        name=own.name,
+        world=world,
+        moves=tuple(dict.fromkeys(map(Action, own.moves or plan.moves))),
+        learner=own.learner or plan.learner,
+        instructions=own.instructions,
+        phases=tuple(PlannedPhase.read(phase, f"{where}, seconds") for phase in timed),
     )
-    reader.refuse_unknown()
-    return condition
-
-
-def _questions(reader: TableReader) -> tuple[Question, ...]:
-    built_in = questionnaires()
-    names = reader.names("questionnaires", tuple(built_in), default=tuple(built_in))
-    found = [question for name in names for question in built_in[name]]
-    found += [_own_question(part) for part in reader.tables("question", 0, MOST_QUESTIONS)]
-    _refuse_twins(reader, "question", [question.name for question in found])
-    return tuple(found)
-
-
-def _own_question(reader: TableReader) -> Question:
-    kind = reader.one_of("kind", ("scale", "choice", "text"), default="scale")
-    name, text = reader.name("name"), reader.words("text", needed=True)
-    is_at_the_end = reader.one_of("when", ("each", "end"), default="each") == "end"
-    more: dict[str, Any] = {"least": 0, "most": 0, "step": 0}
-    if kind == "scale":
-        least = reader.whole("least", 0, 100, default=1)
-        most = reader.whole("most", least + 1, 100, default=max(7, least + 1))
-        more = {
-            "least": least,
-            "most": most,
-            "step": reader.whole("step", 1, most - least, default=1),
-        }
-        more |= {"low": reader.words("low"), "high": reader.words("high")}
-    elif kind == "choice":
-        more["options"] = reader.list_of_words("options", 2, 20)
-    reader.refuse_unknown()
-    return Question(name=name, text=text, kind=kind, is_at_the_end=is_at_the_end, **more)
-
-
-def _refuse_twins(reader: TableReader, what: str, names: list[str]) -> None:
-    for name in names:
-        if names.count(name) > 1:
-            raise reader.fault(f"two of the {what}s are called {name!r}", "give each its own name")

@@ -10,36 +10,42 @@ all translations are our own.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from robot.devices.outside import must_be, text, whole
 from robot.errors import ConfigurationError
+from robot.study.plan_table import PlanTable, Words, words
 
-Words = Mapping[str, str]
-"""A text by language (`en`, `es`, `zh`)."""
 LONGEST_ANSWER = 1000
+_OF_KIND = {"scale": ("least", "most", "step", "low", "high"), "choice": ("options",), "text": ()}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Question:
-    """One question.
+class Question(PlanTable):
+    """One question: a whole number on a scale, the number of an option (from 1), or a text."""
 
-    `kind` is `scale` (a whole number from `least` to `most` in steps), `choice` (the number of an
-    option, from 1) or `text`.
-    """
+    name: str = text()
+    text: Words = words()
+    kind: Literal["scale", "choice", "text"] = must_be("'scale', 'choice' or 'text'", "scale")
+    when: Literal["each", "end"] = must_be("'each' or 'end'", "each")
+    least: int = whole(1, least=0, most=100)
+    most: int = whole(7, least=1, most=100)
+    step: int = whole(1, least=1, most=100)
+    low: Words = words({})
+    high: Words = words({})
+    options: list[Words] = must_be("a list of 2 to 20 texts", [])
 
-    name: str
-    text: Words
-    kind: str = "scale"
-    least: int = 1
-    most: int = 7
-    step: int = 1
-    low: Words = field(default_factory=dict)
-    high: Words = field(default_factory=dict)
-    options: tuple[Words, ...] = ()
-    is_at_the_end: bool = False
+    @classmethod
+    def known(cls, table: Mapping[str, Any]) -> Sequence[str]:
+        own = _OF_KIND.get(str(table.get("kind", "scale")), ())
+        return ("name", "text", "kind", "when", *own)
+
+    def check_together(self) -> None:
+        if self.kind == "choice" and not 2 <= len(self.options) <= 20:
+            raise ValueError("'options' must be a list of 2 to 20 texts")
+        if self.kind == "scale" and not self.least < self.least + self.step <= self.most:
+            raise ValueError("'most' must be greater than 'least', by 'step' or more")
 
     def check(self, answer: Any) -> str:
         """Return an answer in the form in which it is kept.

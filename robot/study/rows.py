@@ -19,17 +19,8 @@ QUESTIONS = "questions"
 """Phase and kind of the row with the answers."""
 DRIVE_COLUMNS = (
     *("participant", "slot", "position", "condition", "attempt", "phase", "kind", "is_complete"),
-    *(
-        "world",
-        "place_checked_by",
-        "learner",
-        "moves",
-        "began_at",
-        "planned_s",
-        "driven_s",
-        "stops",
-    ),
-    *("interventions", "frames_pilot", "frames_robot", "examples", "agreement", "ssd"),
+    *("world", "place_checked_by", "learner", "moves", "began_at", "planned_s", "driven_s"),
+    *("stops", "interventions", "frames_pilot", "frames_robot", "examples", "agreement", "ssd"),
     *("ssd_of_moves_both_made", "recordings"),
 )
 Row = Mapping[str, Cell]
@@ -105,7 +96,7 @@ def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[Condit
 
 def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
     """Yield a row for each phase that was begun, then one with the answers."""
-    teacher = log.profile(DrivenBy.PILOT, PhaseKind.TEACH)
+    teacher = log.profile(DrivenBy.PILOT, "teach")
     for phase in log.condition.phases:
         if events := log.phase(phase.name):
             yield {**_common(log), **_drive(log, phase, events, teacher)}
@@ -149,7 +140,7 @@ def _drive(
     robots = frames(events, DrivenBy.ROBOT)
     row: dict[str, Cell] = {
         "phase": phase.name,
-        "kind": phase.kind.value,
+        "kind": phase.kind,
         "is_complete": int(bool(named(events, "phase_ended"))),
         "began_at": _moment(events[0]),
         "planned_s": phase.seconds,
@@ -163,7 +154,7 @@ def _drive(
         "recordings": " ".join(dict.fromkeys(e.value for e in named(events, "recording"))),
     }
     robot = profile_of(robots)
-    if phase.kind is not PhaseKind.TEACH and teacher and robot:
+    if phase.kind != "teach" and teacher and robot:
         difference = compare(teacher, robot, log.condition.moves)
         row["ssd"] = round(difference.ssd, _DIGITS)
         row["ssd_of_moves_both_made"] = round(difference.made, _DIGITS)
@@ -177,8 +168,8 @@ def outcome(log: ConditionLog) -> dict[str, Any]:
     (nobody moved, or there is no sonar) `ssd` is None.
     """
     moves = log.condition.moves
-    pilot = log.profile(DrivenBy.PILOT, PhaseKind.TEACH)
-    robot = log.profile(DrivenBy.ROBOT, PhaseKind.ALONE)
+    pilot = log.profile(DrivenBy.PILOT, "teach")
+    robot = log.profile(DrivenBy.ROBOT, "alone")
     difference = compare(pilot, robot, moves)
     examples = [e.value for e in named(log.events, "measure") if e.name == "examples"]
     return {

@@ -167,7 +167,7 @@ class StudySession:
             self._mode = decision.mode
             reason = decision.stop_reason.value if decision.stop_reason else ""
             events.append(self.make("mode", wall_s, name=decision.mode.value, value=reason))
-        if decision.mode is not phase.kind.mode:
+        if decision.mode is not phase.mode:
             self._was_pilot = False
             return events
         self._exact_s = min(self._exact_s + step_s * self.pace, phase.seconds)

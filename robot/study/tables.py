@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import itertools
 import statistics
+from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from robot.store.table import Cell, Table
-from robot.study.plan import PhaseKind, StudyPlan
+from robot.study.plan import StudyPlan
 from robot.study.questions import SCORES
 from robot.study.rows import QUESTIONS, Row
 
 _DIGITS = 6
 _OF_KIND = {
-    PhaseKind.TEACH: ("examples", "agreement", "stops"),
-    PhaseKind.CORRECT: ("interventions", "examples", "ssd", "stops"),
-    PhaseKind.ALONE: ("ssd", "interventions", "stops"),
+    "teach": ("examples", "agreement", "stops"),
+    "correct": ("interventions", "examples", "ssd", "stops"),
+    "alone": ("ssd", "interventions", "stops"),
 }
 Measure = tuple[str, str]
 """A phase and a column."""
@@ -119,8 +120,7 @@ def _count_answers(plan: StudyPlan, rows: Sequence[Row]) -> Iterator[tuple[Cell,
             continue
         for condition in plan.conditions:
             given = values_of(rows, condition.name, (QUESTIONS, question.name))
-            for answer in sorted(set(given.values())):
-                n = sum(value == answer for value in given.values())
+            for answer, n in sorted(Counter(given.values()).items()):
                 yield question.name, condition.name, int(answer), n
 
 

@@ -13,12 +13,12 @@ from typing import Any, cast
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.errors import ConfigurationError, RobotError
-from robot.store.models.autosave import Autosave
 from robot.study.builtin import trial_plan
 from robot.study.events import StudyEvent
 from robot.study.plan import Condition, parse_plan
 from robot.study.session import SessionStep, StudySession, follow_log
 from robot.types import Mode, StartStop
+from server.persistence import Persistence
 from server.study.event_log import EventLog
 from server.study.folder import LONGEST_NAME, StudyFolder, fingerprint
 from server.study.models import PATIENCE_S, SessionModels
@@ -56,31 +56,19 @@ class Conductor(StartStop):
 
     Args:
         rig: The robot.
-        folder: The studies.
-        autosave: The model in use.
+        kept: The studies' place on the disk, the model in use, the recorder.
         announce: Called with events that clients should know.
-        recording: Id of the recording that is made just now.
-        keep: Has that recording kept, though nothing is taught in it.
     """
 
-    def __init__(
-        self,
-        rig: Rig,
-        folder: StudyFolder,
-        autosave: Autosave,
-        announce: Callable[..., None],
-        recording: Callable[[], str | None],
-        keep: Callable[[], None],
-    ) -> None:
-        self.folder = folder
+    def __init__(self, rig: Rig, kept: Persistence, announce: Callable[..., None]) -> None:
+        self.folder = StudyFolder(kept.storage)
         self.pace = 1.0
         """Seconds of a phase that pass in one second: 1 except in demonstrations and tests."""
         self.study: str | None = None
         self.session: StudySession | None = None
         self._rig, self._loop, self._clock = rig, rig.loop, rig.clock
-        self._models = SessionModels(rig, folder, autosave)
-        self._announce = announce
-        self._recording, self._keep = recording, keep
+        self._models = SessionModels(rig, self.folder, kept.autosave)
+        self._kept, self._announce = kept, announce
         self._log: EventLog | None = None
         self._episode: str | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -220,9 +208,8 @@ class Conductor(StartStop):
         checker = "simulator" if self.is_simulated else "researcher"
         self._models.put_away()
         whose = (self.study or "", session.participant, session.position + 1)
-        kept = self._models.kept(*whose)
-        is_new = anew or session.step is SessionStep.READY or kept is None
-        self._models.put_in_use(*whose, condition, None if is_new else kept)
+        anew = anew or session.step is SessionStep.READY
+        is_new = self._models.put_in_use(*whose, condition, anew=anew)
         self._episode = None
         fields = {"attempt": session.attempt + 1} if is_new else {}
         self._happen("condition_begun" if is_new else "condition_resumed", **fields)
@@ -280,26 +267,21 @@ class Conductor(StartStop):
         """
         if self._is_on(study, participant):
             raise ConfigurationError("this session is on: leave it first")
-        return self.folder.withdraw(study, participant, self._recording())
+        return self.folder.withdraw(study, participant, self._kept.recording)
 
     # Ticks ------------------------------------------------------------------------------------
 
     def note(self, tick: Tick) -> None:
         """Record one tick, on the loop's thread; stop the robot when a phase ends."""
         session, event_log = self.session, self._log
-        if (
-            session is None
-            or event_log is None
-            or self._models.in_use is None
-            or session.phase is None
-        ):
+        if session is None or event_log is None or not (self.is_driving and session.phase):
             return
         wall_s = self._clock.wall_s()
         events: list[StudyEvent] = []
-        episode = self._recording()
+        episode = self._kept.recording
         if episode is not None and episode != self._episode:
             self._episode = episode
-            self._keep()
+            self._kept.recorder.keep()  # though nothing is taught in it
             events.append(session.make("recording", wall_s, value=episode))
         events += session.note(tick, wall_s, self._measure)
         event_log.add(events)

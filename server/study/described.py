@@ -31,13 +31,13 @@ def describe_place(conductor: Conductor) -> dict[str, Any] | None:
     session = conductor.session
     if session is None:
         return None
-    kind = session.phase.kind if session.phase else None
+    phase = session.phase
     return {
         "step": session.step.value,
         "position": min(session.position + 1, len(session.order)),
         "of": len(session.order),
-        "kind": kind.value if kind else None,
-        "mode": kind.mode.value if kind else None,
+        "kind": phase.kind if phase else None,
+        "mode": phase.mode.value if phase else None,
         "left_s": round(session.left_s, 1),
     }
 
@@ -60,7 +60,7 @@ def describe_session(conductor: Conductor) -> dict[str, Any] | None:
         "is_driving": conductor.is_driving,
         "phases": [
             {
-                "kind": phase.kind.value,
+                "kind": phase.kind,
                 "seconds": phase.seconds,
                 "done_s": round(session.done_s, 1)
                 if index == session.phase_index
@@ -70,7 +70,7 @@ def describe_session(conductor: Conductor) -> dict[str, Any] | None:
             for index, phase in enumerate(condition.phases)
         ],
         "phase": session.phase_index if session.phase else None,
-        "questions": [asdict(question) for question in session.questions] if is_asked else [],
+        "questions": [dict(question) for question in session.questions] if is_asked else [],
         "answers": dict(session.answers) if is_asked else {},
         "shows_result": session.plan.shows_result,
         "fault": conductor.fault,

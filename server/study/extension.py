@@ -1,18 +1,180 @@
-"""Studies as a part of a robot's server."""
+"""`/api/studies` and `/api/session`: studies with participants. See docs/reference/http.md."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
 
+from fastapi import APIRouter, Request, Response
+
+from robot.devices.outside import Outside, must_be, text, whole
 from robot.errors import ConfigurationError
+from robot.study.builtin import paper_plan
 from server.extension import Extension
-from server.study import routes
+from server.routes.answers import NameAnswer, Route, attachment, media
+from server.routes.bodies import do
+from server.security.access import Role
+from server.security.guard import PILOT, role_of
+from server.services import persistence_of, services_of
 from server.study.conductor import Conductor
-from server.study.folder import StudyFolder
+from server.study.described import describe_place, describe_session, describe_study
+from server.study.older import list_results, read_result
 
 if TYPE_CHECKING:
     from server.services import Services
+
+router = APIRouter(prefix="/api", route_class=Route)
+
+
+class NewStudy(Outside):
+    """A study's name, and its plan as TOML or the number of a trial of the paper."""
+
+    name: str = text()
+    plan: str | None = text(None, most=1_000_000)
+    trial: Literal[1, 2, 3] | None = must_be("1, 2 or 3", None)
+
+
+class NewSession(Outside):
+    """Whose session of which study, or which trial of the paper with how long a teaching."""
+
+    study: str = text("")
+    participant: str = text("")
+    trial: int | None = whole(None)
+    teach_s: int | None = whole(None)
+
+
+class Consent(Outside):
+    """The language in which the participant confirmed the plan's text."""
+
+    language: str = text()
+
+
+class Going(Outside):
+    """Whether the place is the right one, and whether a condition begins anew."""
+
+    confirmed: bool = must_be("true or false", False)
+    anew: bool = must_be("true or false", False)
+
+
+class Answers(Outside):
+    """Answers by question; with `done` all must be there."""
+
+    answers: dict[str, Any] = must_be("an object of answers by question", {})
+    done: bool = must_be("true or false", False)
+
+
+_GO_ON = Going()
+
+
+def _conductor(request: Request) -> Conductor:
+    persistence_of(request)  # 503 where nothing is saved
+    conductor = services_of(request).extension(StudyExtension).conductor
+    assert conductor is not None
+    return conductor
+
+
+def _older(request: Request) -> Path:
+    return persistence_of(request).storage.root / "lessons"
+
+
+@router.get("/studies", dependencies=[PILOT])
+async def list_studies(request: Request) -> dict[str, Any]:
+    """List the studies' names, and results of guided trials that 0.2 kept."""
+    names = await do(_conductor(request).folder.names)
+    return {"studies": names, "older": await do(list_results, _older(request))}
+
+
+@router.get("/studies/older/{result_id}.json", dependencies=[PILOT])
+async def download_older(request: Request, result_id: str) -> Response:
+    """Return the result of one guided trial of 0.2 as a file."""
+    data = await do(read_result, _older(request), result_id)
+    return attachment(data, "application/json", f"{result_id}.json")
+
+
+@router.post("/studies", dependencies=[PILOT], status_code=201)
+async def create_study(request: Request, body: NewStudy) -> NameAnswer:
+    """Make a study of a plan, or of the paper's."""
+    plan = body.plan if body.trial is None else paper_plan(body.trial)
+    if plan is None:
+        raise ConfigurationError("send 'plan', a TOML text, or 'trial', 1, 2 or 3")
+    return NameAnswer(name=await do(_conductor(request).folder.create, body.name, plan))
+
+
+@router.get("/studies/{name}", dependencies=[PILOT])
+async def show_study(request: Request, name: str) -> dict[str, Any]:
+    """Return a study, its sessions, and the order that the next participant gets."""
+    found: dict[str, Any] = await do(describe_study, _conductor(request).folder, name)
+    return found
+
+
+@router.get("/studies/{name}/zip", dependencies=[PILOT], **media("application/zip"))
+async def download_study(request: Request, name: str) -> Response:
+    """Return everything of a study: plan, event logs, tables, figures."""
+    data = await do(_conductor(request).folder.zip, name)
+    return attachment(data, "application/zip", f"{name}.zip")
+
+
+@router.get("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
+async def show_outcomes(request: Request, name: str, participant: str) -> dict[str, Any]:
+    """Return how alike participant and robot drove, by condition."""
+    return {"conditions": await do(_conductor(request).folder.outcomes, name, participant)}
+
+
+@router.delete("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
+async def withdraw_participant(request: Request, name: str, participant: str) -> dict[str, Any]:
+    """Delete all that is kept of a participant for good; 409 while that session is on."""
+    conductor = _conductor(request)
+    return {"deleted": await do(conductor.withdraw, name, participant)}
+
+
+@router.get("/session")
+def show_session(request: Request) -> dict[str, Any]:
+    """Return the session that is on, or null; a viewer gets where it stands, and no more."""
+    conductor = services_of(request).extension(StudyExtension).conductor
+    is_viewer = role_of(request) is Role.VIEWER
+    return {"session": conductor and (describe_place if is_viewer else describe_session)(conductor)}
+
+
+@router.post("/session", dependencies=[PILOT], status_code=201)
+async def begin_session(request: Request, body: NewSession) -> dict[str, Any]:
+    """Begin a session, or take it up again, or begin a trial of the paper."""
+    conductor = _conductor(request)
+    if body.trial is not None:
+        await do(conductor.begin_trial, body.trial, body.teach_s or 0)
+    else:
+        await do(conductor.begin, body.study, body.participant)
+    return show_session(request)
+
+
+@router.delete("/session", dependencies=[PILOT])
+async def leave_session(request: Request) -> dict[str, Any]:
+    """Leave the session; it can be taken up again where it is."""
+    await do(_conductor(request).leave)
+    return show_session(request)
+
+
+@router.post("/session/consent", dependencies=[PILOT])
+async def give_consent(request: Request, body: Consent) -> dict[str, Any]:
+    """Note that the participant confirmed the plan's text."""
+    await do(_conductor(request).consent, body.language)
+    return show_session(request)
+
+
+@router.post("/session/drive", dependencies=[PILOT])
+async def drive_condition(request: Request, body: Going = _GO_ON) -> dict[str, Any]:
+    """Begin the next condition, or go on; 409 in the wrong world."""
+    conductor = _conductor(request)
+    await do(lambda: conductor.drive(confirmed=body.confirmed, anew=body.anew))
+    return show_session(request)
+
+
+@router.post("/session/answers", dependencies=[PILOT])
+async def answer_questions(request: Request, body: Answers) -> dict[str, Any]:
+    """Take answers."""
+    conductor = _conductor(request)
+    await do(lambda: conductor.answer(body.answers, is_done=body.done))
+    return show_session(request)
 
 
 class StudyExtension(Extension):
@@ -22,20 +184,13 @@ class StudyExtension(Extension):
         conductor: Conducts them; None where nothing is saved.
     """
 
-    routers = (routes.router,)
+    routers = (router,)
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         kept = services.persistence
         self.conductor: Conductor | None = None
         if kept is not None:
-            self.conductor = Conductor(
-                services.robot,
-                StudyFolder(kept.storage),
-                kept.autosave,
-                services.events.publish,
-                lambda: kept.recording,
-                kept.recorder.keep,
-            )
+            self.conductor = Conductor(services.robot, kept, services.events.publish)
 
     def start(self) -> None:
         if self.conductor is not None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from robot.devices.outside import Outside, must_be, read, text, whole
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
 from robot.store.folder import Storage, check_name, is_text, size_of, write_whole
 from robot.study.archive import pack
@@ -38,17 +38,16 @@ class SessionSummary:
     fault: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SessionModel:
+class SessionModel(Outside):
     """The model of the session that is driven just now, and what was in use before it."""
 
-    study: str
-    participant: str
-    position: int
-    own: str
-    before: str | None
-    learner_before: str
-    moves_before: tuple[Action, ...]
+    study: str = text()
+    participant: str = text()
+    position: int = whole(least=1, most=MOST_CONDITIONS)
+    own: str = text()
+    before: str | None = text(None)
+    learner_before: str = text()
+    moves_before: list[str] = must_be("a list of moves")
 
 
 class StudyFolder:
@@ -225,21 +224,19 @@ class StudyFolder:
     def active(self) -> SessionModel | None:
         """The session's model that is in use, also after a power cut."""
         try:
-            model = SessionModel(**json.loads((self.root / _ACTIVE).read_bytes()))
-            moves = tuple(Action(move) for move in model.moves_before)
-            places = range(1, MOST_CONDITIONS + 1)
-            is_known = model.study in self.names() and CODE.fullmatch(model.participant)
-        except (OSError, ValueError, TypeError, RecursionError):
+            model = read(SessionModel, json.loads((self.root / _ACTIVE).read_bytes()))
+            list(map(Action, model.moves_before))  # refuses what is no move
+        except (OSError, ValueError, RecursionError):
             return None
-        return replace(model, moves_before=moves) if is_known and model.position in places else None
+        is_known = model.study in self.names() and CODE.fullmatch(model.participant)
+        return model if is_known else None
 
     @active.setter
     def active(self, model: SessionModel | None) -> None:
         if model is None:
             (self.root / _ACTIVE).unlink(missing_ok=True)
             return
-        plain: Mapping[str, Any] = asdict(model)
-        write_whole(self.root / _ACTIVE, json.dumps(plain).encode())
+        write_whole(self.root / _ACTIVE, json.dumps(dict(model)).encode())
 
 
 def model_name(study: str, participant: str, position: int) -> str:

@@ -13,7 +13,7 @@ from robot.devices.rig import Rig
 from robot.store.folder import write_whole
 from robot.store.models.autosave import Autosave
 from robot.study.plan import Condition
-from robot.types import Mode
+from robot.types import Action, Mode
 from server.study.folder import SessionModel, StudyFolder, model_name
 
 PATIENCE_S = 10.0
@@ -27,19 +27,19 @@ class SessionModels:
         self._loop, self._clock = rig.loop, rig.clock
         self._folder, self._autosave = folder, autosave
 
-    def kept(self, study: str, participant: str, position: int) -> bytes | None:
-        """Return what a participant taught in a condition that was left; None if nothing."""
-        path = self._folder.model_path(study, participant, position)
-        return path.read_bytes() if path.is_file() else None
-
     def put_in_use(
-        self, study: str, participant: str, position: int, condition: Condition, kept: bytes | None
-    ) -> None:
-        """Use an empty model of the condition, or the one that was kept.
+        self, study: str, participant: str, position: int, condition: Condition, *, anew: bool
+    ) -> bool:
+        """Use what the participant taught in the condition before, or an empty model.
+
+        Returns:
+            Whether the model is empty: as it has to be `anew`, or nothing was kept.
 
         Raises:
             ConfigurationError, OSError: If it cannot be: the model before then stays in use.
         """
+        path = self._folder.model_path(study, participant, position)
+        kept = path.read_bytes() if not anew and path.is_file() else None
         autosave = self._autosave
         self._stop()
         state = self._loop.state
@@ -51,7 +51,7 @@ class SessionModels:
             own=autosave.store.free_name(model_name(study, participant, position)),
             before=before,
             learner_before=state.learner,
-            moves_before=tuple(state.moves),
+            moves_before=list(map(str, state.moves)),
         )
         self._folder.active = model
         try:
@@ -63,6 +63,7 @@ class SessionModels:
             self._folder.active = None
             raise
         self.in_use = model
+        return kept is None
 
     def put_away(self) -> None:
         """Keep the session's model beside its log, and use again what was in use before."""
@@ -82,9 +83,8 @@ class SessionModels:
                 autosave.load(model.before)
             else:
                 # Empty and without a name, as it was.
-                autosave.delete(
-                    autosave.begin(None, model.learner_before, None, model.moves_before)
-                )
+                moves = tuple(map(Action, model.moves_before))
+                autosave.delete(autosave.begin(None, model.learner_before, None, moves))
         if model.own in autosave.store.names():
             autosave.delete(model.own)
         self._folder.active = None

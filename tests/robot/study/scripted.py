@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from robot.control.state import Tick
 from robot.study.events import StudyEvent, write_events
-from robot.study.plan import PhaseKind, StudyPlan, parse_plan
+from robot.study.plan import StudyPlan, parse_plan
 from robot.study.session import SessionStep, StudySession
 from robot.types import Action, Decision, DrivenBy, Encoding, Frame, Mode, Sensors
 
@@ -87,12 +87,10 @@ class Participant:
     def _tick(self, mode: Mode | None) -> Tick:
         assert self.session.phase is not None
         kind = self.session.phase.kind
-        is_pilot = kind is PhaseKind.TEACH or (
-            kind is PhaseKind.CORRECT and self.dice.random() < 0.1
-        )
+        is_pilot = kind == "teach" or (kind == "correct" and self.dice.random() < 0.1)
         action = self.dice.choice([Action.FORWARD, Action.LEFT])
         by = DrivenBy.PILOT if is_pilot else DrivenBy.ROBOT
-        mode = mode or kind.mode
+        mode = mode or self.session.phase.mode
         if mode is Mode.STOPPED:
             action, by = Action.STOP, DrivenBy.NOBODY
         return Tick(

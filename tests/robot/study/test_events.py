@@ -50,7 +50,7 @@ def test_an_answer_that_is_a_formula_is_one_in_no_file_of_the_zip() -> None:
     person.begin()
     person.drive(30.0)
     for question in person.session.questions:
-        value = "=HYPERLINK(1)" if question.kind == "text" else question.check(question.most or 1)
+        value = "=HYPERLINK(1)" if question.kind == "text" else question.check(question.least)
         person.say("answer", name=question.name, value=value)
     person.say("answer", name="remark", value="=HYPERLINK(1)")
     files = {"events/P01.csv": person.log.decode(), **rebuild(SMALL_PLAN, {"P01": person.log})}

@@ -7,7 +7,9 @@ from collections import Counter
 
 import pytest
 
-from robot.study.order import order_of, williams_rows
+from robot.study.plan import parse_plan, williams_rows
+
+from .scripted import small_plan
 
 
 @pytest.mark.parametrize("n", range(1, 9))
@@ -22,10 +24,14 @@ def test_each_condition_stands_equally_often_at_each_place_and_after_each_other(
 
 
 def test_two_conditions_alternate() -> None:
-    assert [order_of(slot, 2) for slot in range(4)] == [(0, 1), (1, 0), (0, 1), (1, 0)]
+    names = ("short", "long"), ("long", "short")
+    assert [small_plan().order(slot) for slot in range(4)] == [*names, *names]
 
 
 @pytest.mark.parametrize("n", range(1, 9))
 def test_between_participants_each_meets_one_in_turn(n: int) -> None:
-    met = Counter(order_of(slot, n, is_within=False) for slot in range(3 * n))
-    assert met == {(condition,): 3 for condition in range(n)}
+    conditions = "".join(f'[[condition]]\nname = "c{i}"\n' for i in range(n))
+    phase = '[[phase]]\nkind = "teach"\nseconds = 1\n'
+    plan = parse_plan(f'title = "x"\nworld = "box"\ndesign = "between"\n{phase}{conditions}')
+    met = Counter(plan.order(slot) for slot in range(3 * n))
+    assert met == {(f"c{i}",): 3 for i in range(n)}

@@ -62,7 +62,7 @@ class Drive:
 
     @property
     def phase(self) -> str | None:
-        return self.session.phase.kind.value if self.session.phase else None
+        return self.session.phase.kind if self.session.phase else None
 
     def outcome(self) -> dict[str, Any]:
         (log,) = condition_logs(self.plan, "T1", write_events(self.events, with_head=True).encode())

@@ -1,0 +1,113 @@
+"""The tables of a plan, read one by one; an error says what, where and what to do. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+from robot.devices.outside import Outside, fields_of, must_be, read
+from robot.errors import ConfigurationError, did_you_mean
+from robot.policy.registry import is_learner_kind, learner_kinds, split_name
+from robot.types import Action
+
+Words = dict[str, str]
+"""A text by language (`en`, `es`, `zh`)."""
+_BY_LANGUAGE = ("consent", "instructions", "text", "low", "high")
+_TEXT = 'a text, or one a language: {en = "...", es = "...", zh = "..."}'
+_NAME, _LANGUAGE = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}"), re.compile(r"[a-z]{2}")
+_LONGEST_WORDS = 4000
+
+
+def words(default: Any = ...) -> Any:
+    """Declare a text by language."""
+    return must_be(_TEXT, default)
+
+
+class PlanTable(Outside):
+    """Base of the tables: a field has the same form in all of them."""
+
+    @classmethod
+    def read(cls, table: Mapping[str, Any], where: str) -> Self:
+        """Read one table; raises ConfigurationError, which says where."""
+        refuse_unknown(table, cls.known(table), where)
+        spread = {name: _by_language(name, value) for name, value in table.items()}
+        found = read(cls, spread, f"{where}: ")
+        try:
+            for name in table:
+                _check(name, getattr(found, name))
+            found.check_together()
+        except ValueError as error:
+            raise ConfigurationError(f"{where}: {error}") from error
+        return found
+
+    @classmethod
+    def read_all(
+        cls, tables: Sequence[Mapping[str, Any]], where: str, name: str, least: int, most: int
+    ) -> list[Self]:
+        """Read the tables [[name]], each of which knows its number."""
+        if not least <= len(tables) <= most:
+            raise ConfigurationError(
+                f"{where}: there must be {least} to {most} tables [[{name}]], not {len(tables)}; "
+                f"begin each with a line [[{name}]]"
+            )
+        return [
+            cls.read(table, f"{where}, [[{name}]] number {number}")
+            for number, table in enumerate(tables, start=1)
+        ]
+
+    @classmethod
+    def known(cls, table: Mapping[str, Any]) -> Sequence[str]:
+        """Return which fields such a table may have."""
+        return list(fields_of(cls))
+
+    def check_together(self) -> None:
+        """Refuse what no field says alone; raises ValueError."""
+
+
+def refuse_unknown(table: Mapping[str, Any], known: Sequence[str], where: str) -> None:
+    for name in table:
+        if name not in known:
+            hint = did_you_mean(name, known)
+            raise ConfigurationError(
+                f"{where}: there is no field {name!r}{hint}; known are {', '.join(known)}"
+            )
+
+
+def refuse_twins(names: Sequence[str], what: str, where: str) -> None:
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(
+                f"{where}: two of the {what}s are called {name!r}; give each its own name"
+            )
+
+
+def _by_language(name: str, value: Any) -> Any:
+    """Give a text that may be one a language its language."""
+    if name == "options" and isinstance(value, list):
+        return [_by_language("text", each) for each in value]
+    if name not in _BY_LANGUAGE or not isinstance(value, str):
+        return value
+    return {"en": value.strip()} if value.strip() else {}
+
+
+def _check(name: str, value: Any) -> None:
+    """Refuse a field of which the type does not say all."""
+    if name == "name" and not _NAME.fullmatch(value):
+        raise ValueError(
+            f"'name' is {value[:40]!r}; "
+            "a name has up to 31 small letters, digits, - and _, and no spaces"
+        )
+    if name in ("title", "world") and not value.isprintable():
+        raise ValueError(f"{name!r} is {value[:40]!r}; write it in one line")
+    texts = value if name == "options" else [value] if name in _BY_LANGUAGE else []
+    for code, said in (pair for each in texts for pair in each.items()):
+        if not _LANGUAGE.fullmatch(code) or len(said) > _LONGEST_WORDS:
+            raise ValueError(f"{name!r} has {code[:40]!r}; write {_TEXT}")
+    if name == "moves" and (not value or Action.STOP in map(Action, value)):
+        raise ValueError("'moves' must have at least one move, and not 'stop': every robot stops")
+    if name == "learner":
+        kind, _ = split_name(value)
+        if not is_learner_kind(kind):
+            hint = did_you_mean(kind, learner_kinds())
+            raise ValueError(f"'learner' is {value!r}{hint}; default-32 is the usual one")
