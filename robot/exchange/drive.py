@@ -1,10 +1,15 @@
-"""A drive from another program, to be imported as an episode."""
+"""A drive from another program, as far as it is whole: the one way into an episode.
+
+A reader says of each picture where it stands and what it means. Here what cannot be used is skipped
+and listed, times become a time line, and pictures are read one at a time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -13,6 +18,7 @@ from robot.devices.pictures import Picture
 from robot.driver import CLASSIC, Move
 from robot.errors import RecordingError
 from robot.exchange.report import ImportReport
+from robot.exchange.timeline import make_timeline
 from robot.policy.history import Taught
 from robot.store.episodes.messages import COMMAND, LESSON, describe_command
 from robot.store.episodes.writer import EpisodeWriter, describe_run
@@ -20,33 +26,72 @@ from robot.store.folder import whole_file
 from robot.store.models.events import describe_event
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Point
 
+_T = TypeVar("_T")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shot:
-    """One picture of a drive, with its label if it has one. `t_s` counts from the beginning.
+    """One picture of a drive, with its label if it has one."""
 
-    `point` is the label by degrees, if it was meant so.
-    """
-
-    t_s: float
-    picture: Picture
+    picture: Callable[[], Picture]
+    """Reads it; raises RecordingError if it is damaged."""
+    t_s: object
+    """Seconds of any clock; anything else counts as missing."""
     label: Action | None
     point: Point | None = None
+    """The label by degrees, if it was meant so."""
     is_intervention: bool = False
+    is_others: bool = False
+    """Not driven by the pilot, as far as is known: so no example."""
+    place: str = ""
+    """Where it stands, for the report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """A drive: its name, its source, and its shots, read one at a time."""
+    """A drive: its name, its source, and its shots."""
 
     name: str
     source: str
-    shots: Iterable[Shot]
+    shots: Sequence[Shot]
     moves: tuple[Action, ...] = DEFAULT_MOVES
     declared_moves: tuple[Move, ...] = ()
     started_at_s: float = 0.0
     """Seconds since 1970; 0 if it is not known."""
     report: ImportReport = field(default_factory=ImportReport)
+
+
+def whole_shots(
+    found: Iterable[tuple[str, _T]], read: Callable[[str, _T], Shot], report: ImportReport
+) -> list[Shot]:
+    """Return the shots that can be read; `read` raises ValueError for one that cannot."""
+    shots = []
+    for place, raw in found:
+        try:
+            shots.append(read(place, raw))
+        except ValueError as error:
+            report.skip(place, str(error))
+    return shots
+
+
+def drive_of(shots: list[Shot], what: str, *, report: ImportReport, **about: Any) -> Drive:
+    """Make a drive of shots.
+
+    Args:
+        shots: At least one.
+        what: What they were found in, for a person.
+        report: What was skipped so far.
+        **about: Further fields of the drive.
+
+    Raises:
+        RecordingError: If there are none.
+    """
+    if not shots:
+        raise RecordingError(f"{what} to use{report.why_nothing()}")
+    if others := sum(shot.is_others for shot in shots):
+        report.remark(f"not driven by the pilot, so no examples: {others} pictures")
+    moves = _moves_with(shot.label for shot in shots)
+    return Drive(shots=shots, report=report, **{"moves": moves, **about})
 
 
 def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lambda: None) -> int:
@@ -67,10 +112,17 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
         declared_moves=drive.declared_moves,
         source=drive.source,
     )
+    line = make_timeline([shot.t_s for shot in drive.shots])
+    drive.report.remark(line.remark)
     with whole_file(path) as file:
         writer = EpisodeWriter(file, run)
-        for frame_id, shot in enumerate(drive.shots, start=1):
-            _write_shot(writer, frame_id, shot)
+        for shot, t_s in zip(drive.shots, line.times_s, strict=True):
+            try:
+                picture = shot.picture()
+            except RecordingError as error:
+                drive.report.skip(shot.place, str(error))
+                continue
+            _write_shot(writer, shot, picture, t_s)
             on_shot()
         if not writer.frames:
             why = drive.report.why_nothing()
@@ -79,56 +131,36 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     return writer.frames
 
 
-def _write_shot(writer: EpisodeWriter, frame_id: int, shot: Shot) -> None:
-    picture = shot.picture
-    frame = Frame(
-        frame_id=frame_id,
-        captured_s=shot.t_s,
-        width=picture.width,
-        height=picture.height,
-        encoding=picture.encoding,
-        data=picture.data,
+def _write_shot(writer: EpisodeWriter, shot: Shot, picture: Picture, t_s: float) -> None:
+    frame_id = writer.frames + 1
+    size = {"width": picture.width, "height": picture.height}
+    writer.write_frame(
+        Frame(
+            frame_id=frame_id,
+            captured_s=t_s,
+            **size,
+            encoding=picture.encoding,
+            data=picture.data,
+        )
     )
-    writer.write_frame(frame)
     if shot.label is None:
         return
-    command = PilotCommand(
-        held=shot.label,
-        frame_id=frame_id,
-        seq=frame_id,
-        received_s=shot.t_s,
-        point=shot.point,
-    )
-    writer.write_message(COMMAND, shot.t_s, describe_command(command))
+    label, point = shot.label, shot.point
+    command = PilotCommand(held=label, frame_id=frame_id, seq=frame_id, received_s=t_s, point=point)
+    writer.write_message(COMMAND, t_s, describe_command(command))
     example = Example(
-        frame_id=frame_id,
-        label=shot.label,
-        is_intervention=shot.is_intervention,
-        point=shot.point,
+        frame_id=frame_id, label=label, is_intervention=shot.is_intervention, point=point
     )
-    taught = Taught(example=example, x=np.zeros(0), at_s=shot.t_s)
-    writer.write_message(LESSON, shot.t_s, describe_event(taught))
+    taught = Taught(example=example, x=np.zeros(0), at_s=t_s)
+    writer.write_message(LESSON, t_s, describe_event(taught))
 
 
-def read_label(text: object, known: Collection[Action] = CLASSIC) -> Action | None:
-    """Return the move of `known` that a text names, or None."""
-    if not isinstance(text, str):
-        return None
-    try:
-        label = Action(text.strip().lower())
-    except ValueError:
-        return None
-    return label if label in known else None
-
-
-def moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
+def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
     """Return the usual three moves and all other moves among the labels.
 
     If none of the three is among them, return only the drive's own moves.
     """
-    found = list(dict.fromkeys(label for label in labels if label is not None))
-    ordered = [move for move in CLASSIC if move in found]
-    ordered += [move for move in found if move not in CLASSIC]
-    if found and not set(found) & set(DEFAULT_MOVES):
-        return tuple(ordered)
-    return DEFAULT_MOVES + tuple(move for move in ordered if move not in DEFAULT_MOVES)
+    found = dict.fromkeys(label for label in labels if label is not None)
+    if not found or not found.keys().isdisjoint(DEFAULT_MOVES):
+        found |= dict.fromkeys(DEFAULT_MOVES)
+    return (*(m for m in CLASSIC if m in found), *(m for m in found if m not in CLASSIC))

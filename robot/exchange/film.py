@@ -13,7 +13,6 @@ import numpy as np
 
 from robot.devices.pictures import MAX_SIDE_PX, Picture
 from robot.errors import ConfigurationError, RecordingError, need
-from robot.exchange.beside import beside
 from robot.exchange.timeline import make_timeline
 from robot.policy.image import Pixels, to_rgb
 from robot.store.episodes.editing import EpisodeFrame, moments
@@ -25,15 +24,8 @@ _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56
 SUFFIXES = (".mp4", ".mov", ".mkv")
 """How a film's name may end: containers that hold H.264."""
-
-
-def require_av() -> Any:
-    """Return the module `av`.
-
-    Raises:
-        MissingExtraError: If it is not installed.
-    """
-    return need("av", "writing films", "export")
+AV = ("av", "writing films", "export")
+"""The library, what it is for, and the extra that has it."""
 
 
 def write_film(
@@ -49,15 +41,15 @@ def write_film(
 
     H.264 with 4:2:0 colour, which every player supports; it needs even sides, so an odd last row or
     column is left out. A key frame each second, or every so many pictures, makes seeking fast.
-    Nothing is left after an error.
 
     Raises:
         MissingExtraError: If `av` is not installed.
     """
-    av = require_av()
+    av = need(*AV)
     count, stream = 0, None
     options = {"movflags": "faststart"}
-    with beside(path) as part, av.open(str(part), "w", options=options) as container:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with av.open(str(path), "w", options=options) as container:
         for picture in pictures:
             even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
             if stream is None:
@@ -128,7 +120,7 @@ class FilmReader:
 
     def _decode(self) -> Iterator[Any]:
         """Yield frames as far as they can be decoded."""
-        av = require_av()
+        av = need(*AV)
         try:
             with av.open(str(self._path)) as container:
                 for frame in container.decode(video=0):
@@ -164,10 +156,8 @@ def write_look(
     moment, the last one stays; longer gaps are cut. Returns how many pictures the film has.
 
     Raises:
-        ConfigurationError: If the suffix of the file's name is not supported.
         MissingExtraError: If `av` or OpenCV is not installed.
     """
-    check_suffix(path)
     kept, times_s = _shown(moments(episode, notes))
     rate = fps or frame_rate(times_s)
 
@@ -222,15 +212,7 @@ def _caption(picture: Pixels, moment: EpisodeFrame) -> Pixels:
         f"{moment.at_s:6.1f} s  pilot: {moment.label or '-'}",
         f"robot: {moment.predicted or '-'}{sure}   drives: {moment.driven_by or '-'}",
     )
+    font, light = cv2.FONT_HERSHEY_SIMPLEX, (235, 235, 235)
     for row, text in enumerate(texts):
-        cv2.putText(
-            bar,
-            text,
-            (10, 22 + 24 * row),
-            cv2.FONT_HERSHEY_SIMPLEX,
-            0.6,
-            (235, 235, 235),
-            1,
-            cv2.LINE_AA,
-        )
+        cv2.putText(bar, text, (10, 22 + 24 * row), font, 0.6, light, 1, cv2.LINE_AA)
     return np.vstack((large, bar))

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
 from robot.devices.pictures import read_picture_file, write_picture
 from robot.driver import CLASSIC, Move, describe, from_text, names, to_text
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive, read_label
+from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
 from robot.exchange.report import ImportReport
-from robot.exchange.rows import Row, drive_of, whole_rows
-from robot.exchange.steering import DEFAULT_THRESHOLD, Meant, done_at, read_meant, read_point
+from robot.exchange.steering import Meant, done_at, read_meant, read_point
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -22,18 +21,8 @@ from robot.types import Action
 
 TABLE, MOVES = "frames.csv", "moves.json"
 COLUMNS = (
-    "file",
-    "frame",
-    "time_s",
-    "label",
-    "angle",
-    "throttle",
-    "degrees",
-    "predicted",
-    "confidence",
-    "driven_by",
-    "sent",
-    "correction",
+    *("file", "frame", "time_s", "label", "angle", "throttle", "degrees"),
+    *("predicted", "confidence", "driven_by", "sent", "correction"),
 )
 _FILE = ("file", "image", "filename", "path", "img", "image_path")
 _LABEL = ("label", "move", "action", "class")
@@ -49,7 +38,6 @@ def write_folder(
     notes: Notes,
     folder: Path,
     *,
-    taught_only: bool = False,
     on_frame: Callable[[], None] = lambda: None,
 ) -> int:
     """Write an episode as pictures and `frames.csv`; return how many pictures there are.
@@ -65,7 +53,7 @@ def write_folder(
         table.writerow(COLUMNS)
         for moment in moments(episode, notes):
             on_frame()
-            if moment.is_deleted or (taught_only and moment.label is None):
+            if moment.is_deleted:
                 continue
             frame = episode.frame(moment.frame_id)
             point = done_at(moment, episode.declared_moves)[1] if moment.label else None
@@ -91,9 +79,9 @@ def write_folder(
 
 def read_folder(
     folder: Path,
-    threshold: float = DEFAULT_THRESHOLD,
+    threshold: float,
+    report: ImportReport,
     table: Path | None = None,
-    report: ImportReport | None = None,
 ) -> Drive:
     """Read a folder of pictures with a CSV table of one row a picture.
 
@@ -107,17 +95,16 @@ def read_folder(
         RecordingError: If there is no such table, or more than one, or none of its rows can be
             used.
     """
-    report = report or ImportReport()
     path = table or _find_table(folder)
     found = _read_rows(path, report)
     declared = _read_moves(path.with_name(MOVES))
-    known = {*CLASSIC, *names(declared)}
+    known = {str(move): move for move in (*CLASSIC, *names(declared))}
 
-    def read(place: str, cells: Cells) -> Row:
+    def read(place: str, cells: Cells) -> Shot:
         label, point = _meant(cells, threshold, known)
-        return Row(
+        return Shot(
             place=place,
-            stamp_s=_seconds(_find(cells, _TIME)),
+            t_s=_seconds(_find(cells, _TIME)),
             label=label,
             point=point,
             picture=partial(read_picture_file, folder, _find(cells, _FILE) or ""),
@@ -125,7 +112,7 @@ def read_folder(
         )
 
     return drive_of(
-        whole_rows(found, read, report),
+        whole_shots(found, read, report),
         f"the table {path} has no rows",
         name=folder.name,
         source="folder",
@@ -196,12 +183,12 @@ def _find(row: Cells, names: tuple[str, ...]) -> str | None:
     return next((row[name] for name in names if name in row), None)
 
 
-def _meant(row: Cells, threshold: float, known: Collection[Action]) -> Meant:
+def _meant(row: Cells, threshold: float, known: Mapping[str, Action]) -> Meant:
     """Return the label of a row; raises ValueError if it has none that can be believed."""
     text, angle, throttle = (_find(row, names) for names in (_LABEL, _ANGLE, _THROTTLE))
     if text is not None and not text.strip():
         return None, None
-    label = read_label(text, known)
+    label = known.get((text or "").strip().lower())
     if label is not None:
         return label, read_point([angle, throttle]) if row.get("degrees") == "yes" else None
     if text is not None and not angle:

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import RecordingError
-from robot.exchange.film import frame_rate, require_av, write_film
+from robot.errors import RecordingError, need
+from robot.exchange.film import AV, frame_rate, write_film
 from robot.exchange.lerobot_stats import Brightness, Columns, Stats, column_stats
 from robot.exchange.lerobot_tables import (
     DEGREES,
@@ -67,6 +67,10 @@ class DatasetPart:
             on_frame()
             yield to_rgb(self.episode.frame(moment.frame_id))
 
+    def done(self, moment: EpisodeFrame) -> tuple[Action, Point | None]:
+        """Return what was right at a moment, and its point."""
+        return done_at(moment, self.episode.declared_moves)
+
 
 def write_lerobot(
     episodes: Sequence[tuple[Episode, Notes]],
@@ -92,7 +96,7 @@ def write_lerobot(
         RecordingError: If there are no pictures.
     """
     require_pyarrow()
-    require_av()
+    need(*AV)
     shown = [(episode, moments(episode, notes)) for episode, notes in episodes]
     first = make_timeline([moment.at_s for moment in shown[0][1]])
     rate = fps or frame_rate(first.times_s)
@@ -106,7 +110,8 @@ def write_lerobot(
     for index, part in enumerate(parts):
         columns = form.columns(part, index, sum(len(table["index"]) for table in tables))
         chunk, file = divmod(index, _FILES_A_CHUNK)
-        film, pictures = folder / _fill(_FILMS, chunk, file), Brightness()
+        name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
+        film, pictures = folder / name, Brightness()
         write_film(map(pictures.add, part.pictures(on_frame)), film, rate, key_every=_KEY_EVERY)
         seen.join(pictures)
         tables.append(columns)
@@ -164,7 +169,7 @@ class _Form:
         labels = {moment.label for part in parts for moment in part.moments}
         self._moves = sorted(str(label) for label in labels if label is not None)
         self._sensors = [n for n in _SENSORS if any(len(_readings(p.episode, n)) for p in parts)]
-        done = {_done(part, moment) for part in parts for moment in part.moments}
+        done = {part.done(moment) for part in parts for moment in part.moments}
         self._actions = [*_STEERED]
         if any(point is None for _, point in done):
             self._actions = sorted({str(action) for action, _ in done if action is not Action.STOP})
@@ -209,14 +214,10 @@ class _Form:
 
     def _action(self, part: DatasetPart, moment: EpisodeFrame) -> tuple[float, ...]:
         """Return angle and throttle, or else a number for each move; all zero: it stands."""
-        done, point = _done(part, moment)
+        done, point = part.done(moment)
         if self._actions == [*_STEERED]:
             return point or (0.0, 0.0)
         return tuple(float(done == name) for name in self._actions)
-
-
-def _done(part: DatasetPart, moment: EpisodeFrame) -> tuple[Action, Point | None]:
-    return done_at(moment, part.episode.declared_moves)
 
 
 def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
@@ -238,10 +239,6 @@ def _sensed(part: DatasetPart, name: str) -> NDArray[np.float64]:
     at = np.searchsorted(readings[:, 0], times_s, side="right") - 1
     found: NDArray[np.float64] = readings[np.clip(at, 0, None), 1]
     return found
-
-
-def _fill(template: str, chunk: int, file: int) -> str:
-    return template.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
 
 
 def _stats(columns: Columns, pictures: Brightness) -> Stats:

@@ -18,12 +18,11 @@ from robot.devices.outside import Outside, must_be, number, read, text, whole
 from robot.devices.pictures import Picture, read_picture, read_picture_file
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RecordingError
-from robot.exchange.drive import Drive
+from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
 from robot.exchange.report import ImportReport
-from robot.exchange.rows import Row, drive_of, whole_rows
-from robot.exchange.steering import DEFAULT_THRESHOLD, Meant, read_meant, read_point
+from robot.exchange.steering import Meant, read_meant, read_point
 from robot.types import Action
 
 _ANGLES = ("angle", "steering", "steering_angle", "user/angle")
@@ -73,32 +72,18 @@ class LerobotDataset:
             found |= {int(of_name[1])} if of_name else _episodes_in(path)
         return sorted(n for n in found if n >= 0)
 
-    def read(
-        self,
-        episode: int,
-        threshold: float = DEFAULT_THRESHOLD,
-        report: ImportReport | None = None,
-    ) -> Drive:
+    def read(self, episode: int, threshold: float, report: ImportReport) -> Drive:
         """Read one episode; its pictures are read when the drive is written.
 
         Raises:
             RecordingError: If nothing of it can be used.
             MissingExtraError: If pyarrow or av is not installed.
         """
-        report = report or ImportReport()
         row = next((r for r in self._rows() if r.get("episode_index") == episode), {})
         path, camera = self._data_file(episode, row), self._camera(report)
         is_film = self._info.features[camera].get("dtype") == "video"
-        wanted = [
-            PILOT,
-            DEGREES,
-            "action",
-            "timestamp",
-            "frame_index",
-            *_INTERVENTIONS,
-            *([] if is_film else [camera]),
-        ]
-        records = read_table(path, wanted, episode)
+        wanted = [PILOT, DEGREES, "action", "timestamp", "frame_index", *_INTERVENTIONS]
+        records = read_table(path, wanted if is_film else [*wanted, camera], episode)
         picture_of = (
             self._film(camera, episode, row) if is_film else partial(_stored, self.folder, camera)
         )
@@ -107,14 +92,14 @@ class LerobotDataset:
         if said_by in _INTERVENTIONS:
             report.remark(f"only {said_by} says who drove: the rest is no example")
 
-        def read_row(place: str, record: Record) -> Row:
+        def read_row(place: str, record: Record) -> Shot:
             is_pilots = said_by is None or _flat(record.get(said_by))[:1] not in ([-1], [0], [])
             if said_by == PILOT:
                 is_pilots = _flat(record[PILOT]) != [-1]
             label, point = meant(record) if is_pilots else (None, None)
-            return Row(
+            return Shot(
                 place=place,
-                stamp_s=self._seconds(record),
+                t_s=self._seconds(record),
                 label=label,
                 point=point,
                 picture=picture_of(record),
@@ -124,7 +109,7 @@ class LerobotDataset:
 
         numbered = ((f"episode {episode} frame {n}", r) for n, r in enumerate(records))
         return drive_of(
-            whole_rows(numbered, read_row, report),
+            whole_shots(numbered, read_row, report),
             f"episode {episode} of {self.folder} has no frames",
             name=f"{self.folder.name} {episode}",
             source=f"LeRobot {self._info.codebase_version}",
@@ -182,7 +167,10 @@ class LerobotDataset:
             if f"{key}/file_index" not in row:
                 raise RecordingError(f"the table of episodes has no film of episode {episode}")
             place |= {n: row[f"{key}/{n}"] for n in ("chunk_index", "file_index")}
-            begin_s = read_number(row.get(f"{key}/from_timestamp"))
+            begin = row.get(f"{key}/from_timestamp")
+            if isinstance(begin, bool) or not isinstance(begin, int | float):
+                raise RecordingError(f"{str(begin)[:40]!r} is not a number")
+            begin_s = float(begin)
         film = FilmReader(self._fill(template, episode, **place), self._info.fps)
 
         def picture_of(record: Record) -> Callable[[], Picture]:
@@ -250,13 +238,6 @@ class LerobotDataset:
 def is_dataset(folder: Path) -> bool:
     """True if the folder is a LeRobot dataset."""
     return (folder / "meta/info.json").is_file()
-
-
-def read_number(value: object) -> float:
-    """Return a number of a table; raises RecordingError if it is none."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise RecordingError(f"{str(value)[:40]!r} is not a number")
-    return float(value)
 
 
 def _read_text(path: Path, *, must: bool = True) -> str:

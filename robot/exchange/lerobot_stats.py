@@ -26,8 +26,7 @@ class Brightness:
     def add(self, picture: Pixels) -> Pixels:
         """Add one picture, shape (height, width, 3), and return it unchanged."""
         self._pictures += 1
-        for colour in range(3):
-            self._counts[colour] += np.bincount(picture[:, :, colour].reshape(-1), minlength=256)
+        self._counts += [np.bincount(colour, minlength=256) for colour in picture.reshape(-1, 3).T]
         return picture
 
     def join(self, other: Brightness) -> None:

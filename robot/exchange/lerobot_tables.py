@@ -60,22 +60,21 @@ def write_data(folder: Path, tables: list[Columns]) -> None:
 def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
     """Write a row an episode; its statistics become columns."""
     pa, pq = require_pyarrow()
-    flat = []
     for row in rows:
-        plain = {name: value for name, value in row.items() if name != "stats"}
-        for feature, stats in row["stats"].items():
-            plain.update({f"stats/{feature}/{kind}": value for kind, value in stats.items()})
-        flat.append(plain)
-    table = pa.Table.from_pylist(flat)
-    _write_table(pq, table, folder / "meta/episodes/chunk-000/file-000.parquet")
+        for feature, stats in row.pop("stats").items():
+            row.update({f"stats/{feature}/{kind}": value for kind, value in stats.items()})
+    _write_table(
+        pq, pa.Table.from_pylist(rows), folder / "meta/episodes/chunk-000/file-000.parquet"
+    )
 
 
 def write_tasks(folder: Path, task: str) -> None:
     """Write the tasks; their text is the index of the table, as pandas stores an index."""
     pa, pq = require_pyarrow()
+    types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     described = [
-        _pandas_column("task_index", "int64", "int64"),
-        _pandas_column("task", "unicode", "object"),
+        {"name": n, "field_name": n, "pandas_type": of, "numpy_type": plain, "metadata": None}
+        for n, (of, plain) in types.items()
     ]
     pandas = {
         "index_columns": ["task"],
@@ -87,16 +86,6 @@ def write_tasks(folder: Path, task: str) -> None:
     table = pa.table({"task_index": pa.array([0], pa.int64()), "task": pa.array([task])})
     table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
     _write_table(pq, table, folder / "meta/tasks.parquet")
-
-
-def _pandas_column(name: str, pandas_type: str, numpy_type: str) -> dict[str, Any]:
-    return {
-        "name": name,
-        "field_name": name,
-        "pandas_type": pandas_type,
-        "numpy_type": numpy_type,
-        "metadata": None,
-    }
 
 
 def _write_table(pq: Any, table: Any, path: Path) -> None:

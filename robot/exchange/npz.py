@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 
 from robot.devices.pictures import read_picture
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive
+from robot.exchange.drive import Drive, Shot, drive_of
 from robot.exchange.film import to_jpeg
 from robot.exchange.report import ImportReport
-from robot.exchange.rows import Row, drive_of
 from robot.exchange.timeline import make_timeline
 from robot.policy.image import to_rgb
 from robot.store.episodes.editing import moments
@@ -85,20 +84,20 @@ def load_recording(path: Path | str) -> Recording:
     return _checked(path, arrays)
 
 
-def read_npz(path: Path, report: ImportReport | None = None) -> Drive:
+def read_npz(path: Path, report: ImportReport) -> Drive:
     """Read a recording of frames and labels; raises RecordingError as `load_recording` does."""
-    recording, report = load_recording(path), report or ImportReport()
-    rows = [
-        Row(
+    recording = load_recording(path)
+    shots = [
+        Shot(
             place=f"frame {index}",
-            stamp_s=float(recording.t_s[index]),
+            t_s=float(recording.t_s[index]),
             label=label,
             point=recording.points[index],
             picture=partial(read_picture, recording.frames[index], "the picture"),
         )
         for index, label in enumerate(recording.labels)
     ]
-    return drive_of(rows, str(path), name=path.stem, source="npz", report=report)
+    return drive_of(shots, str(path), name=path.stem, source="npz", report=report)
 
 
 def write_npz(
@@ -147,12 +146,15 @@ def _small_jpeg(frame: Frame) -> bytes:
 
 
 def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
+    def refuse_if(is_wrong: Any, what: str) -> None:
+        if is_wrong:
+            raise RecordingError(f"the recording {path} {what}")
+
     missing = [name for name in ("jpeg", "offsets", "labels", "t") if name not in arrays]
-    if missing:
-        raise RecordingError(f"the recording {path} has no {', '.join(missing)}")
+    refuse_if(missing, f"has no {', '.join(missing)}")
     jpeg, offsets, labels, t = (arrays[name] for name in ("jpeg", "offsets", "labels", "t"))
     n_frames = labels.size
-    well_formed = (
+    is_well_formed = (
         jpeg.dtype == np.uint8
         and offsets.dtype.kind in "iu"
         and labels.dtype.kind in "iu"
@@ -160,20 +162,13 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
         and t.shape == (n_frames,)
         and n_frames > 0
     )
-    if not well_formed:
-        raise RecordingError(f"the recording {path} is not of the expected form")
-    if (
-        offsets[0] != 0
-        or offsets[-1] != jpeg.size
-        or (np.diff(offsets.astype(np.int64)) <= 0).any()
-    ):
-        raise RecordingError(
-            f"the recording {path} has frames that overlap or end beyond its bytes"
-        )
-    if int(labels.max()) >= len(DEFAULT_MOVES) or int(labels.min()) < 0:
-        raise RecordingError(f"the recording {path} has labels other than 0, 1 and 2")
-    if not np.isfinite(t).all():
-        raise RecordingError(f"the recording {path} has times that are not numbers")
+    refuse_if(not is_well_formed, "is not of the expected form")
+    is_cut = offsets[0] != 0 or offsets[-1] != jpeg.size
+    lengths = np.diff(offsets.astype(np.int64))
+    refuse_if(is_cut or (lengths <= 0).any(), "has frames that overlap or end beyond its bytes")
+    is_known = int(labels.min()) >= 0 and int(labels.max()) < len(DEFAULT_MOVES)
+    refuse_if(not is_known, "has labels other than 0, 1 and 2")
+    refuse_if(not np.isfinite(t).all(), "has times that are not numbers")
     data = jpeg.tobytes()
     bounds = offsets.tolist()
     return Recording(

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
-
-from numpy.typing import NDArray
+from typing import Any, ClassVar
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.watched_camera import ThreadedCamera
 from robot.errors import ConfigurationError, RecordingError
-from robot.exchange.npz import Recording, load_recording
+from robot.exchange.npz import load_recording
 from robot.types import Frame
 
 _LONGEST_PAUSE_S = 0.15
@@ -32,15 +31,8 @@ class ReplayCameraOptions(Options):
     loop: bool = option(True, "yes: begin again at the end; no: stop")
 
 
-class Footage(Protocol):
-    """Pictures in order, and the seconds at which each was taken."""
-
-    @property
-    def t_s(self) -> NDArray[Any]:
-        """Seconds, ascending, shape (pictures,)."""
-
-    def frame(self, index: int) -> Frame:
-        """Read one picture."""
+Footage = list[tuple[float, Callable[[], Frame]]]
+"""When each picture was taken, in ascending seconds, and what reads it."""
 
 
 class ReplayCamera(ThreadedCamera):
@@ -66,68 +58,64 @@ class ReplayCamera(ThreadedCamera):
 
     def _begin(self) -> None:
         """Read the footage and begin to play it."""
-        recordings: Sequence[Footage] = (
-            [_load_episode(self._path)] if self._is_episode else load_footage(self._path)
-        )
-        self._work(lambda: self._play(recordings))
+        load = _load_episode if self._is_episode else _load_recordings
+        shown = [pair for footage in load(self._path) for pair in _timed(footage)]
+        self._work(partial(self._play, shown))
 
-    def _play(self, recordings: Sequence[Footage]) -> None:
+    def _play(self, shown: list[tuple[Callable[[], Frame], float]]) -> None:
         try:
-            self._play_all(recordings)
+            due_s = self.clock.now_s()
+            for read, shown_s in itertools.cycle(shown) if self._loops else shown:
+                frame = read()
+                if self._waits_until(due_s):
+                    return
+                self._publish(
+                    frame.data,
+                    width=frame.width,
+                    height=frame.height,
+                    encoding=frame.encoding,
+                    captured_s=self.clock.now_s(),
+                )
+                due_s = max(due_s, self.clock.now_s() - _LONGEST_PAUSE_S) + shown_s
+            self._waits_until(due_s)
+            self._report_fault(f"The recording {self._path} is over.")
         except (RecordingError, OSError) as error:
             self._report_fault(f"The recording cannot be played on: {error}")
 
-    def _play_all(self, recordings: Sequence[Footage]) -> None:
-        due_s = self.clock.now_s()
-        while True:
-            for frame, shown_s in _timed_frames(recordings):
-                if self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s())):
-                    return
-                self._show(frame)
-                due_s = max(due_s, self.clock.now_s() - _LONGEST_PAUSE_S) + shown_s
-            if not self._loops:
-                self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s()))
-                self._report_fault(f"The recording {self._path} is over.")
-                return
-
-    def _show(self, frame: Frame) -> None:
-        self._publish(
-            frame.data,
-            width=frame.width,
-            height=frame.height,
-            encoding=frame.encoding,
-            captured_s=self.clock.now_s(),
-        )
+    def _waits_until(self, due_s: float) -> bool:
+        """Wait; return True if it is to end."""
+        return self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s()))
 
 
-def _load_episode(path: Path) -> Footage:
-    from robot.exchange.footage import EpisodeFootage
+def _load_episode(path: Path) -> list[Footage]:
+    """Open an episode, and leave out what was deleted."""
+    from robot.store.episodes.edits import read_notes
+    from robot.store.episodes.episode import open_episode
 
-    return EpisodeFootage(path)
-
-
-def load_footage(path: Path) -> list[Recording]:
-    """Load a recording, or all recordings of a folder in the order of their names.
-
-    Raises:
-        ConfigurationError: If the folder has none.
-        RecordingError: If one is missing or broken.
-    """
-    if not path.is_dir():
-        return [load_recording(path)]
     try:
-        paths = sorted(path.glob("*.npz"))
+        episode, notes = open_episode(path), read_notes(path)
+    except OSError as error:
+        raise RecordingError(f"there is no episode {path}: {error.strerror}") from error
+    kept = [each for each in episode.frames.values() if not notes.is_deleted(each.frame_id)]
+    if not kept:
+        raise RecordingError(f"the episode {path} has no pictures")
+    return [[(each.captured_s, partial(episode.frame, each.frame_id)) for each in kept]]
+
+
+def _load_recordings(path: Path) -> list[Footage]:
+    """Load a recording, or all recordings of a folder in the order of their names."""
+    try:
+        paths = sorted(path.glob("*.npz")) if path.is_dir() else [path]
     except OSError as error:
         raise RecordingError(f"cannot read the folder {path}: {error}") from error
     if not paths:
         raise ConfigurationError(f"the folder {path} has no recordings (.npz)")
-    return [load_recording(each) for each in paths]
+    found = map(load_recording, paths)
+    return [[(float(t), partial(each.frame, i)) for i, t in enumerate(each.t_s)] for each in found]
 
 
-def _timed_frames(recordings: Sequence[Footage]) -> Iterator[tuple[Frame, float]]:
-    """Yield each frame and how long it is shown."""
-    for recording in recordings:
-        times_s = [float(t) for t in recording.t_s]
-        times_s.append(times_s[-1] + _LAST_FRAME_S)
-        for index, (begin_s, end_s) in enumerate(pairwise(times_s)):
-            yield recording.frame(index), min(max(end_s - begin_s, 0.0), _LONGEST_PAUSE_S)
+def _timed(footage: Footage) -> Iterator[tuple[Callable[[], Frame], float]]:
+    """Yield what reads each picture, and how long it is shown."""
+    ends_s = [t_s for t_s, _ in footage[1:]] + [footage[-1][0] + _LAST_FRAME_S]
+    for (begin_s, read), end_s in zip(footage, ends_s, strict=True):
+        yield read, min(max(end_s - begin_s, 0.0), _LONGEST_PAUSE_S)

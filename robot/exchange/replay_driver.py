@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock, RealClock
 from robot.devices.connected_driver import ConnectedDriver
+from robot.devices.options import Options
 from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Action, Point, Sensors
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReplayOptions:
-    """The body has nothing to choose; the recording is the camera's option."""
-
-
 class ReplayDriver(ConnectedDriver[bool]):
-    """Moves nothing and senses nothing; `action` is what a body would be doing now."""
+    """Moves nothing and senses nothing; the recording is the camera's option."""
 
     name: ClassVar[str] = "replay"
     default_camera: ClassVar[str] = "replay"
-    options_type: ClassVar[type[Any]] = ReplayOptions
+    options_type: ClassVar[type[Any]] = Options
 
-    def __init__(self, options: ReplayOptions | None = None, clock: Clock | None = None) -> None:
+    def __init__(self, options: Options | None = None, clock: Clock | None = None) -> None:
         self._clock = clock or RealClock()
         self._action = Action.STOP
         self._ends_s = 0.0

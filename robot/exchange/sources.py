@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import IO, Any
+from typing import IO
 
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive
@@ -28,61 +28,58 @@ _MOST_UNPACKED_BYTES = 16 * 2**30
 _MOST_FILES = 2_000_000
 _ENDINGS = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2")
 _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
-Entry = tuple[str, Callable[[], IO[bytes]]]
+_OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
+"""What spoils one file of an archive alone."""
+Entry = tuple[str, Callable[[], IO[bytes] | None]]
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where one drive is: at a path, or an episode of the dataset that is there."""
+    """A drive that was found: what a person calls it, and what reads it."""
 
-    path: Path
-    episode: int | None = None
-
-    @property
-    def name(self) -> str:
-        """What a person calls it."""
-        return self.path.name if self.episode is None else f"{self.path.name} {self.episode}"
+    name: str
+    reader: Callable[[float, ImportReport], Drive]
 
     def read(
         self, threshold: float = DEFAULT_THRESHOLD, report: ImportReport | None = None
     ) -> Drive:
-        """Read the drive.
+        """Read the drive; its pictures are read when it is written.
 
         Raises:
-            RecordingError: If it is none that is known, or nothing of it can be used.
+            RecordingError: If nothing of it can be used.
+            MissingExtraError: If it needs a library that is not installed.
         """
-        path = self.path
-        if self.episode is not None:
-            return LerobotDataset(path).read(self.episode, threshold, report)
-        if path.is_dir() and is_tub(path):
-            return read_tub(path, threshold, report)
-        if path.is_dir() and any(path.glob("*.csv")):
-            return read_folder(path, threshold, report=report)
-        if path.suffix == ".npz":
-            return read_npz(path, report)
-        if path.suffix == ".csv" and path.is_file():
-            return read_folder(path.parent, threshold, table=path, report=report)
-        raise RecordingError(
-            f"{path} is neither a donkeycar tub, nor a LeRobot dataset, nor a folder with a CSV "
-            "table, nor an .npz recording, nor a folder, .zip or .tar.gz of these"
-        )
+        return self.reader(threshold, report or ImportReport())
 
 
 def find_drives(path: Path) -> list[Source]:
     """Return the drives at a path, or in its folders.
 
     Raises:
-        RecordingError: If there is a dataset without a readable description.
+        RecordingError: If there is none that is known, or a dataset without a readable description.
     """
+    if not path.is_dir() and path.suffix == ".npz":
+        return [Source(path.name, lambda _, report: read_npz(path, report))]
+    if path.is_file() and path.suffix == ".csv":
+        return [Source(path.name, partial(read_folder, path.parent, table=path))]
     found = _within(path, _DEEPEST) if path.is_dir() else []
-    return found or [Source(path)]
+    if not found:
+        raise RecordingError(
+            f"{path} is neither a donkeycar tub, nor a LeRobot dataset, nor a folder with a CSV "
+            "table, nor an .npz recording, nor a folder, .zip or .tar.gz of these"
+        )
+    return found
 
 
 def _within(folder: Path, depth: int) -> list[Source]:
     if is_dataset(folder):
-        return [Source(folder, episode) for episode in LerobotDataset(folder).episodes()]
-    if is_tub(folder) or any(folder.glob("*.csv")):
-        return [Source(folder)]
+        dataset = LerobotDataset(folder)
+        numbers = dataset.episodes()
+        return [Source(f"{folder.name} {n}", partial(dataset.read, n)) for n in numbers]
+    if is_tub(folder):
+        return [Source(folder.name, partial(read_tub, folder))]
+    if any(folder.glob("*.csv")):
+        return [Source(folder.name, partial(read_folder, folder))]
     if depth == 0:
         return []
     inner = sorted(each for each in folder.iterdir() if each.is_dir() and not each.is_symlink())
@@ -110,9 +107,9 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix=".import-", dir=scratch) as made:
         folder = Path(made) / path.name[: -len(ending)].strip(". ")
         folder.mkdir(exist_ok=True)
-        unpack = _zip_entries if ending == ".zip" else _tar_entries
+        entries = _zip_entries(path) if ending == ".zip" else _tar_entries(path)
         try:
-            _unpack(unpack(path), folder, report)
+            _unpack(entries, folder, report)
         except _DAMAGED as error:
             if not any(folder.iterdir()):
                 raise RecordingError(f"{path} cannot be unpacked: {error}") from error
@@ -131,13 +128,7 @@ def _tar_entries(path: Path) -> Iterator[Entry]:
     with tarfile.open(path) as archive:
         for info in archive:
             if info.isfile():
-                yield info.name, partial(_opened, archive, info)
-
-
-def _opened(archive: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
-    file = archive.extractfile(info)
-    assert file is not None, "only what is no file has no content"
-    return file
+                yield info.name, partial(archive.extractfile, info)
 
 
 def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> None:
@@ -150,22 +141,15 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
             report.skip(name[:80], "leads out of the archive")
             continue
         target = folder.joinpath(*parts)
-        is_whole = False
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            with open_entry() as source, target.open("wb") as file:
-                left_bytes -= _copy(source, file, left_bytes)
-            is_whole = True
-        except (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError) as error:
+            source = open_entry()
+            assert source is not None, "only what is no file has no content"
+            with source, target.open("wb") as file:
+                while left_bytes >= 0 and (data := source.read(2**20)):
+                    left_bytes -= file.write(data)
+        except BaseException as error:
+            target.unlink(missing_ok=True)
+            if not isinstance(error, _OF_ONE):
+                raise
             report.skip(name[:80], f"cannot be unpacked: {error}")
-        finally:
-            if not is_whole:
-                target.unlink(missing_ok=True)
-
-
-def _copy(source: Any, file: IO[bytes], most_bytes: int) -> int:
-    copied = 0
-    while copied <= most_bytes and (data := source.read(2**20)):
-        file.write(data)
-        copied += len(data)
-    return copied

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from robot.driver import TURNS_BEYOND, Move, describe, move_at, point_of
-from robot.errors import ConfigurationError
 from robot.store.episodes.editing import EpisodeFrame
 from robot.types import DEFAULT_MOVES, Action, Point
 
@@ -75,14 +74,3 @@ def read_share(value: object, name: str) -> float:
     except (ValueError, OverflowError):
         raise ValueError(f"{name} is {str(value)[:40]!r}, not a number from -1 to 1") from None
     return share
-
-
-def check_threshold(threshold: float) -> float:
-    """Return the threshold.
-
-    Raises:
-        ConfigurationError: If it does not lie between 0 and 1.
-    """
-    if not 0.0 <= threshold < 1.0:
-        raise ConfigurationError(f"--threshold must lie between 0 and 1, not {threshold:g}")
-    return threshold

@@ -53,14 +53,14 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
         return Timeline(times_s=[], usual_s=_USUAL_S)
     known = [stamp for stamp in read if stamp is not None]
     if not known:
-        times_s = [index * _USUAL_S for index in range(len(read))]
+        even_s = [index * _USUAL_S for index in range(len(read))]
         remark = "no times: taken as 20 pictures a second" if len(read) > 1 else None
-        return Timeline(times_s=times_s, usual_s=_USUAL_S, remark=remark)
+        return Timeline(times_s=even_s, usual_s=_USUAL_S, remark=remark)
     filled, outliers = _filled(read, known[0])
     runs = [(stamp, len(list(same))) for stamp, same in groupby(filled)]
     usual_s = _usual(runs)
-    times_s, at_s, pauses, backward = [0.0] * len(filled), 0.0, [], 0
-    index = 0
+    times_s: list[float] = []
+    at_s, pauses, backward = 0.0, [], 0
     for number, (stamp, count) in enumerate(runs):
         ahead_s = runs[number + 1][0] - stamp if number + 1 < len(runs) else count * usual_s
         backward += ahead_s < 0
@@ -70,12 +70,9 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
         step_s = ahead_s / count
         if (count > 1 and not 0.75 * usual_s < step_s < 3 * usual_s) or step_s <= 0:
             step_s = usual_s
-        end_s = max(at_s + ahead_s, at_s + count * step_s)
-        for place in range(count):
-            times_s[index] = at_s + place * step_s
-            index += 1
-        at_s = end_s
-    equal = len(known) - outliers - len(runs)
+        times_s += [at_s + place * step_s for place in range(count)]
+        at_s += max(ahead_s, count * step_s)
+    equal = max(0, len(known) - outliers - len(runs))
     remark = _remark(len(read) - len(known), outliers, equal, backward, pauses)
     return Timeline(times_s=times_s, usual_s=usual_s, remark=remark)
 
@@ -116,14 +113,13 @@ def _usual(runs: list[tuple[float, int]]) -> float:
 def _remark(
     missing: int, outliers: int, equal: int, backward: int, pauses: list[float]
 ) -> str | None:
-    found = [
-        f"{missing} without a time" if missing else "",
-        f"{equal} equal" if equal > 0 else "",
-        f"{outliers} out of order" if outliers else "",
-        f"{backward} times back" if backward else "",
-        f"{len(pauses)} pauses of up to {max(pauses):.0f} s shortened to {_CUT_PAUSE_S:g} s"
-        if pauses
-        else "",
-    ]
-    told = ", ".join(text for text in found if text)
+    longest_s = max(pauses, default=0.0)
+    found = {
+        f"{missing} without a time": missing,
+        f"{equal} equal": equal,
+        f"{outliers} out of order": outliers,
+        f"{backward} times back": backward,
+        f"{len(pauses)} pauses of up to {longest_s:.0f} s shortened to {_CUT_PAUSE_S:g} s": pauses,
+    }
+    told = ", ".join(text for text, count in found.items() if count)
     return f"times repaired: {told}" if told else None

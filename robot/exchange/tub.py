@@ -17,10 +17,9 @@ from typing import Any
 
 from robot.devices.pictures import read_picture_file, write_picture
 from robot.driver import CLASSIC, Move, point_of
-from robot.exchange.drive import Drive
+from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
 from robot.exchange.report import ImportReport
-from robot.exchange.rows import Row, drive_of, whole_rows
-from robot.exchange.steering import DEFAULT_THRESHOLD, Meant, done_at, read_meant, read_point
+from robot.exchange.steering import Meant, done_at, read_meant, read_point
 from robot.exchange.tub_records import (
     IMAGE,
     MOVES,
@@ -52,9 +51,7 @@ _INPUTS = {
 _CATALOG_RECORDS = 1000
 
 
-def read_tub(
-    folder: Path, threshold: float = DEFAULT_THRESHOLD, report: ImportReport | None = None
-) -> Drive:
+def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
     """Read a tub; its pictures are read when the drive is written.
 
     Records that the autopilot drove, or of which it is not known, have no label.
@@ -62,19 +59,18 @@ def read_tub(
     Raises:
         RecordingError: If it has no record that can be used.
     """
-    report = report or ImportReport()
     is_first = any(folder.glob("record_*.json")) and not (folder / "manifest.json").is_file()
     found, moves = (read_first(folder, report), None) if is_first else read_second(folder, report)
     declared: dict[Action, Move] = {}
     pictures = folder if is_first else folder / "images"
 
-    def read(place: str, record: Record) -> Row:
+    def read(place: str, record: Record) -> Shot:
         label, point = _meant(record, threshold, moves)
         stamp_ms = record.get("_timestamp_ms")
         _declare(record, label, declared)
-        return Row(
+        return Shot(
             place=place,
-            stamp_s=_seconds(record.get("milliseconds") if stamp_ms is None else stamp_ms),
+            t_s=_seconds(record.get("milliseconds") if stamp_ms is None else stamp_ms),
             label=label,
             point=point,
             picture=partial(read_picture_file, pictures, own_name(record[IMAGE])),
@@ -83,7 +79,7 @@ def read_tub(
         )
 
     return drive_of(
-        whole_rows(found, read, report),
+        whole_shots(found, read, report),
         f"the tub {folder} has no records",
         name=folder.name,
         source="donkeycar tub v1" if is_first else "donkeycar tub v2",
@@ -157,51 +153,44 @@ def write_tub(
     folder.mkdir(parents=True)
     origin_ms = episode.origin_ns // 10**6
     records: list[Record] = []
-    points: list[Point | None] = []
-    by_degrees: list[bool] = []
     for moment in moments(episode, notes):
         on_frame()
         if moment.is_deleted or (taught_only and moment.label is None):
             continue
-        frame = episode.frame(moment.frame_id)
-        points.append(done_at(moment, episode.declared_moves)[1])
-        by_degrees.append(moment.point is not None)
-        index = len(records)
-        records.append(
-            {
-                IMAGE: write_picture(frame, folder / "images", f"{index}_cam_image_array_"),
-                _MODE: "user" if moment.label else "local",
-                _LABEL: moment.label or "",
-                _FRAME: moment.frame_id,
-                _CORRECTION: moment.is_intervention,
-                "_index": index,
-                "_session_id": "drivelesson_0",
-                "_timestamp_ms": origin_ms + round(frame.captured_s * 1000),
-            }
-        )
+        frame, index = episode.frame(moment.frame_id), len(records)
+        record: Record = {
+            IMAGE: write_picture(frame, folder / "images", f"{index}_cam_image_array_"),
+            _MODE: "user" if moment.label else "local",
+            _LABEL: moment.label or "",
+            _FRAME: moment.frame_id,
+            _CORRECTION: moment.is_intervention,
+            "_index": index,
+            "_session_id": "drivelesson_0",
+            "_timestamp_ms": origin_ms + round(frame.captured_s * 1000),
+        }
+        if point := done_at(moment, episode.declared_moves)[1]:
+            record.update(zip(_STEERED, point, strict=True))
+        if moment.point is not None:
+            record[_DEGREES] = True
         proposed = moment.predicted_point
         if proposed is None and moment.predicted:
             proposed = point_of(Action(moment.predicted), episode.declared_moves)
         if proposed:
-            records[-1].update(zip(_PILOT, proposed, strict=True))
-    is_steered = None not in points
-    if is_steered:
-        for record, point, is_meant in zip(records, points, by_degrees, strict=True):
-            record.update(zip(_STEERED, point or (), strict=True))
-            record.update({_DEGREES: True} if is_meant else {})
-    missing = {*(() if is_steered else _STEERED)}
-    missing |= {n for n in (*_PILOT, _DEGREES) if not any(n in record for record in records)}
-    inputs = {name: kind for name, kind in _INPUTS.items() if name not in missing}
-    _write_catalogs(folder, records, episode, inputs)
+            record.update(zip(_PILOT, proposed, strict=True))
+        records.append(record)
+    there = set[str]().union(*records)
+    if any(_ANGLE not in record for record in records):
+        there -= {*_STEERED, _DEGREES}
+        records = [{n: v for n, v in r.items() if n in there} for r in records]
+    _write_catalogs(folder, records, episode, {n: of for n, of in _INPUTS.items() if n in there})
     return len(records)
 
 
 def _write_catalogs(
     folder: Path, records: list[Record], episode: Episode, inputs: dict[str, str]
 ) -> None:
-    created_s = episode.started_at_s
+    created_s, names = episode.started_at_s, []
     moves = sorted({record[_LABEL] for record in records} - {""})
-    names = []
     for start in range(0, max(len(records), 1), _CATALOG_RECORDS):
         stem = f"catalog_{start // _CATALOG_RECORDS}"
         part = records[start : start + _CATALOG_RECORDS]

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import re
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robot.errors import ConfigurationError, RecordingError
-from robot.exchange.beside import beside
 from robot.exchange.film import check_suffix
-from robot.exchange.steering import DEFAULT_THRESHOLD, check_threshold
+from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.timeline import make_timeline
 from robot.store.episodes.editing import moments
 from robot.store.episodes.store import EpisodeStore
@@ -58,7 +59,8 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
     from robot.exchange.report import ImportReport
     from robot.exchange.sources import find_drives, unpacked
 
-    threshold = check_threshold(args.threshold)
+    if not 0.0 <= args.threshold < 1.0:
+        raise ConfigurationError(f"--threshold must lie between 0 and 1, not {args.threshold:g}")
     whole = ImportReport(is_strict=args.strict)
     made: list[Path] = []
     try:
@@ -66,7 +68,7 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
             sources = find_drives(path)
             for source in sources:
                 try:
-                    made.append(_import_one(source, threshold, args, store))
+                    made.append(_import_one(source, args, store))
                 except RecordingError as error:
                     if len(sources) == 1:
                         raise
@@ -81,13 +83,11 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
         print(line)
 
 
-def _import_one(
-    source: Source, threshold: float, args: argparse.Namespace, store: EpisodeStore
-) -> Path:
+def _import_one(source: Source, args: argparse.Namespace, store: EpisodeStore) -> Path:
     from robot.exchange.drive import write_episode
     from robot.exchange.report import ImportReport
 
-    drive = source.read(threshold, ImportReport(is_strict=args.strict))
+    drive = source.read(args.threshold, ImportReport(is_strict=args.strict))
     path = store.new_path(args.name or _tidy(drive.name))
     with progress(None, "picture", "episodes", "episodes") as bar:
         count = write_episode(drive, path, on_shot=bar.update)
@@ -114,7 +114,7 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
         raise ConfigurationError(f"{out} exists already; choose another with --out")
     total = sum(len(episode.frames) for episode, _ in episodes)
     try:
-        with progress(total, "picture", "episodes", "episodes") as bar, beside(out) as part:
+        with progress(total, "picture", "episodes", "episodes") as bar, _beside(out) as part:
             made = _export(args, episodes, part, bar.update)
     except OSError as error:
         raise ConfigurationError(f"cannot write {out}: {error}") from error
@@ -125,9 +125,23 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
             print(f"  {episode.id}: {remark}")
 
 
+@contextlib.contextmanager
+def _beside(path: Path) -> Iterator[Path]:
+    """Give a path to write to; it becomes `path` at the end, or is removed after an error."""
+    folder = path.with_name(f".part-{path.name}")
+    shutil.rmtree(folder, ignore_errors=True)  # of a run that was killed
+    try:
+        folder.mkdir(parents=True)
+        yield folder / path.name
+        (folder / path.name).rename(path)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def _export(
     args: argparse.Namespace, episodes: list[EditedEpisode], out: Path, tick: Callable[[], None]
 ) -> str:
+    """Write them, and say how much that is; each form needs libraries of its own."""
     episode, notes = episodes[0]
     if args.form == "lerobot":
         from robot.exchange.lerobot import TASK, write_lerobot
@@ -154,9 +168,9 @@ def _export(
 
 def _free_path(folder: Path, episode_id: str, form: str) -> Path:
     ending = {"film": ".mp4", "npz": ".npz"}.get(form, "")
-    for number in itertools.count(1):
+    for again in itertools.count(1):
         name = re.sub(r"\s+", "-", f"{episode_id}-{form}")
-        path = folder / f"{name}{'' if number == 1 else f'-{number}'}{ending}"
+        path = folder / f"{name}{'' if again == 1 else f'-{again}'}{ending}"
         if not path.exists():
             return path
     raise AssertionError

@@ -25,7 +25,9 @@ def film_a_good_pilot(frames: int) -> tuple[Shot, ...]:
         near = simulation.sense().distance_m or 0.0
         held = LEFT if near < (0.4 if held is FORWARD else 0.7) else FORWARD
         pixels = simulation.render()
-        picture = Picture(data=pixels.tobytes(), encoding=Encoding.RGB, width=160, height=120)
+        picture = functools.partial(
+            Picture, data=pixels.tobytes(), encoding=Encoding.RGB, width=160, height=120
+        )
         shots.append(Shot(t_s=i / 10, picture=picture, label=held))
         simulation.action = held
         simulation.step(0.1)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from robot.exchange.sources import Source, find_drives
 from robot.store.episodes.episode import Episode, taught_frames
 from robot.types import Action
 
@@ -9,3 +12,9 @@ from robot.types import Action
 def taught_labels(episode: Episode) -> dict[int, Action]:
     """Return the label of each frame that was taught."""
     return {frame_id: example.label for frame_id, example in taught_frames(episode).items()}
+
+
+def source_at(path: Path) -> Source:
+    """Return the one drive at a path."""
+    [source] = find_drives(path)
+    return source

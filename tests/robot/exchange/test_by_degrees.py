@@ -6,6 +6,7 @@ import json
 import random
 import struct
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,9 @@ def driven(path: Path, seed: int, own_move: Move | None = None) -> Episode:
             label, point = own_move.name if own_move else Action.LEFT, None
         elif index % 5 == 4:
             label = point = None
-        shots.append(Shot(t_s=index / 10, picture=to_jpeg(pixels), label=label, point=point))
+        shots.append(
+            Shot(t_s=index / 10, picture=partial(to_jpeg, pixels), label=label, point=point)
+        )
     drive = Drive(
         name="drive",
         source="test",
@@ -97,7 +100,7 @@ def test_out_and_in_again_a_pilot_means_the_same(
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_drive_by_moves_has_nothing_more(form: str, tmp_path: Path) -> None:
-    picture = to_jpeg(np.zeros((120, 160, 3), np.uint8))
+    picture = partial(to_jpeg, np.zeros((120, 160, 3), np.uint8))
     shots = [Shot(t_s=i / 10, picture=picture, label=Action.LEFT) for i in range(4)]
     write_episode(Drive(name="d", source="t", shots=shots), tmp_path / "d.mcap")
     FORMS[form](open_episode(tmp_path / "d.mcap"), Notes(), tmp_path / form)

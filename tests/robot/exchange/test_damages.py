@@ -19,10 +19,10 @@ import pytest
 from robot.errors import RecordingError
 from robot.exchange.drive import write_episode
 from robot.exchange.report import ImportReport
-from robot.exchange.sources import Source, find_drives, unpacked
+from robot.exchange.sources import find_drives, unpacked
 from robot.store.episodes.episode import open_episode
 from robot.types import Action
-from tests.robot.exchange.labels import taught_labels
+from tests.robot.exchange.labels import source_at, taught_labels
 
 TUBS = int(os.environ.get("DRIVELESSON_TUBS", "40"))
 LABELS = {-0.7: Action.LEFT, 0.0: Action.FORWARD, 0.6: Action.RIGHT}
@@ -239,7 +239,7 @@ def test_the_last_row_of_a_table_that_was_cut_is_not_believed(tmp_path: Path, en
     (tmp_path / "b.jpg").write_bytes(picture(2))
     (tmp_path / "t.csv").write_text("file,angle\na.jpg,0.9\nb.jpg,-0" + ending)
     report = ImportReport()
-    assert len(list(Source(tmp_path).read(report=report).shots)) == (2 if ending else 1)
+    assert len(list(source_at(tmp_path).read(report=report).shots)) == (2 if ending else 1)
     assert bool(report.skipped) is not bool(ending)
 
 

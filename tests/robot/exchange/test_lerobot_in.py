@@ -249,7 +249,7 @@ def imported(folder: Path, scratch: Path) -> Iterator[tuple[Episode, ImportRepor
         assert "damaged" in str(error) or "not v2 or v3" in str(error)
         return
     for source in sources:
-        report, path = ImportReport(), scratch / f"{source.episode}.mcap"
+        report, path = ImportReport(), scratch / f"{source.name.split()[-1]}.mcap"
         try:
             write_episode(source.read(report=report), path)
         except RecordingError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,11 @@ from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, write_episode
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
-from robot.exchange.sources import Source
 from robot.exchange.tub import write_tub
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, open_episode
 from robot.types import Action, Encoding
-from tests.robot.exchange.labels import taught_labels
+from tests.robot.exchange.labels import source_at, taught_labels
 
 STEERED = tuple(
     Move(Action(f"steer_{place}"), steering=(place - 2) / 2, throttle=0.3) for place in range(5)
@@ -33,7 +33,8 @@ def drive(folder: Path, declared: tuple[Move, ...], labels: list[Action | None])
     shots = [
         Shot(
             t_s=index / 10,
-            picture=Picture(
+            picture=partial(
+                Picture,
                 data=noise.integers(0, 255, 24 * 32 * 3, np.uint8).tobytes(),
                 width=32,
                 height=24,
@@ -61,8 +62,8 @@ def all_labels(declared: tuple[Move, ...]) -> list[Action | None]:
 @pytest.mark.parametrize("write", [write_tub, write_folder], ids=["tub", "folder"])
 def test_labels_come_back_by_name(tmp_path: Path, declared: tuple[Move, ...], write) -> None:  # type: ignore[no-untyped-def]
     episode = drive(tmp_path, declared, all_labels(declared))
-    write(episode, Notes(), tmp_path / "out", taught_only=True)
-    write_episode(Source(tmp_path / "out").read(), tmp_path / "back.mcap")
+    write(episode, Notes(), tmp_path / "out")
+    write_episode(source_at(tmp_path / "out").read(), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap")
     assert list(taught_labels(back).values()) == list(taught_labels(episode).values())
     assert set(back.moves) == set(names(declared))
@@ -76,7 +77,7 @@ def test_a_tub_carries_the_numbers_there_and_back(tmp_path: Path) -> None:
         label = record["drivelesson/label"]
         point = point_of(Action(label or "stop"), STEERED)
         assert (record["user/angle"], record["user/throttle"]) == point
-    write_episode(Source(tmp_path / "tub").read(), tmp_path / "back.mcap")
+    write_episode(source_at(tmp_path / "tub").read(), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap").declared_moves
     assert {move.name: move.point for move in back} == {m.name: m.point for m in STEERED}
 

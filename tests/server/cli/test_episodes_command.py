@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from robot.store.episodes.episode import Episode
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
+from robot.types import Frame
 from server.__main__ import main
 from tests.robot.store.episodes.drives import record_drive
 
@@ -94,6 +96,24 @@ def test_out_and_in_again(
     say(f"episodes import {out} --name back", capsys)
     say("learn back --learner default --max-nodes 8 --out back", capsys)
     assert ModelStore(Storage(data)).load("back").summary.n_examples == 60
+
+
+@pytest.mark.parametrize("form", ["tub", "film", "npz"])
+def test_an_export_that_ends_in_an_error_is_not_there(
+    episode_id: str, data: Path, form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[int] = []
+
+    def read_some(episode: Episode, frame_id: int) -> Frame:
+        seen.append(frame_id)
+        if len(seen) == 9:
+            raise OSError("the disk is full")
+        return read(episode, frame_id)
+
+    read = Episode.frame
+    monkeypatch.setattr(Episode, "frame", read_some)
+    assert main(f"episodes export last --as {form}".split()) == 1
+    assert len(seen) == 9 and not any((data / "exports").iterdir())
 
 
 def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,9 @@ def record(path: Path, labels: Sequence[Action], shown: Sequence[Action] | None 
         pixels = noise.integers(0, 60, (120, 160, 3), dtype=np.uint8)
         half = slice(0, 80) if truth is Action.LEFT else slice(80, 160)
         pixels[:, half] += 150
-        picture = Picture(data=pixels.tobytes(), encoding=Encoding.RGB, width=160, height=120)
+        picture = partial(
+            Picture, data=pixels.tobytes(), encoding=Encoding.RGB, width=160, height=120
+        )
         shots.append(Shot(t_s=i / 10, picture=picture, label=label))
     write_episode(Drive(name="r", source="test", shots=shots, moves=MOVES), path)
     return open_episode(path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,8 @@ from .drives import RecordedBench, record_drive
 
 
 def imported(folder: Path, name: str, started_at_s: float) -> Path:
-    picture = Picture(
+    picture = partial(
+        Picture,
         data=np.zeros((120, 160, 3), np.uint8).tobytes(),
         encoding=Encoding.RGB,
         width=160,
