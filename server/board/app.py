@@ -8,21 +8,20 @@ import io
 import json
 import struct
 from collections import Counter
-from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager, contextmanager, suppress
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
 from typing import Any
 
-from fastapi import FastAPI, HTTPException, WebSocket
-from fastapi.responses import FileResponse, Response
+from fastapi import FastAPI, HTTPException, Request, WebSocket
+from fastapi.responses import FileResponse, JSONResponse, Response
 
 from robot.clock import Clock
 from robot.devices.outside import Outside, must_be, text, whole
 from robot.errors import NotFoundError, RobotError
 from server.board.board import Board, Onlooker
+from server.board.extension import ClassLocks
 from server.board.model_copy import copy_model
 from server.board.robot_link import RobotLink
-from server.board.robot_routes import ClassLocks
-from server.board.teacher_session import RefusedError
 from server.config import Config
 from server.hosting.network import host_names
 from server.hosting.static_files import CompressedFiles
@@ -84,6 +83,16 @@ def create_board_app(
         exception_handlers=HANDLERS,
         strict_content_type=False,
     )
+
+    @app.exception_handler(RobotError)
+    @app.exception_handler(OSError)
+    async def refuse(request: Request, error: RobotError | OSError) -> JSONResponse:
+        """Pass on what a robot refused; 502 where it does not answer."""
+        if isinstance(error, NotFoundError):
+            return JSONResponse({"detail": str(error)}, 404)
+        sentence = f"{board.robot(int(request.path_params['number'])).name}: {error}"
+        return JSONResponse({"detail": sentence}, getattr(error, "status", 502))
+
     door = Door(config.limits, connection_capacity())
     keep_door(app, door, clock)
     _add_routes(app, config, board, clock)
@@ -126,22 +135,20 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
     @app.post(STOP_PATH)
     async def stop(body: StopOrder = _ALL) -> dict[str, Any]:
         """Stop one robot, or all."""
-        with _as_status():
-            board.stop(body.robot)
+        board.stop(body.robot)
         return {"robots": board.describe()}
 
     @app.put("/api/robots/{number}")
     async def change(number: int, body: RobotChange) -> dict[str, Any]:
         """Change name, colour or locks of a robot."""
-        robot = _find(board, number)
+        robot = board.robot(number)
         words = {"name": body.name, "colour": body.colour}
         words = {field: word for field, word in words.items() if word is not None}
-        with _as_status(robot):
-            if words:
-                await robot.ask("PUT", "/api/settings", words)
-            if body.locks is not None:
-                await robot.ask("PUT", "/api/class/locks", {"locks": body.locks})
-            await robot.refresh()
+        if words:
+            await robot.ask("PUT", "/api/settings", words)
+        if body.locks is not None:
+            await robot.ask("PUT", "/api/class/locks", {"locks": body.locks})
+        await robot.refresh()
         return robot.describe()
 
     @app.put("/api/locks")
@@ -162,8 +169,8 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
     @app.post("/api/robots/{number}/copy-model")
     async def take_model(number: int, body: ModelCopies) -> dict[str, Any]:
         """Copy this robot's model in use."""
-        targets = [_find(board, target) for target in body.to if target != number]
-        copied = await copy_model(_find(board, number), targets, use=body.use)
+        targets = [board.robot(target) for target in body.to if target != number]
+        copied = await copy_model(board.robot(number), targets, use=body.use)
         for robot in targets:
             with suppress(RobotError, TimeoutError):
                 await robot.refresh()
@@ -172,7 +179,7 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
     @app.get("/api/robots/{number}/qr.svg")
     async def draw_code(number: int, printed: bool = False) -> Response:
         """Draw the code that pairs the next phone with a robot; `printed`: one for always."""
-        address = _find(board, number).page_address(printed=printed)
+        address = board.robot(number).page_address(printed=printed)
         if address is None:
             raise HTTPException(409, "There is no code while the robot is away.")
         import segno
@@ -188,22 +195,17 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
     async def follow(websocket: WebSocket) -> None:
         """Send news and pictures; receive who is watched, STOP, and the release of a stop."""
         await websocket.accept()
-        due, may_send = asyncio.Event(), asyncio.Event()
-        may_send.set()
-        onlooker = Onlooker(due.set)
+        onlooker = Onlooker()
         board.join(onlooker)
         try:
             await end_with_either(
-                _hear(websocket, board, onlooker, may_send),
-                _tell(websocket, board, onlooker, clock, due, may_send),
+                _hear(websocket, board, onlooker), _tell(websocket, board, onlooker, clock)
             )
         finally:
             board.leave(onlooker)
 
 
-async def _hear(
-    websocket: WebSocket, board: Board, onlooker: Onlooker, may_send: asyncio.Event
-) -> None:
+async def _hear(websocket: WebSocket, board: Board, onlooker: Onlooker) -> None:
     while True:
         event = await websocket.receive()
         if event["type"] == "websocket.disconnect":
@@ -218,7 +220,7 @@ async def _hear(
             elif kind == "watch":
                 board.watch(onlooker, map(int, message["robots"]))
             elif kind == "drawn":
-                may_send.set()
+                onlooker.may_send.set()
             else:
                 raise ValueError(kind)
         except (ValueError, KeyError, TypeError, RecursionError, NotFoundError):
@@ -226,20 +228,13 @@ async def _hear(
             return
 
 
-async def _tell(
-    websocket: WebSocket,
-    board: Board,
-    onlooker: Onlooker,
-    clock: Clock,
-    due: asyncio.Event,
-    may_send: asyncio.Event,
-) -> None:
+async def _tell(websocket: WebSocket, board: Board, onlooker: Onlooker, clock: Clock) -> None:
     """Send what is new, but not while a stop is under way; of pictures only the newest, once those
     before have been drawn."""
     while True:
-        await due.wait()
+        await onlooker.due.wait()
         await board.at_leisure.wait()
-        due.clear()
+        onlooker.due.clear()
         if onlooker.changed:
             numbers, onlooker.changed = sorted(onlooker.changed), set()
             robots = [board.robots[number].describe() for number in numbers]
@@ -247,30 +242,11 @@ async def _tell(
         if onlooker.strangers_changed:
             onlooker.strangers_changed = False
             await websocket.send_json({"type": "strangers", **board.strangers.describe()})
-        if onlooker.pictures and may_send.is_set():
-            may_send.clear()
+        if onlooker.pictures and onlooker.may_send.is_set():
+            onlooker.may_send.clear()
             pictures, onlooker.pictures = onlooker.pictures, {}
             parts = [PICTURE_HEADER.pack(n, len(data)) + data for n, data in pictures.items()]
             await websocket.send_bytes(b"".join(parts))
         await clock.pause(SEND_EVERY_S)
         if onlooker.pictures:
-            due.set()
-
-
-def _find(board: Board, number: Any) -> RobotLink:
-    with _as_status():
-        return board.robot(number)
-
-
-@contextmanager
-def _as_status(robot: RobotLink | None = None) -> Iterator[None]:
-    """Turn what a robot refused into a status and a sentence for the page."""
-    name = f"{robot.name}: " if robot is not None else ""
-    try:
-        yield
-    except NotFoundError as error:
-        raise HTTPException(404, str(error)) from error
-    except RefusedError as error:
-        raise HTTPException(error.status, f"{name}{error}") from error
-    except (RobotError, TimeoutError) as error:
-        raise HTTPException(502, f"{name}{error}") from error
+            onlooker.due.set()

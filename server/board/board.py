@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from robot.clock import Clock
@@ -13,6 +14,7 @@ from server.board.class_key import ClassKey
 from server.board.robot_link import RobotLink
 from server.board.stopping import CONFIRM_S, Stopping
 from server.board.strangers import Strangers
+from server.board.teacher_session import TeacherSession
 from server.board.transport import NetworkTransport, RobotAddress, UnreachableError
 
 PICTURE_EVERY_S = 1.0
@@ -21,16 +23,18 @@ PICTURE_EVERY_S = 1.0
 class Onlooker:
     """One open page of the board: what it has not been told yet, and the newest pictures.
 
-    Args:
-        on_due: Called when there is something to send, so that the page's task wakes up.
+    Attributes:
+        due: Set when there is something to send, so that the page's task wakes up.
+        may_send: Set while the page has drawn all pictures that it was sent.
     """
 
-    def __init__(self, on_due: Callable[[], None]) -> None:
+    def __init__(self) -> None:
         self.watched: frozenset[int] = frozenset()
         self.changed: set[int] = set()
         self.pictures: dict[int, bytes] = {}
         self.strangers_changed = False
-        self.on_due = on_due
+        self.due, self.may_send = asyncio.Event(), asyncio.Event()
+        self.may_send.set()
 
 
 class Board:
@@ -55,10 +59,11 @@ class Board:
         clock: Clock,
         picture_every_s: float = PICTURE_EVERY_S,
     ) -> None:
-        self._key, self._transport, self._clock = key, transport, clock
+        self._clock = clock
+        self._meet = partial(TeacherSession, key=key, transport=transport)
         self._picture_every_s = picture_every_s
         self.robots: dict[int, RobotLink] = {}
-        self.strangers = Strangers(key, transport, clock, self.add, self._note_strangers)
+        self.strangers = Strangers(self._meet, clock, self.add, self._note_strangers)
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[Onlooker] = []
         self.at_leisure = asyncio.Event()
@@ -73,9 +78,7 @@ class Board:
             return None
         robot = RobotLink(
             len(self.robots) + 1,
-            address,
-            self._key,
-            self._transport,
+            self._meet(address),
             self._clock,
             self._note_news,
             self._note_picture,
@@ -92,7 +95,6 @@ class Board:
             self.strangers.announce(address)
 
     def has(self, address: RobotAddress) -> bool:
-        """True if this robot is of the class."""
         return any(robot.address == address for robot in self.robots.values())
 
     async def close(self) -> None:
@@ -113,8 +115,10 @@ class Board:
             raise NotFoundError(f"there is no robot {number} on this board")
         return self.robots[number]
 
+    def _chosen(self, number: object) -> list[RobotLink]:
+        return list(self.robots.values()) if number is None else [self.robot(number)]
+
     def describe(self) -> list[dict[str, Any]]:
-        """Return all robots as the page gets them."""
         return [robot.describe() for robot in self.robots.values()]
 
     def stop(self, number: object = None) -> None:
@@ -123,7 +127,7 @@ class Board:
         Raises:
             NotFoundError: If there is no such robot.
         """
-        robots = list(self.robots.values()) if number is None else [self.robot(number)]
+        robots = self._chosen(number)
         self.at_leisure.clear()
         for robot in robots:
             robot.stop.press()
@@ -137,8 +141,7 @@ class Board:
         Raises:
             NotFoundError: If there is no such robot.
         """
-        robots = list(self.robots.values()) if number is None else [self.robot(number)]
-        for robot in robots:
+        for robot in self._chosen(number):
             if number is not None or robot.state.get("stopped_by_teacher"):
                 with suppress(UnreachableError, TimeoutError):  # the page shows that it is away
                     await robot.stop.release()
@@ -154,7 +157,7 @@ class Board:
         self._onlookers.append(page)
         page.changed.update(self.robots)
         page.strangers_changed = True
-        page.on_due()
+        page.due.set()
 
     def leave(self, page: Onlooker) -> None:
         """Remove a page that was closed."""
@@ -178,15 +181,15 @@ class Board:
             self.at_leisure.set()
         for page in self._onlookers:
             page.changed.add(robot.number)
-            page.on_due()
+            page.due.set()
 
     def _note_strangers(self) -> None:
         for page in self._onlookers:
             page.strangers_changed = True
-            page.on_due()
+            page.due.set()
 
     def _note_picture(self, robot: RobotLink, message: bytes) -> None:
         for page in self._onlookers:
             if robot.number in page.watched:
                 page.pictures[robot.number] = message
-                page.on_due()
+                page.due.set()

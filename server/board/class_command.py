@@ -13,7 +13,6 @@ MOST = 60
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument(
         "--robots",
         default="10",
@@ -49,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from server.board.class_key import keep_class_key
     from server.board.command import serve_board
     from server.board.discovery import read_list
-    from server.board.simulated_class import simulated_robots
+    from server.board.simulated_robot import simulated_robots
     from server.board.transport import RobotAddress
     from server.config import Config
     from server.hosting.logs import start_logging

@@ -62,7 +62,6 @@ class ClassKey:
 
 
 def new_nonce() -> str:
-    """Return a random number for one handshake."""
     return secrets.token_hex(16)
 
 

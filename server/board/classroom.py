@@ -13,7 +13,7 @@ import hmac
 import json
 import logging
 import secrets
-from collections import OrderedDict
+from collections import deque
 from pathlib import Path
 
 from robot.errors import ConfigurationError
@@ -52,8 +52,8 @@ class Classroom:
         self.code = key.code
         self._file = file
         self._own_secret = secrets.token_bytes(32)
-        self._sessions: OrderedDict[str, None] = OrderedDict()
-        self._used: OrderedDict[str, None] = OrderedDict()
+        self._sessions: deque[str] = deque(maxlen=_SESSIONS)
+        self._used: deque[str] = deque(maxlen=_USED)
         self.locks = _load(file)
 
     # The handshake -----------------------------------------------------------------------------
@@ -85,13 +85,9 @@ class Classroom:
         if not self._key.accepts(proof, "board", board_nonce, nonce, endpoint):
             log.warning("class join refused")
             return None
-        self._used[nonce] = None
-        while len(self._used) > _USED:
-            self._used.popitem(last=False)
+        self._used.append(nonce)
         secret = secrets.token_urlsafe(32)
-        self._sessions[_hash(secret)] = None
-        while len(self._sessions) > _SESSIONS:
-            self._sessions.popitem(last=False)
+        self._sessions.append(_hash(secret))
         log.info("class joined")
         return secret
 

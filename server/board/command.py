@@ -22,7 +22,6 @@ _NETWORK = "network"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
     parser.add_argument(
         "--robots",
         default=_NETWORK,

@@ -140,23 +140,14 @@ def read_announcement(data: bytes, source: str) -> list[RobotAddress]:
     zeroconf = _zeroconf()
     packet = zeroconf.DNSIncoming(data, (source, _PORT))
     records = packet.answers() if packet.valid and packet.is_response() else []
-    texts = {one.key: _properties(one.text) for one in records if isinstance(one, zeroconf.DNSText)}
+    texts = {one.key: one.text for one in records if isinstance(one, zeroconf.DNSText)}
     found = []
     for record in records:
-        is_tls = _KINDS.get(record.name.partition(".")[2].lower())
-        said = texts.get(record.key, {})
-        if is_tls is None or not isinstance(record, zeroconf.DNSService) or not record.ttl:
+        kind = record.name.partition(".")[2].lower()
+        if kind not in _KINDS or not isinstance(record, zeroconf.DNSService) or not record.ttl:
             continue
+        text = texts.get(record.key, b"")
+        said = zeroconf.ServiceInfo(kind, kind, properties=text).decoded_properties
         if ROBOT in said and record.port and said.get(ADDRESS) in (None, "", source):
-            found.append(RobotAddress(source, record.port, is_tls))
-    return found
-
-
-def _properties(text: bytes) -> dict[str, str]:
-    """Return what the strings of a TXT record say, each of which begins with its length."""
-    found = {}
-    while text:
-        one, text = text[1 : 1 + text[0]], text[1 + text[0] :]
-        name, _, value = one.decode("utf-8", "replace").partition("=")
-        found[name] = value
+            found.append(RobotAddress(source, record.port, _KINDS[kind]))
     return found

@@ -1,19 +1,121 @@
-"""A robot's side of a class, as a part of its server."""
+"""A robot's side of a class: `/api/class`, which the board asks. See docs/reference/http.md."""
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import ssl
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from server.board import robot_routes
-from server.board.class_key import read_class_key
-from server.board.classroom import Classroom
+from fastapi import APIRouter, Depends, HTTPException, Request
+
+from robot.devices.outside import Outside, must_be, text
+from server.board.class_key import endpoint, read_class_key
+from server.board.classroom import LOCKS, Classroom
 from server.extension import Extension
+from server.routes.answers import Route
+from server.routes.bodies import Short, do
+from server.security.access import Role
+from server.security.guard import require_teacher
+from server.services import services_of
 
 if TYPE_CHECKING:
     from server.services import Services
+
+router = APIRouter(prefix="/api/class", route_class=Route)
+TEACHER = Depends(require_teacher)
+
+
+class ClassHello(Outside):
+    """The board's random number."""
+
+    nonce: str = text()
+
+
+class ClassJoin(ClassHello):
+    """The board's proof that it knows the class key."""
+
+    board_nonce: str = text()
+    proof: str = text()
+
+
+class ClassLocks(Outside):
+    """What pupils may not change."""
+
+    locks: list[Short] = must_be(f"a list of some of {', '.join(LOCKS)}")
+
+
+@router.post("/hello", responses={404: {}, 409: {}})
+async def hello(request: Request, body: ClassHello) -> dict[str, str]:
+    """Begin the handshake: this robot proves first that it knows the key."""
+    now_s = services_of(request).robot.clock.now_s()
+    nonce, proof = _classroom(request).challenge(body.nonce, _own(request), now_s)
+    return {"nonce": nonce, "proof": proof}
+
+
+@router.post("/join", responses={403: {}, 404: {}})
+async def join(request: Request, body: ClassJoin) -> dict[str, str]:
+    """End it: a session for the board."""
+    now_s = services_of(request).robot.clock.now_s()
+    given = (body.board_nonce, body.nonce, body.proof)
+    secret = _classroom(request).admit(*given, _own(request), now_s)
+    if secret is None:
+        raise HTTPException(403, "This robot has another class key.")
+    return {"secret": secret}
+
+
+@router.get("", dependencies=[TEACHER])
+async def describe_class(request: Request) -> dict[str, Any]:
+    """Return name, colour, locks and the model in use."""
+    services = services_of(request)
+    identity, persistence = services.identity.now, services.persistence
+    return {
+        "name": identity.name,
+        "colour": identity.colour,
+        "locks": sorted(_classroom(request).locks),
+        "model": persistence.autosave.name if persistence is not None else None,
+        "needs_pairing": services.pairing is not None,
+    }
+
+
+@router.put("/locks", dependencies=[TEACHER])
+async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
+    """Lock what pupils may not change, and unlock the rest."""
+    classroom = _classroom(request)
+    await do(classroom.lock, body.locks)
+    services_of(request).events.publish("locked", locks=sorted(classroom.locks))
+    return {"locks": sorted(classroom.locks)}
+
+
+@router.post("/invitation", dependencies=[TEACHER])
+async def invite(request: Request) -> dict[str, Any]:
+    """Return a token for the QR code on the board; null where no pairing is needed."""
+    services = services_of(request)
+    if services.pairing is None:
+        return {"token": None, "valid_s": None}
+    token, valid_s = services.pairing.invite(Role.PILOT, services.robot.clock.now_s())
+    return {"token": token, "valid_s": valid_s}
+
+
+def _classroom(request: Request) -> Classroom:
+    classroom = services_of(request).extension(ClassroomExtension).classroom
+    if classroom is None:
+        raise HTTPException(404, "This robot is in no class: start it with --class-key FILE.")
+    return classroom
+
+
+def _own(request: Request) -> str:
+    """Return this robot's address as its own socket has it; no header can change that."""
+    address, port = request.scope.get("server") or ("", 0)
+    own = endpoint(str(address), int(port or 0))
+    config = services_of(request).config
+    if not config.tls:
+        return own
+    chain = (config.data / "tls" / "server.crt").read_text("ascii")
+    first = chain[: chain.index(ssl.PEM_FOOTER) + len(ssl.PEM_FOOTER)]
+    return f"{own} {hashlib.sha256(ssl.PEM_cert_to_DER_cert(first)).hexdigest()}"
 
 
 class ClassroomExtension(Extension):
@@ -22,7 +124,7 @@ class ClassroomExtension(Extension):
     The option `class_key` names the key's file; `classroom` instead gives a class that is open.
     """
 
-    routers = (robot_routes.router,)
+    routers = (router,)
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         file: Path | None = options.get("class_key")
@@ -35,7 +137,6 @@ class ClassroomExtension(Extension):
 
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:
-        """Declare the option for the class's key."""
         parser.add_argument(
             "--class-key",
             type=Path,

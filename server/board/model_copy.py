@@ -49,25 +49,19 @@ async def copy_model(
 
 
 async def _give(target: RobotLink, name: str, data: bytes, use: bool) -> Copied:
-    path = f"/api/models/{quote(name, safe='')}/file"
+    kept, fault = None, None
     try:
-        kept = _name_in(await target.ask("PUT", path, data))
+        kept = _name_in(await target.ask("PUT", f"/api/models/{quote(name, safe='')}/file", data))
+        if use:
+            await target.ask("POST", f"/api/models/{quote(kept, safe='')}/load", {})
     except (RobotError, TimeoutError) as error:
-        return Copied(
-            robot=target.number,
-            fault=f"{target.name} did not take it, nothing changed: {_why(error)}",
+        so = (
+            f"has it as {kept} and goes on with its own"
+            if kept
+            else "did not take it, nothing changed"
         )
-    if not use:
-        return Copied(robot=target.number, name=kept)
-    try:
-        await target.ask("POST", f"/api/models/{quote(kept, safe='')}/load", {})
-    except (RobotError, TimeoutError) as error:
-        return Copied(
-            robot=target.number,
-            name=kept,
-            fault=f"{target.name} has it as {kept} and goes on with its own: {_why(error)}",
-        )
-    return Copied(robot=target.number, name=kept, is_used=True)
+        fault = f"{target.name} {so}: {_why(error)}"
+    return Copied(robot=target.number, name=kept, is_used=use and fault is None, fault=fault)
 
 
 def _name_in(answer: HttpAnswer) -> str:

@@ -15,17 +15,10 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from robot.clock import Clock
-from server.board.class_key import ClassKey
+from robot.errors import RobotError
 from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
-from server.board.transport import (
-    Channel,
-    HttpAnswer,
-    NetworkTransport,
-    RobotAddress,
-    ServerPlace,
-    UnreachableError,
-)
+from server.board.transport import Channel, UnreachableError
 from server.hosting.banner import pairing_address
 from server.protocol import ProtocolError, encode_acknowledgement, parse_picture
 
@@ -36,18 +29,8 @@ _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _PATIENCE_S = 5.0
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
-    *(
-        "mode",
-        "driven_by",
-        "action",
-        "stop_reason",
-        "emergency",
-        "asks_pilot",
-        "fault",
-        "link",
-        "busy",
-    ),
-    *("agreement", "lessons", "battery", "pilot", "viewers", "stopped_by_teacher"),
+    *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
+    *("busy", "agreement", "lessons", "battery", "pilot", "viewers", "stopped_by_teacher"),
 )
 
 
@@ -56,9 +39,7 @@ class RobotLink:
 
     Args:
         number: Its number on the board.
-        address: Where its server is.
-        key: The class's key.
-        transport: Reaches it.
+        session: Asks its server.
         clock: All waiting goes through it.
         on_news: Called when something about the robot has changed.
         on_picture: Called with each message of `/ws/video`.
@@ -68,26 +49,23 @@ class RobotLink:
     def __init__(
         self,
         number: int,
-        address: RobotAddress,
-        key: ClassKey,
-        transport: NetworkTransport,
+        session: TeacherSession,
         clock: Clock,
         on_news: Callable[[RobotLink], None],
         on_picture: Callable[[RobotLink, bytes], None],
         at_leisure: asyncio.Event,
     ) -> None:
-        self.number, self.address = number, address
+        self.number, self.address = number, session.address
         self.status, self.detail = Status.CONNECTING, ""
-        self.name = f"{address.host}:{address.port}"
+        self.name = f"{self.address.host}:{self.address.port}"
         self.about: dict[str, Any] = {}
         self.state: dict[str, Any] = {}
         self.delay_ms: float | None = None
         self.invitation: str | None = None
         self.invitations = 0
-        self._class_code = key.code
-        self._session = TeacherSession(address, key, transport)
-        self.stop = RobotStop(self._session, transport, clock, self._note_stop)
-        self._transport, self._clock = transport, clock
+        self._session, self.ask = session, session.ask
+        self.stop = RobotStop(self._session, clock, self._note_stop)
+        self._clock = clock
         self._on_news, self._on_picture = on_news, on_picture
         self._at_leisure = at_leisure
         self._every_s: float | None = None
@@ -121,7 +99,7 @@ class RobotLink:
         if self._session.place is None or self.status is not Status.THERE:
             return None
         address = str(self._session.place.address)
-        token = self._class_code if printed else self.invitation
+        token = self._session.key.code if printed else self.invitation
         if not self.about.get("needs_pairing"):
             return address
         return pairing_address(address, token) if token else None
@@ -131,10 +109,6 @@ class RobotLink:
         if every_s != self._every_s:
             self._every_s = every_s
             self._rate_changed.set()
-
-    async def ask(self, method: str, path: str, body: Any = None) -> HttpAnswer:
-        """Send a request as the teacher; see `TeacherSession.ask`."""
-        return await self._session.ask(method, path, body)
 
     async def refresh(self) -> None:
         """Ask for name, colour, locks and model again."""
@@ -153,9 +127,7 @@ class RobotLink:
                     await self._serve()
                 except WrongClassError as error:
                     self._lose(error.status, str(error))
-                except RefusedError as error:
-                    self._lose(Status.AWAY, str(error))
-                except (UnreachableError, TimeoutError) as error:
+                except (RobotError, TimeoutError) as error:
                     self._lose(Status.AWAY, str(error) or "it does not answer in time")
                 except (ValueError, KeyError, TypeError) as error:
                     self._lose(Status.AWAY, f"its answer makes no sense: {error!r}"[:300])
@@ -186,9 +158,7 @@ class RobotLink:
             except RefusedError:
                 self._session.forget()  # it was started anew, perhaps without the key
                 raise
-        place = self._session.place
-        assert place is not None
-        async with self._transport.connect(place, "/ws/drive", self._session.headers) as channel:
+        async with self._session.connect("/ws/drive") as channel:
             if self.stop.stage is not None:
                 await self.stop.send(channel)
             await channel.send(json.dumps({"type": "idle"}))
@@ -196,9 +166,7 @@ class RobotLink:
             self.status, self.detail = Status.THERE, ""
             self._heard_s = self._clock.now_s()
             self._on_news(self)
-            await _first_of(
-                self._hear(channel), self._ping(channel), self._look(place), self._invite()
-            )
+            await _first_of(self._hear(channel), self._ping(channel), self._look(), self._invite())
 
     def _note_stop(self) -> None:
         self._hurry.set()
@@ -220,9 +188,8 @@ class RobotLink:
                 self._note_event(message)
 
     def _note_state(self, state: dict[str, Any]) -> None:
-        known = {name: state.get(name) for name in _FIELDS}
         self.stop.note_state(is_stopped=state.get("emergency") is True)
-        self.state = known
+        self.state = {name: state.get(name) for name in _FIELDS}
         self._on_news(self)
 
     def _note_event(self, event: dict[str, Any]) -> None:
@@ -254,7 +221,7 @@ class RobotLink:
             self._on_news(self)
             await self._clock.pause(_INVITE_EVERY_S)
 
-    async def _look(self, place: ServerPlace) -> None:
+    async def _look(self) -> None:
         """Get pictures while somebody looks."""
         while True:
             self._rate_changed.clear()
@@ -263,13 +230,10 @@ class RobotLink:
                 continue
             path = f"/ws/video?every_ms={round(self._every_s * 1000)}"
             try:
-                async with self._transport.connect(place, path, self._session.headers) as channel:
-                    await _first_of(self._take_pictures(channel), self._wait_for_change())
+                async with self._session.connect(path) as channel:
+                    await _first_of(self._take_pictures(channel), self._rate_changed.wait())
             except UnreachableError:
                 await self._clock.pause(_RETRY_S)
-
-    async def _wait_for_change(self) -> None:
-        await self._rate_changed.wait()
 
     async def _take_pictures(self, channel: Channel) -> None:
         while True:
@@ -285,7 +249,7 @@ class RobotLink:
             self._on_picture(self, message)
 
 
-async def _first_of(*works: Coroutine[Any, Any, None]) -> None:
+async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
     """Run until the first ends; end the others and pass its error on."""
     tasks = [asyncio.create_task(work) for work in works]
     try:

@@ -1,6 +1,6 @@
-"""A simulated robot of a class, in a process of its own: it ends however the class has ended.
+"""The simulated robots of a class, each in a process of its own: it ends however the class ended.
 
-The process runs `serve` until whoever started it closes its standard input. The system closes
+A process runs `serve` until whoever started it closes its standard input. The system closes
 that when a program ends, is killed or loses its terminal, so none is ever left behind, and
 Windows does so as well. Ctrl-C, which would reach all of them at once, is the class's alone.
 """
@@ -15,9 +15,12 @@ import socket
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from server.cli.main import main
+from server.hosting.serving import open_socket
 from server.identity import NAMES, IdentityFile
 
 log = logging.getLogger(__name__)
@@ -29,6 +32,8 @@ _GOLDEN_DEG = 137.508
 """Hues so far apart are distinct, however many there are."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
 """Of the colours that the board shows: a robot gets that which its walls are next to."""
+RATE_HZ, PER_CORE_HZ = 30, 150
+"""Pictures a second of a robot at most, and of all of them for each of the computer's cores."""
 _FLAGS = sum(  # of Windows
     getattr(subprocess, name, 0)
     for name in ("CREATE_NEW_PROCESS_GROUP", "BELOW_NORMAL_PRIORITY_CLASS")
@@ -100,6 +105,42 @@ class SimulatedRobot:
         process.wait()
         if not self._ending.is_set():
             log.error("robot %d has ended: see %s", self.number, self.folder / "log.txt")
+
+
+@contextlib.contextmanager
+def simulated_robots(
+    count: int, *, host: str, port: int, data: Path, world: str, key: Path
+) -> Iterator[list[int]]:
+    """Run so many robots inside the block, each with a room of its own; yields their ports.
+
+    Args:
+        count: How many.
+        host: Where they serve, on the ports behind `port`.
+        port: The board's.
+        data: Each has a folder in its folder `class`.
+        world: Where they drive.
+        key: The file of the class's key.
+    """
+    robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
+    for robot in robots:  # before any of them starts: is the port free?
+        open_socket(host, robot.port).close()
+    cores = os.cpu_count() or 1
+    rate_hz = min(RATE_HZ, max(1, PER_CORE_HZ * cores // max(1, count)))
+    if rate_hz < RATE_HZ:
+        log.warning("%d robots on %d cores: %d pictures a second each", count, cores, rate_hz)
+    starting = ThreadPoolExecutor(cores)  # all at once would keep the board from answering
+    try:
+        for robot in robots:
+            starting.submit(robot.start, host, world, key, rate_hz)
+        yield [robot.port for robot in robots]
+    finally:
+        for robot in robots:
+            robot.end()
+        starting.shutdown(cancel_futures=True)
+        for robot in robots:
+            robot.end()
+        for robot in robots:
+            robot.wait()
 
 
 def _end_with_input() -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 from robot.clock import Clock
 from server.board.teacher_session import TeacherSession
-from server.board.transport import Channel, NetworkTransport, UnreachableError
+from server.board.transport import Channel, UnreachableError
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +38,6 @@ class RobotStop:
 
     Args:
         session: The teacher's session with the robot.
-        transport: Reaches it.
         clock: All waiting goes through it.
         on_change: Called when the stop has come further.
 
@@ -48,15 +47,11 @@ class RobotStop:
     """
 
     def __init__(
-        self,
-        session: TeacherSession,
-        transport: NetworkTransport,
-        clock: Clock,
-        on_change: Callable[[], None],
+        self, session: TeacherSession, clock: Clock, on_change: Callable[[], None]
     ) -> None:
         self.stage: Stopping | None = None
         self.channel: Channel | None = None
-        self._session, self._transport, self._clock = session, transport, clock
+        self._session, self._clock = session, clock
         self._on_change = on_change
         self._stands = False
         self._pressing: asyncio.Task[None] | None = None
@@ -133,12 +128,8 @@ class RobotStop:
 
     async def _stop_by_request(self) -> None:
         """Stop on a connection of its own: the open one may be dead without knowing it."""
-        if self._session.place is None:
-            return
         async with asyncio.timeout(_PATIENCE_S):
-            answer = await self._transport.request(
-                self._session.place, "POST", "/api/stop", self._session.headers
-            )
+            answer = await self._session.send("POST", "/api/stop")
         if answer.json().get("emergency") is True and self.stage is not None:
             self.stage = Stopping.STOPPED
             self._on_change()

@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from robot.clock import Clock
-from server.board.class_key import ClassKey
 from server.board.teacher_session import Status, TeacherSession, WrongClassError
-from server.board.transport import NetworkTransport, RobotAddress, UnreachableError
+from server.board.transport import RobotAddress, UnreachableError
 
 AT_ONCE = 32
 """So many are asked at the same time; the transport has threads for more."""
@@ -42,8 +41,7 @@ class Strangers:
     """All of them.
 
     Args:
-        key: The class's key.
-        transport: Reaches them.
+        meet: Makes a session with one of them.
         clock: All waiting goes through it.
         welcome: Gets the address of one that has proved the key.
         on_change: Called when there is something new to show.
@@ -51,13 +49,12 @@ class Strangers:
 
     def __init__(
         self,
-        key: ClassKey,
-        transport: NetworkTransport,
+        meet: Callable[[RobotAddress], TeacherSession],
         clock: Clock,
         welcome: Callable[[RobotAddress], object],
         on_change: Callable[[], None],
     ) -> None:
-        self._key, self._transport, self._clock = key, transport, clock
+        self._meet, self._clock = meet, clock
         self._welcome, self._on_change = welcome, on_change
         self._known: dict[RobotAddress, Stranger] = {}
         self._due: dict[RobotAddress, None] = {}
@@ -90,7 +87,6 @@ class Strangers:
         return {"count": len(there), "some": rows}
 
     async def close(self) -> None:
-        """Ask nobody any more."""
         self._due.clear()
         for task in self._asking:
             task.cancel()
@@ -114,7 +110,7 @@ class Strangers:
         stranger.not_before_s = math.inf
         try:
             async with asyncio.timeout(_PATIENCE_S):
-                await TeacherSession(address, self._key, self._transport).join()
+                await self._meet(address).join()
         except WrongClassError as error:
             stranger.status, stranger.detail = error.status, str(error)
         except (UnreachableError, TimeoutError, ValueError) as error:

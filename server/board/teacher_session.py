@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from contextlib import AbstractAsyncContextManager
 from enum import StrEnum
 from typing import Any
 
 from robot.errors import RobotError
 from server.board.class_key import ClassKey, new_nonce
 from server.board.transport import (
+    Channel,
     HttpAnswer,
     NetworkTransport,
     RobotAddress,
@@ -57,7 +58,7 @@ class TeacherSession:
     """
 
     def __init__(self, address: RobotAddress, key: ClassKey, transport: NetworkTransport) -> None:
-        self.address, self._key, self._transport = address, key, transport
+        self.address, self.key, self._transport = address, key, transport
         self.place: ServerPlace | None = None
         self._secret: str | None = None
 
@@ -66,12 +67,7 @@ class TeacherSession:
         """True while the robot is believed to know this session."""
         return self._secret is not None and self.place is not None
 
-    @property
-    def headers(self) -> dict[str, str]:
-        """What every request within the session carries."""
-        return {"authorization": f"Bearer {self._secret}"} if self._secret else {}
-
-    async def join(self) -> ServerPlace:
+    async def join(self) -> None:
         """Prove to each other that board and robot are of one class; open a session.
 
         Raises:
@@ -80,7 +76,7 @@ class TeacherSession:
         """
         place = self.place = await self._transport.locate(self.address)
         nonce = new_nonce()
-        answer = await self._post(place, "/api/class/hello", {"nonce": nonce})
+        answer = await self.send("POST", "/api/class/hello", {"nonce": nonce})
         if answer.status in (401, 404):
             raise WrongClassError(
                 Status.NO_CLASS, "it is in no class: start it with --class-key FILE"
@@ -89,16 +85,15 @@ class TeacherSession:
             raise UnreachableError(_sentence(answer))
         offer = answer.json()
         robot_nonce, proof = (str(offer.get(name, ""))[:_LONGEST] for name in ("nonce", "proof"))
-        if not self._key.accepts(proof, "robot", nonce, robot_nonce, place.endpoint):
+        if not self.key.accepts(proof, "robot", nonce, robot_nonce, place.endpoint):
             raise WrongClassError(Status.NOT_OURS, "it has another class key")
-        own = self._key.prove("board", nonce, robot_nonce, place.endpoint)
+        own = self.key.prove("board", nonce, robot_nonce, place.endpoint)
         words = {"board_nonce": nonce, "nonce": robot_nonce, "proof": own}
-        answer = await self._post(place, "/api/class/join", words)
+        answer = await self.send("POST", "/api/class/join", words)
         secret = answer.json().get("secret")
         if answer.status != 200 or not isinstance(secret, str):
             raise WrongClassError(Status.NOT_OURS, "it does not admit this board")
         self._secret = secret
-        return place
 
     async def ask(self, method: str, path: str, body: Any = None) -> HttpAnswer:
         """Send a request as the teacher; a session that the robot has forgotten is closed.
@@ -112,29 +107,39 @@ class TeacherSession:
             RefusedError: If the robot refuses; with its own sentence.
             UnreachableError: If it does not answer.
         """
-        if self.place is None or self._secret is None:
+        if not self.is_open:
             raise UnreachableError("it is not connected")
-        headers, data = self.headers, b""
-        if isinstance(body, bytes):
-            headers["content-type"], data = "application/octet-stream", body
-        elif body is not None:
-            headers["content-type"], data = "application/json", json.dumps(body).encode()
-        answer = await self._transport.request(self.place, method, path, headers, data)
+        answer = await self.send(method, path, body)
         if answer.status >= 400:
             if answer.status == 401:
                 self._secret = None  # it was started anew
             raise RefusedError(answer.status, _sentence(answer))
         return answer
 
+    async def send(self, method: str, path: str, body: Any = None) -> HttpAnswer:
+        """Send a request and return whatever comes; before `join` it is anybody's."""
+        if self.place is None:
+            raise UnreachableError("it is not connected")
+        is_file = isinstance(body, bytes)
+        data = body if is_file else b"" if body is None else json.dumps(body).encode()
+        kind = "application/octet-stream" if is_file else "application/json"
+        headers = {**self.headers, "content-type": kind}
+        return await self._transport.request(self.place, method, path, headers, data)
+
+    def connect(self, path: str) -> AbstractAsyncContextManager[Channel]:
+        """Open a websocket for the length of the block."""
+        if self.place is None:
+            raise UnreachableError("it is not connected")
+        return self._transport.connect(self.place, path, self.headers)
+
     def forget(self) -> None:
         """Close the session; `join` opens the next."""
         self._secret = None
 
-    async def _post(self, place: ServerPlace, path: str, words: Mapping[str, str]) -> HttpAnswer:
-        headers = {"content-type": "application/json"}
-        return await self._transport.request(
-            place, "POST", path, headers, json.dumps(words).encode()
-        )
+    @property
+    def headers(self) -> dict[str, str]:
+        """What every request within the session carries."""
+        return {"authorization": f"Bearer {self._secret}"} if self._secret else {}
 
 
 def _sentence(answer: HttpAnswer) -> str:

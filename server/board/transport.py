@@ -10,14 +10,16 @@ import asyncio
 import contextlib
 import hashlib
 import http.client
+import io
 import json
+import os
 import socket
 import ssl
-import threading
-from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from types import SimpleNamespace
+from typing import Any
 from urllib.parse import urlsplit
 
 from websockets.exceptions import WebSocketException
@@ -25,12 +27,13 @@ from websockets.exceptions import WebSocketException
 from robot.errors import ConfigurationError, RobotError
 from server.board.class_key import endpoint
 
-_T = TypeVar("_T")
 LARGEST_BYTES = 64_000_000
 """The largest answer that is read: a model."""
 _PATIENCE_S = 4.0
 _FILE_PATIENCE_S = 60.0
 _THREADS = 64
+_ENDS = (OSError, EOFError, UnicodeError, WebSocketException, http.client.HTTPException)
+_ENDS = (OSError, EOFError, UnicodeError, WebSocketException, http.client.HTTPException)
 
 
 class UnreachableError(RobotError, OSError):
@@ -100,31 +103,47 @@ class HttpAnswer:
         return value if isinstance(value, dict) else {}
 
 
-class Channel(Protocol):
+class Channel:
     """An open websocket. Methods raise UnreachableError when it has ended."""
 
+    def __init__(self, socket: Any) -> None:
+        self._socket = socket
+
     async def receive(self) -> str | bytes:
-        """Return the next message."""
-        ...
+        with _as_unreachable():
+            message: str | bytes = await self._socket.recv()
+        return message
 
     async def send(self, message: str | bytes) -> None:
-        """Send one message."""
-        ...
+        with _as_unreachable():
+            await self._socket.send(message)
 
 
 class NetworkTransport:
-    """Reaches robots over the network. Methods raise UnreachableError when one does not answer.
-
-    Who has opened no session yet, as strangers have not, is asked by other threads than the class.
-    """
+    """Reaches robots over the network. Methods raise UnreachableError when one does not answer."""
 
     def __init__(self) -> None:
-        self._threads = ThreadPoolExecutor(_THREADS, thread_name_prefix="asks-robots")
-        self._foyer = ThreadPoolExecutor(_THREADS, thread_name_prefix="asks-strangers")
+        self._looking_up = ThreadPoolExecutor(_THREADS, thread_name_prefix="looks-up-robots")
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
         """Return where a robot is now: look its name up, and over https its certificate."""
-        return await self._in_thread(self._foyer, _locate, address)
+        with _as_unreachable():
+            found = await asyncio.get_running_loop().run_in_executor(
+                self._looking_up, _look_up, address.host, address.port
+            )
+            there = RobotAddress(found, address.port, address.is_tls)
+            own = endpoint(found, address.port)
+            if not address.is_tls:
+                return ServerPlace(there, own)
+            unchecked = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+            unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
+            async with _connected(there, unchecked, _PATIENCE_S) as (_, writer):
+                der = writer.get_extra_info("ssl_object").getpeercert(binary_form=True)
+            pinned = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+            pinned.check_hostname = False  # the certificate itself is compared, whatever its names
+            pinned.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
+            pinned.load_verify_locations(cadata=der)
+            return ServerPlace(there, f"{own} {hashlib.sha256(der).hexdigest()}", pinned)
 
     async def request(
         self,
@@ -135,8 +154,24 @@ class NetworkTransport:
         body: bytes = b"",
     ) -> HttpAnswer:
         """Send one request on a connection of its own."""
-        threads = self._threads if "authorization" in headers else self._foyer
-        return await self._in_thread(threads, _request, place, method, path, dict(headers), body)
+        address, is_file = place.address, path.endswith("/file")
+        patience_s, most = (_FILE_PATIENCE_S, LARGEST_BYTES) if is_file else (_PATIENCE_S, 1 << 20)
+        own = {"host": str(address).partition("://")[2], "content-length": str(len(body))}
+        lines = [f"{name}: {text}\r\n" for name, text in {**own, **headers}.items()]
+        head = f"{method} {path} HTTP/1.1\r\nconnection: close\r\n{''.join(lines)}\r\n"
+        data = bytearray()
+        with _as_unreachable():
+            async with _connected(address, place.certificate, patience_s) as (reader, writer):
+                writer.write(head.encode("utf-8", "replace") + body)
+                await writer.drain()
+                while part := await reader.read(1 << 16):
+                    data += part
+                    if len(data) > most:
+                        raise UnreachableError("its answer is too large")
+            whole: Any = SimpleNamespace(makefile=lambda _: io.BytesIO(data))
+            response = http.client.HTTPResponse(whole, method=method)
+            response.begin()
+            return HttpAnswer(response.status, response.read())
 
     @contextlib.asynccontextmanager
     async def connect(
@@ -148,37 +183,9 @@ class NetworkTransport:
         options |= {"open_timeout": _PATIENCE_S, "close_timeout": 1.0, "ping_interval": None}
         if place.certificate is not None:
             options["ssl"] = place.certificate
-        try:
+        with _as_unreachable():
             async with _open(url, dict(headers), options) as socket:
-                yield _WebsocketChannel(socket)
-        except (OSError, WebSocketException, EOFError) as error:
-            raise UnreachableError(_describe(error)) from error
-
-    async def _in_thread(
-        self, threads: ThreadPoolExecutor, work: Callable[..., _T], *args: Any
-    ) -> _T:
-        try:
-            return await asyncio.get_running_loop().run_in_executor(threads, work, *args)
-        except (OSError, http.client.HTTPException, ValueError) as error:
-            raise UnreachableError(_describe(error)) from error
-
-
-class _WebsocketChannel:
-    def __init__(self, socket: Any) -> None:
-        self._socket = socket
-
-    async def receive(self) -> str | bytes:
-        try:
-            message: str | bytes = await self._socket.recv()
-        except (OSError, WebSocketException) as error:
-            raise UnreachableError(_describe(error)) from error
-        return message
-
-    async def send(self, message: str | bytes) -> None:
-        try:
-            await self._socket.send(message)
-        except (OSError, WebSocketException) as error:
-            raise UnreachableError(_describe(error)) from error
+                yield Channel(socket)
 
 
 def _open(url: str, headers: dict[str, str], options: dict[str, Any]) -> Any:
@@ -192,70 +199,38 @@ def _open(url: str, headers: dict[str, str], options: dict[str, Any]) -> Any:
     return connect(url, additional_headers=headers, proxy=None, **options)
 
 
-def _locate(address: RobotAddress) -> ServerPlace:
-    found = socket.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
-    found.sort(key=lambda row: row[0] != socket.AF_INET)
-    number = str(found[0][4][0])
-    there = RobotAddress(number, address.port, address.is_tls)
-    own = endpoint(number, address.port)
-    if not address.is_tls:
-        return ServerPlace(there, own)
-    unchecked = ssl.create_default_context()
-    unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
-    with _connected(there, unchecked, _PATIENCE_S) as wrapped:
-        assert isinstance(wrapped, ssl.SSLSocket)
-        der = wrapped.getpeercert(binary_form=True) or b""
-    pinned = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    pinned.check_hostname = False  # the certificate itself is compared, whatever its names
-    pinned.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
-    pinned.load_verify_locations(cadata=der)
-    return ServerPlace(there, f"{own} {hashlib.sha256(der).hexdigest()}", pinned)
+def _look_up(host: str, port: int) -> str:
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    return str(min(found, key=lambda row: row[0] != socket.AF_INET)[4][0])
 
 
-def _request(
-    place: ServerPlace, method: str, path: str, headers: dict[str, str], body: bytes
-) -> HttpAnswer:
-    address = place.address
-    is_file = path.endswith("/file")
-    patience_s, most = (_FILE_PATIENCE_S, LARGEST_BYTES) if is_file else (_PATIENCE_S, 1 << 20)
-    connection = http.client.HTTPConnection(address.host, address.port)
-    with _connected(address, place.certificate, patience_s) as connection.sock:
-        connection.request(method, path, body or None, headers)
-        response = connection.getresponse()
-        data = response.read(most + 1)
-        if len(data) > most:
-            raise UnreachableError("its answer is too large")
-        return HttpAnswer(response.status, data)
+@contextlib.asynccontextmanager
+async def _connected(
+    address: RobotAddress, certificate: ssl.SSLContext | None, patience_s: float
+) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
+    """Connect for the length of the block, and no longer than so, whatever still comes."""
+    async with asyncio.timeout(patience_s):
+        reader, writer = await asyncio.open_connection(address.host, address.port, ssl=certificate)
+        try:
+            yield reader, writer
+        finally:
+            writer.transport.abort()
 
 
 @contextlib.contextmanager
-def _connected(
-    address: RobotAddress, certificate: ssl.SSLContext | None, patience_s: float
-) -> Iterator[socket.socket]:
-    """Connect for the length of the block, and no longer than so: who sends a byte now and then
-    would otherwise keep a thread for ever."""
-    line = socket.create_connection((address.host, address.port), patience_s)
-    if certificate is not None:
-        line = certificate.wrap_socket(
-            line, server_hostname=address.host, do_handshake_on_connect=False
-        )
-    cut = threading.Timer(patience_s, socket.socket.shutdown, (line, socket.SHUT_RDWR))
-    cut.daemon = True
-    with line:
-        cut.start()
-        try:
-            if isinstance(line, ssl.SSLSocket):
-                line.do_handshake()
-            yield line
-        finally:
-            cut.cancel()
-
-
-def _describe(error: BaseException) -> str:
-    if isinstance(error, UnreachableError):
-        return str(error)
-    if isinstance(error, TimeoutError):
-        return "it does not answer in time"
-    if isinstance(error, http.client.IncompleteRead):
-        return "it ended in the middle of its answer"
-    return (getattr(error, "strerror", None) or str(error) or type(error).__name__).lower()
+def _as_unreachable() -> Iterator[None]:
+    """Turn whatever ends a connection into an UnreachableError that says what it was."""
+    try:
+        yield
+    except UnreachableError:
+        raise
+    except TimeoutError as error:
+        raise UnreachableError("it does not answer in time") from error
+    except http.client.IncompleteRead as error:
+        raise UnreachableError("it ended in the middle of its answer") from error
+    except _ENDS as error:
+        number = getattr(error, "errno", None) or 0
+        words = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        if number > 0 and not isinstance(error, ssl.SSLError):
+            words = os.strerror(number)  # asyncio says which call has failed, not why
+        raise UnreachableError(words.lower()) from error

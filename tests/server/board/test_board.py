@@ -161,7 +161,7 @@ def test_pictures_come_only_while_somebody_looks_and_about_one_a_second() -> Non
     async def scenario(world: ClassWorld) -> None:
         one, two, *_ = world.pupils.values()
         await world.until_there([one, two])
-        page = Onlooker(lambda: None)
+        page = Onlooker()
         world.board.join(page)
         await world.clock.pause(2.0)
         assert not page.pictures and one.hub.video.frames_sent == 0
@@ -185,7 +185,7 @@ def test_pictures_and_news_wait_while_a_stop_is_under_way() -> None:
     async def scenario(world: ClassWorld) -> None:
         one, lost, *_ = world.pupils.values()
         await world.until_there([one, lost])
-        page = Onlooker(lambda: None)
+        page = Onlooker()
         world.board.join(page)
         world.board.watch(page, [world.link(one).number])
         await world.clock.pause(5.0)

@@ -12,6 +12,7 @@ import pytest
 from robot.testing import VirtualClock
 from server.board.model_copy import Copied, copy_model
 from server.board.robot_link import RobotLink
+from server.board.teacher_session import TeacherSession
 from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError
 from tests.server.virtual_server import VirtualServer
 
@@ -62,11 +63,10 @@ def _ignore(*_: object) -> None:
 def _links(robots: Any, ports: list[int]) -> list[RobotLink]:
     links = []
     for port in ports:
-        address = RobotAddress("127.0.0.1", port)
-        calls = (_ignore, _ignore, asyncio.Event())
-        link = RobotLink(port, address, KEY, robots, VirtualClock(), *calls)
+        session = TeacherSession(RobotAddress("127.0.0.1", port), KEY, robots)
+        link = RobotLink(port, session, VirtualClock(), _ignore, _ignore, asyncio.Event())
         link.name = f"R{port}"
-        link._session.place = ServerPlace(address, "")
+        link._session.place = ServerPlace(session.address, "")
         link._session._secret = "s"
         links.append(link)
     return links
