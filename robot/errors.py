@@ -72,6 +72,11 @@ class RecordingError(RobotError, ValueError):
     """A recording, episode or model on disk is broken or of an unknown form."""
 
 
+UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
+"""What reading data of another form than they should have may raise: `RecordingError`, which is a
+ValueError, and what Python raises by itself."""
+
+
 class NotFoundError(RobotError, LookupError):
     """No model, episode or thing in the trash has this name."""
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError, RecordingError
+from robot.errors import UNREADABLE, ConfigurationError, RecordingError
 from robot.store.folder import write_whole
 from robot.store.records import read_regular
 from robot.types import Action
@@ -99,7 +99,7 @@ def read_notes(episode: Path) -> Notes:
         )
     except FileNotFoundError:
         return Notes()
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (*UNREADABLE, OSError) as error:
         raise RecordingError(
             f"{path.name} is damaged: {error}; repair it or move it away"
         ) from error

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-from robot.errors import RecordingError
+from robot.errors import UNREADABLE, RecordingError
 from robot.store.episodes.episode import check_run
 from robot.store.episodes.messages import RUN, SUMMARY
 from robot.store.episodes.reader import CUT_SHORT, MAGIC, Cut, Metadata, scan
@@ -26,7 +26,6 @@ log = logging.getLogger(__name__)
 _MOST_LOST_BYTES = 16 * 2**20
 """A cut takes part of one record; whoever seems to have lost more is damaged in another way."""
 _SPARE_BYTES = 64 * 2**20
-_UNUSABLE = (RecordingError, ValueError, KeyError, TypeError, RecursionError)
 
 
 def end_cut_recordings(paths: Sequence[Path]) -> None:
@@ -58,13 +57,13 @@ def end_recording(path: Path) -> bool:
             _copy_what_is_left(path, copy)
             if not os.path.samestat(status, path.stat()):
                 raise OSError("it was changed meanwhile")
-    except _UNUSABLE:
+    except UNREADABLE:
         return False
     return True
 
 
 def _copy_what_is_left(path: Path, copy: BinaryIO) -> None:
-    """Raises one of `_UNUSABLE` if more is wrong with the recording than that it was cut."""
+    """Raises one of `UNREADABLE` if more is wrong with the recording than that it was cut."""
     writer, cut, summary = None, Cut(reason="", lost_bytes=0, has_all=True), {}
     for record in scan(path):
         if isinstance(record, Cut):

@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from robot.driver import Move, from_text
-from robot.errors import RecordingError
+from robot.errors import UNREADABLE, RecordingError
 from robot.policy.history import HistoryEvent
 from robot.store.episodes.images import FrameEntry, decode_image
 from robot.store.episodes.messages import (
@@ -120,7 +120,7 @@ def open_episode(path: Path) -> Episode:
     for record in scan(path):
         try:
             _take(episode, record)
-        except (RecordingError, ValueError, KeyError, TypeError, RecursionError) as error:
+        except UNREADABLE as error:
             if not episode.run:
                 raise RecordingError(f"{path.name} cannot be read: {error}") from error
             episode.damage = str(error)

@@ -10,22 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robot.errors import RecordingError
+from robot.errors import UNREADABLE, RecordingError
 from robot.store.episodes.edits import Notes, read_notes
 from robot.store.episodes.episode import open_episode, taught_frames
 from robot.store.episodes.messages import RUN, SUMMARY
 from robot.store.episodes.reader import Metadata, read_metadata, scan
-
-_UNUSABLE = (
-    RecordingError,
-    KeyError,
-    ValueError,
-    OSError,
-    AttributeError,
-    TypeError,
-    RecursionError,
-)
-"""What reading a damaged summary may raise; the whole file is then read instead."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +83,7 @@ def _read_ends(path: Path) -> dict[str, Any] | None:
     try:
         metadata = read_metadata(path)
         return _facts(metadata[RUN], metadata[SUMMARY])
-    except _UNUSABLE:
+    except (*UNREADABLE, OSError):
         return None
 
 

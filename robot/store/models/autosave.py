@@ -136,10 +136,7 @@ class Autosave:
             if self.has_unsaved:
                 return self.name
         for name, model in self.store.good_models():
-            fits = learner in (None, model.summary.learner) and self._moves >= set(
-                model.summary.moves
-            )
-            if fits:
+            if learner in (None, model.summary.learner) and not self._lacks(model):
                 self._use(name, model)
                 return name
         return None
@@ -147,7 +144,7 @@ class Autosave:
     def adopt(self, recovered: Recovered) -> None:
         """Use the recovered model; save it at once if possible."""
         with self._lock:
-            if not self._moves >= set(recovered.model.summary.moves):
+            if self._lacks(recovered.model):
                 log.warning("the recovered model has moves that this robot does not have")
                 name = recovered.name or self.store.free_name(self._wanted_name)
                 self.store.save(name, recovered.model)
@@ -163,11 +160,9 @@ class Autosave:
             if self.has_unsaved:
                 self.save()
             model = self.store.load(name)
-            impossible = set(model.summary.moves) - self._moves
-            if impossible:
-                moves = ", ".join(sorted(impossible))
+            if lacking := self._lacks(model):
                 raise ConfigurationError(
-                    f"the model {name!r} has moves that this robot does not have: {moves}"
+                    f"the model {name!r} has moves that this robot does not have: {lacking}"
                 )
             self._use(name, model)
 
@@ -197,6 +192,10 @@ class Autosave:
             self.store.save(new_name, model)
             self._use(new_name, model)
             return new_name
+
+    def _lacks(self, model: Model) -> str:
+        """Name the moves of a model that this robot does not have."""
+        return ", ".join(sorted(set(model.summary.moves) - self._moves))
 
     def _check_stopped(self) -> None:
         if self._loop.mode is not Mode.STOPPED:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.errors import RecordingError
+from robot.errors import UNREADABLE, RecordingError
 from robot.learner.base import Vector
 from robot.policy.history import Edited, HistoryEvent, Replaced, Taught, Undone
 from robot.types import Action, Example, Point
@@ -72,7 +72,7 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
         if kind == "replaced":
             return Replaced(policy_name=str(plain["learner"]))
         raise ValueError(f"unknown event {kind!r}")
-    except (KeyError, ValueError, TypeError) as error:
+    except UNREADABLE as error:
         raise RecordingError(f"an example is damaged: {error}") from error
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import RecordingError
+from robot.errors import UNREADABLE, RecordingError
 from robot.learner.base import State
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
@@ -157,7 +157,7 @@ def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
             },
             labels=[_label(str(label)) for label in described["labels"]],
         )
-    except (KeyError, ValueError, TypeError, AttributeError) as error:
+    except UNREADABLE as error:
         raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
     return Model(summary=_summary(meta), state=state)
 
@@ -231,7 +231,7 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
         is_known = isinstance(meta["format"], int) and meta["format"] >= 1
         if not is_known or not isinstance(meta["state"]["params"], dict):
             raise ValueError("its metadata have an unknown form")
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except UNREADABLE as error:
         raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
     if meta["format"] > FORMAT:
         raise RecordingError(
@@ -251,7 +251,7 @@ def _summary(meta: dict[str, Any]) -> ModelSummary:
             place=_text(meta["place"])[:200],
             position=_position(meta.get("journal")),
         )
-    except (KeyError, ValueError, TypeError, AttributeError, OverflowError) as error:
+    except UNREADABLE as error:
         raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
 
 

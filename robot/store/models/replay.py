@@ -12,7 +12,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from robot.errors import RobotError
+from robot.errors import UNREADABLE, RobotError
 from robot.policy.history import DriveBegun, Edited, HistoryEvent, LogEvent, Taught, replay
 from robot.store.models.events import read_event
 from robot.store.models.journal import HEAD, Part, list_parts
@@ -104,7 +104,7 @@ def _take(run: _Run, record: bytes) -> None:
             run.checkpoint = change, model, words["name"]
         elif kind == "event" and change not in run.events:
             run.events[change] = read_event(json.loads(_unpack(body)))
-    except (RobotError, ValueError, KeyError, TypeError, zlib.error, RecursionError) as error:
+    except (*UNREADABLE, zlib.error) as error:
         log.warning("a record of the journal is skipped: %s", error)
 
 
