@@ -16,7 +16,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 from robot.errors import RecordingError, need
 
@@ -36,8 +36,7 @@ _BUFFER_BYTES = 4096
 _MOST_SUMMARY_BYTES = 16 * 2**20
 
 
-@dataclass(frozen=True, slots=True)
-class Schema:
+class Schema(NamedTuple):
     """What the messages of a channel look like."""
 
     name: str
@@ -45,8 +44,7 @@ class Schema:
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class MessageChannel:
+class MessageChannel(NamedTuple):
     """What all messages of a channel have in common; the metadata are names and values."""
 
     topic: str
@@ -55,8 +53,7 @@ class MessageChannel:
     metadata: tuple[tuple[str, str], ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Message:
+class Message(NamedTuple):
     """One message. `place` finds it again: chunk and index."""
 
     channel: MessageChannel
@@ -70,24 +67,21 @@ class Message:
         return self.channel.topic
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Metadata:
+class Metadata(NamedTuple):
     """A metadata record."""
 
     name: str
     values: dict[str, str]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Attachment:
+class Attachment(NamedTuple):
     """An attached file."""
 
     name: str
     data: bytes
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cut:
+class Cut(NamedTuple):
     """The file ends here although it is not at its end; the reason is for a person.
 
     `lost_bytes` stand behind the last whole record of a file that was cut short; None if it is
