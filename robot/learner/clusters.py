@@ -206,8 +206,9 @@ class Clusters(Stateful, ABC):
         self.last_merge_ = None
         self._n_pinned = int(self._pinned.sum())
         self._edges.weights[:] = np.inf
-        for node in range(self.n_nodes_):
-            self._weigh(node)
+        with np.errstate(all="ignore"):  # of a model that is still to be checked
+            for node in range(min(self.n_nodes_, self.max_nodes)):
+                self._weigh(node)
 
     def faults(self) -> Iterator[str]:
         """Yield what the nodes say of one another that cannot be."""
