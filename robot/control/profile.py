@@ -80,6 +80,17 @@ def compare(teacher: Profile, robot: Profile, moves: Sequence[Action]) -> Differ
     )
 
 
+def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
+    """Return by how much steering changes a second, as root mean square: the smoother, the less.
+
+    Args:
+        steering: From -1 to 1 at each tick, shape (n,).
+        at_s: The times of the ticks, shape (n,).
+    """
+    rates = np.diff(np.asarray(steering, np.float64)) / np.diff(np.asarray(at_s, np.float64))
+    return float(np.sqrt((rates**2).mean())) if rates.size else 0.0
+
+
 RARE_SHARE = 0.05
 """A move on fewer of the ticks is rare: a slip taught once and never repeated costs up to 200."""
 

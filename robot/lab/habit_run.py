@@ -17,6 +17,7 @@ from robot.lab.trial import Place, Trial, drive_by_hand
 from robot.testing import VirtualClock
 from robot.types import Action, DrivenBy, Mode, Pose
 
+_MEANS = ("driven_m", "covered_m2", "ssd", "ssd_frequent", "ssd_alike", "steering_per_s")
 DRIFT_SHARE = 0.15
 """Drift of the wheels while a simulated pilot teaches. In a second of driving straight the heading
 changes by 17 degrees (standard deviation)."""
@@ -71,13 +72,13 @@ def run_habit(params: Params) -> Result:
             )
             for number in range(n_minutes)
         ]
-        result[phase] = _beside_pilot(drive, minutes, taught, moves)
+        result[phase] = beside_pilot(drive, minutes, taught, moves)
     result["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
     result["timing"] = timing
     return result
 
 
-def _beside_pilot(
+def beside_pilot(
     drive: DriveLog, minutes: list[DriveLog], taught: DriveLog, moves: tuple[Action, ...]
 ) -> dict[str, Any]:
     """Return the figures of a robot's minute, and those of its pilot's own minutes.
@@ -87,8 +88,7 @@ def _beside_pilot(
     pilot = DriveLog([moment for minute in minutes for moment in minute.moments])
     each = [drive_figures(minute, pilot, moves) for minute in minutes]
     teacher = {
-        key: statistics.fmean(float(figures[key]) for figures in each)
-        for key in ("driven_m", "covered_m2", "ssd", "ssd_frequent", "ssd_alike", "stuck")
+        key: statistics.fmean(float(figures[key]) for figures in each) for key in (*_MEANS, "stuck")
     }
     teacher["longest_push_s"] = max(driving.longest_push_s(log) for log in (taught, *minutes))
     return {**drive_figures(drive, pilot, moves), "teacher": teacher}
@@ -135,6 +135,7 @@ def minute_by_hand(
             DriveSample(
                 now_s=situation.at_s,
                 action=simulation.action,
+                point=simulation.point,
                 driven_by=DrivenBy.PILOT,
                 distance_m=sensors.distance_m or 0.0,
                 pose=sensors.pose or Pose(x_m=0.0, y_m=0.0, heading_rad=0.0),

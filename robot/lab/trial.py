@@ -128,6 +128,7 @@ class Trial(StartStop):
             now_s=now_s,
             action=tick.sent,
             driven_by=tick.decision.driven_by,
+            point=tick.decision.point,
             distance_m=tick.sensors.distance_m or 0.0,
             pose=tick.sensors.pose or Pose(x_m=0.0, y_m=0.0, heading_rad=0.0),
             is_touching=self.driver.simulation.is_touching,
@@ -176,7 +177,10 @@ def drive_by_hand(
         pilot.see(situation, propose(situation))
         command = pilot.act(situation.at_s)
         held = command.held if command is not None else None
-        driver.send_action(held or Action.STOP)
+        if command is not None and command.point is not None:
+            driver.send_point(command.point)
+        else:
+            driver.send_action(held or Action.STOP)
         yield situation, held
 
 

@@ -50,8 +50,8 @@ class Evidence:
     `novelty` is 0 for a familiar view; 1 or more means: unlike all that was learned. It is always 0
     if the learner's abilities lack novelty.
     `node` is the id of the nearest learned image (None where the learner keeps none).
-    `angle`, about from -1 to 1, and its standard deviation `spread` are there as soon as angles
-    were learned.
+    As soon as angles were learned there are `angle`, about from -1 to 1, its standard deviation
+    `spread`, and `size`: how large it is whichever way, where a view is left by either.
     """
 
     label: Label
@@ -61,6 +61,7 @@ class Evidence:
     node: int | None = None
     distance: float = 0.0
     angle: float | None = None
+    size: float | None = None
     spread: float | None = None
 
 

@@ -68,7 +68,7 @@ class BSOCClassifier(Stateful, Learner):
         Value("n_seen", count(), "n_seen_"),
         Array("histograms", np.int64, ("max_nodes", "n_labels"), high=MOST_FRAMES),
         Array(
-            "node_angles", np.float64, ("max_nodes", 2), -MOST_FRAMES, MOST_FRAMES, may_miss=True
+            "node_angles", np.float64, ("max_nodes", 3), -MOST_FRAMES, MOST_FRAMES, may_miss=True
         ),
     )
     last_node_: int | None = None
@@ -102,7 +102,7 @@ class BSOCClassifier(Stateful, Learner):
         self.novelty_ = Novelty(margin=novelty_margin)
         self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
-        # Of each node's frames the sums of the angles, from -1 to 1, and of their squares.
+        # Of each node's frames the sums of the terms of their angles, from -1 to 1.
         self._node_angles: votes.Floats | None = None
 
     @classmethod
@@ -148,8 +148,7 @@ class BSOCClassifier(Stateful, Learner):
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
         if self._node_angles is None:
             angles = np.array([of_labels.get(label, 0.0) for label in self.labels_])
-            squares = np.stack([angles, angles**2], axis=1)
-            self._node_angles = self._histograms.astype(np.float64) @ squares
+            self._node_angles = self._histograms.astype(np.float64) @ votes.angle_terms(angles)
             if self.linear is not None:
                 self.linear.begin_angles(angles)
 
@@ -170,16 +169,17 @@ class BSOCClassifier(Stateful, Learner):
                 sums[merge.kept] += sums[merge.removed]
                 sums[merge.removed] = 0
         self._histograms[node, column] += 1
+        terms = votes.angle_terms(angle)
         if self._node_angles is not None:
-            self._node_angles[node] += angle, angle * angle
+            self._node_angles[node] += terms
         self.n_seen_ += 1
         self.last_node_ = self.cluster.node_id(node)
         if self.cluster.last_distance_ is not None:
             self.novelty_.learn(self.cluster.last_distance_)
         if self._contextual is not None:
-            self._contextual.learn_in(x, column, contexts, angle)
+            self._contextual.learn_in(x, column, contexts, terms[:2])
         elif self.linear is not None:
-            self.linear.learn(x, np.eye(len(self.labels_))[column], angle=angle)
+            self.linear.learn(x, np.eye(len(self.labels_))[column], angle=terms[:2])
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; adds one for a new label."""
@@ -207,7 +207,7 @@ class BSOCClassifier(Stateful, Learner):
         distances, shares = self._votes(x, context)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
-        angle, spread = self._angle(x, distances)
+        angle, size, spread = self._angle(x, distances)
         return Evidence(
             label=self.labels_[best],
             probabilities=dict(zip(self.labels_, listed, strict=True)),
@@ -216,19 +216,20 @@ class BSOCClassifier(Stateful, Learner):
             node=self.cluster.node_id(node),
             distance=float(distances[node]),
             angle=angle,
+            size=size,
             spread=spread,
         )
 
-    def _angle(self, x: Vector, distances: votes.Distances) -> tuple[float | None, float | None]:
-        """Return the angle and its spread, mixed as the votes are; None if none was learned."""
+    def _angle(self, x: Vector, distances: votes.Distances) -> tuple[float | None, ...]:
+        """Return angle, size and spread, mixed as the votes are; None if none was learned."""
         if self._node_angles is None:
-            return None, None
+            return None, None, None
         frames = self._histograms[: distances.size].sum(axis=1)
-        angle, spread = votes.mean_angle(distances, self._node_angles, frames, self.n_voters)
+        both, spread = votes.mean_angle(distances, self._node_angles, frames, self.n_voters)
         linear = None if self.linear is None else self.linear.angle(x)
         if linear is not None:
-            angle += self.linear_share * (linear - angle)
-        return angle, spread
+            both = both + self.linear_share * (linear - both)
+        return (*both.tolist(), spread)
 
     def _votes(self, x: Vector, context: int | None = None) -> tuple[votes.Distances, votes.Floats]:
         """Return the distances to the nodes, and each label's share."""
@@ -299,8 +300,8 @@ class BSOCClassifier(Stateful, Learner):
             yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):
             yield "an image has no such label"
-        if self._node_angles is not None and (self._node_angles[:, 1] < 0.0).any():
-            yield "the squares of some angles are below zero"
+        if self._node_angles is not None and (self._node_angles[:, 1:] < 0.0).any():
+            yield "the sizes or the squares of some angles are below zero"
 
     @property
     def _kind(self) -> str:
@@ -313,13 +314,12 @@ class BSOCClassifier(Stateful, Learner):
         before = self._histograms[index].copy()
         self._histograms[index] = 0
         n = self._histograms[index, column] = max(int(before.sum()), 1)
-        turned = 0.0
+        turned = n * votes.angle_terms(angle)
         if self._node_angles is not None:
-            turned = n * angle - float(self._node_angles[index, 0])
-            self._node_angles[index] = n * angle, n * angle * angle
+            turned, self._node_angles[index] = turned - self._node_angles[index], turned
         if self.linear is not None:
             change = (self._histograms[index] - before).astype(np.float64)
-            self.linear.retarget(self.cluster.nodes_[index], change, turned)
+            self.linear.retarget(self.cluster.nodes_[index], change, turned[:2])
         self.cluster.set_group(index, column)
 
     def delete_node(self, node_id: int) -> None:
@@ -327,7 +327,7 @@ class BSOCClassifier(Stateful, Learner):
         index = self._index(node_id)
         image, frames = self.cluster.nodes_[index], float(self.cluster.counts_[index])
         last = self.cluster.delete(index)
-        angle = 0.0 if self._node_angles is None else float(self._node_angles[index, 0]) / frames
+        angle = 0.0 if self._node_angles is None else self._node_angles[index, :2] / frames
         if self.linear is not None:
             self.linear.learn(image, self._histograms[index] / frames, -frames, angle)
         for sums in self._sums():

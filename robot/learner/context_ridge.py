@@ -56,11 +56,11 @@ class ContextRidge(LinearPart):
     def begin_angles(self, of_labels: Floats) -> None:
         self._any.begin_angles(of_labels)
 
-    def angle(self, x: NDArray[Any]) -> float:
+    def angle(self, x: NDArray[Any]) -> Floats:
         return self._any.angle(x)
 
     def learn_in(
-        self, x: NDArray[Any], column: int, contexts: Collection[int], angle: float = 0.0
+        self, x: NDArray[Any], column: int, contexts: Collection[int], angle: Floats | float = 0.0
     ) -> None:
         """Add a frame of one label to the ridge for every view, and to those of `contexts`."""
         if not self._ridges and len(contexts) < N_CONTEXTS:
@@ -75,7 +75,7 @@ class ContextRidge(LinearPart):
                 self._ridges[context].learn_scaled(z, targets)
 
     def learn(
-        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
+        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
     ) -> None:
         """Add a frame `weight` times, or take it back; each context gets its share of the label."""
         self._any.learn(x, targets, weight, angle)
@@ -84,7 +84,7 @@ class ContextRidge(LinearPart):
             if part > 0.0:
                 ridge.learn(x, targets * shares / part, weight * part)
 
-    def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
+    def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
         self._any.retarget(x, change, angle)
         lost = np.minimum(change, 0.0)
         for ridge, shares in zip(self._ridges, self._shares(), strict=False):

@@ -49,17 +49,17 @@ class LinearPart(Stateful, ABC):
         """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
 
     @abstractmethod
-    def angle(self, x: NDArray[Any]) -> float | None:
-        """Return the angle, which is not bounded; None from a part that learns none."""
+    def angle(self, x: NDArray[Any]) -> Floats | None:
+        """Return angle and size, shape (2,), not bounded; None from a part that learns none."""
 
     @abstractmethod
     def learn(
-        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
+        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
     ) -> None:
         """Add a frame with its target scores `weight` times; a negative weight takes it back."""
 
     @abstractmethod
-    def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
+    def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
 
 
@@ -78,7 +78,7 @@ class RecursiveRidge(LinearPart):
         Array("triangle", np.float64, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
         Array("linear", np.float64, ("size", "n_labels"), -1e9, 1e9, attribute="_weights"),
         Array("waiting", np.float64, (_WAITING, "size"), -MOST_VALUES, MOST_VALUES),
-        Array("angles", np.float64, ("size",), -1e9, 1e9, may_miss=True),
+        Array("angles", np.float64, ("size", 2), -1e9, 1e9, may_miss=True),
     )
 
     def __init__(self, n_features: int, *, penalty: float = 3.0, scale: float = 255.0) -> None:
@@ -110,19 +110,20 @@ class RecursiveRidge(LinearPart):
 
     def begin_angles(self, of_labels: Floats) -> None:
         # Weights are linear in their targets: it is as if it had been learned from the first.
-        self._angles = self._weights @ of_labels
+        self._angles = self._weights @ np.stack([of_labels, np.abs(of_labels)], axis=1)
 
-    def angle(self, x: NDArray[Any]) -> float:
+    def angle(self, x: NDArray[Any]) -> Floats:
         assert self._angles is not None
-        return float(self.scaled(x) @ self._angles)
+        both: Floats = self.scaled(x) @ self._angles
+        return both
 
     def learn(
-        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
+        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
     ) -> None:
         self.learn_scaled(self.scaled(x), targets, weight, angle)
 
     def learn_scaled(
-        self, z: Floats, targets: Floats, weight: float = 1.0, angle: float = 0.0
+        self, z: Floats, targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
     ) -> None:
         """Do as `learn` with what `scaled` returned: ridges of one kind need it once."""
         direction = self._solve(z)
@@ -133,7 +134,7 @@ class RecursiveRidge(LinearPart):
         error = targets - z @ self._weights
         self._weights += (gain * direction)[:, None] * error
         if self._angles is not None:
-            self._angles += gain * (angle - float(z @ self._angles)) * direction
+            self._angles += (gain * direction)[:, None] * (angle - z @ self._angles)
         if gain < 0.0:  # a frame taken back is rare
             self._write()
             self._inverse -= gain * np.outer(direction, direction)
@@ -150,11 +151,11 @@ class RecursiveRidge(LinearPart):
         self._waiting[:] = 0.0
         self._n_waiting = 0
 
-    def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
+    def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
         direction = self._solve(self.scaled(x))
         self._weights += np.outer(direction, change)
         if self._angles is not None:
-            self._angles += angle * direction
+            self._angles += np.outer(direction, angle)
 
     def _solve(self, z: Floats) -> Floats:
         """Return the inverse times `z`, with the changes that wait."""

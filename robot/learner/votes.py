@@ -45,21 +45,26 @@ def weighed(distances: Distances, n_voters: int) -> tuple[NDArray[np.intp], Floa
     return voters, 1.0 / (near.astype(np.float64) + 1e-3 * float(near.max()) + 1e-12)
 
 
+def angle_terms(angle: Floats | float) -> Floats:
+    """Return angle, size and square, shape (..., 3): their sums give all that is said of angles."""
+    return np.stack([angle, np.abs(angle), np.square(angle)], axis=-1)
+
+
 def mean_angle(
     distances: Distances, sums: Floats, frames: NDArray[np.int64], n_voters: int
-) -> tuple[float, float]:
-    """Return mean and standard deviation of the angle among the nearest nodes.
+) -> tuple[Floats, float]:
+    """Return mean angle and size, shape (2,), and the angle's deviation among the nearest nodes.
 
     Args:
         distances: Squared distances to the nodes, shape (n,).
-        sums: Sums of each node's angles and of their squares, shape (n or more, 2).
+        sums: Sums of each node's `angle_terms`, shape (n or more, 3).
         frames: How many frames each node stands for, shape (n,).
         n_voters: How many nodes count at most, the nearer the more.
     """
     voters, weights = weighed(distances, n_voters)
     shares = weights / (weights.sum() * np.maximum(frames[voters], 1))
-    mean, square = (shares @ sums[voters]).tolist()
-    return mean, math.sqrt(max(square - mean * mean, 0.0))
+    means: Floats = shares @ sums[voters]
+    return means[:2], math.sqrt(max(float(means[2] - means[0] ** 2), 0.0))
 
 
 def chance(votes: Sequence[float], best: int, sharpness: float) -> float:

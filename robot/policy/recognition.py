@@ -1,10 +1,10 @@
 """What the learner makes of a frame: votes for the moves, and what a move means by degrees.
 
-The latter is the learner's angle, within what this pilot means by the move. An angle learned alone
-is a mean. Who steers all or nothing is then driven down the middle, where he never steers. So the
-angle is kept near the mean of what was taught with the chosen move, `BAND` standard deviations of
-it at most: no way at all for who steers all or nothing, and wide for who steers by degrees. On
-recorded drives it is nearer to the pilot than either alone.
+An angle learned alone is a mean. Where a thing can be passed on either side, that leads into the
+thing: so the move says where to, and what is learned is how hard. And who steers all or nothing
+would be driven down the middle, where he never steers: so the angle is kept near the mean of what
+was taught with the chosen move, `BAND` standard deviations of it at most. That is no way at all
+for who steers all or nothing, and wide for who steers by degrees.
 
 Before the first point is taught nothing is kept and nothing is answered.
 """
@@ -16,6 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.driver import side_of
 from robot.learner.base import AngularLearner, ContextualLearner, Learner
 from robot.learner.clusters import MOST_FRAMES
 from robot.learner.part import Array
@@ -36,6 +37,9 @@ class Degrees(PolicyPart):
         learner: Learns the angles, if it can; else each move means its mean.
         moves: The moves.
         kinds: Says what the body declares of them.
+
+    Attributes:
+        average: Running mean of angle and size, as they were learned.
     """
 
     fields = (Array("sums", np.float64, ("n_moves", 4), -MOST_FRAMES, MOST_FRAMES, may_miss=True),)
@@ -48,7 +52,7 @@ class Degrees(PolicyPart):
         self._kinds = kinds
         self.n_moves = len(moves)
         self._sums: NDArray[np.float64] | None = None  # examples, steering, its square, throttle
-        self._average: float | None = None
+        self.average: NDArray[np.float64] | None = None
 
     def teach(self, lesson: Lesson) -> bool:
         """Teach the learner an example with its angle; False if it is to learn none."""
@@ -74,13 +78,17 @@ class Degrees(PolicyPart):
         usual = self.usual(seen.action)
         if usual is None:
             return
-        steering, angle = usual.steering, seen.evidence.angle
-        if angle is not None:
-            angle = min(max(angle, -1.0), 1.0)
-            old = angle if self._average is None else self._average
-            self._average = angle + seen.kept * (old - angle)
+        steering, evidence = usual.steering, seen.evidence
+        if evidence.angle is not None and evidence.size is not None:
+            new = np.clip([evidence.angle, evidence.size], (-1.0, 0.0), 1.0)
+            old = new if self.average is None else self.average
+            angle, size = self.average = new + seen.kept * (old - new)
+            side = side_of(steering)
+            angle = side * size if side else min(max(angle, -size), size)
             width = BAND * self._deviation(seen.action)
-            steering = min(max(self._average, steering - width), steering + width)
+            steering = float(min(max(angle, steering - width), steering + width))
+            if seen.bumped and side:  # a curve that leads into something: turn as the body can
+                steering = float(side)
         seen.point = Point(min(max(steering, -1.0), 1.0), usual.throttle)
         seen.spread = seen.evidence.spread
 
@@ -108,7 +116,7 @@ class Degrees(PolicyPart):
         return True
 
     def reset(self) -> None:
-        self._average = None
+        self.average = None
 
 
 class Recognition(PolicyPart):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 NAMES = (
     *("figure3", "figure5", "figure6", "figure7", "figure8"),
-    *("behaviours", "ablation", "habits", "ready", "mind", "ground", "streams"),
+    *("behaviours", "ablation", "habits", "ready", "mind", "degrees", "ground", "streams"),
 )
 
 

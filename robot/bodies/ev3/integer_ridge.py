@@ -86,7 +86,7 @@ class IntegerRidge(LinearPart):
         """Return no angle."""
 
     def learn(
-        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: float = 0.0
+        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
     ) -> None:
         """Add a frame with its target scores `weight` times; a negative weight takes it back.
 
@@ -113,7 +113,7 @@ class IntegerRidge(LinearPart):
         self._residual += np.rint(weight * _ONE * np.outer(targets, z)).astype(np.int64)
         self._residual -= self._weights.dot(added)
 
-    def retarget(self, x: NDArray[Any], change: Floats, angle: float = 0.0) -> None:
+    def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
         added = _ONE / 2.0 ** self._halvings[0] * np.outer(change, self._mean_input(x))
         self._residual += np.rint(added).astype(np.int64)
         self._improve(self.n_features)

@@ -116,8 +116,12 @@ class Simulation:
 
     @property
     def is_pushing(self) -> bool:
-        """True while the robot drives forward against something."""
-        return self.action is Action.FORWARD and any(self.bumpers)
+        """True while the robot drives forward against something, in a curve, too."""
+        return sum(self._wheels_mps) > 0.0 and any(self.bumpers)
+
+    @property
+    def _wheels_mps(self) -> tuple[float, float]:
+        return WHEELS_MPS[self.action] if self.point is None else WHEELS.at(self.point)
 
     @property
     def is_touching(self) -> bool:
@@ -149,13 +153,13 @@ class Simulation:
             self._renderer = None
 
     def _step_once(self, dt_s: float) -> None:
-        point = self.point
-        left_mps, right_mps = WHEELS_MPS[self.action] if point is None else WHEELS.at(point)
+        left_mps, right_mps = self._wheels_mps
         if self.noise.wheel_share and dt_s > 0.0 and (left_mps or right_mps):
             share = self.noise.wheel_share * math.sqrt(_LONGEST_STEP_S / dt_s)
             slips = self._motion_rng.normal(1.0, share, 2).tolist()
             left_mps, right_mps = left_mps * slips[0], right_mps * slips[1]
-        if self.drift_share and self.action in (Action.FORWARD, Action.BACKWARD):
+        is_straight = self.action in (Action.FORWARD, Action.BACKWARD)
+        if self.drift_share and (is_straight or self.point is not None):
             self._drift_on(dt_s)
             left_mps, right_mps = left_mps * (1 - self._drift), right_mps * (1 + self._drift)
         scale = self.speed_scale

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.control.profile import compare, move_shares, rare_moves
+from robot.control.profile import compare, move_shares, rare_moves, steering_per_s
 from robot.lab.metrics.log import DriveLog, DriveSample
 from robot.types import Action
 
@@ -105,6 +105,7 @@ def figures(log: DriveLog) -> dict[str, float]:
         "asking_share": asking_share(log),
         "driven_m": driven_m(log),
         "covered_m2": covered_m2(log),
+        "steering_per_s": steering_per_s(log.steering(), [moment.now_s for moment in log.moments]),
     }
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robot.control.profile import Profile, behavior_profile
-from robot.types import Action, DrivenBy, Pose
+from robot.driver import point_of
+from robot.types import Action, DrivenBy, Point, Pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,6 +22,8 @@ class DriveSample:
     pose: Pose
     is_touching: bool = False
     is_pushing: bool = False
+    point: Point | None = None
+    """What was driven, by degrees; None if a move was."""
     asks_pilot: bool = False
     is_intervention: bool = False
     proposed: Action | None = None
@@ -65,6 +68,11 @@ class DriveLog:
 
     def actions(self) -> list[Action]:
         return [moment.action for moment in self.moments]
+
+    def steering(self) -> list[float]:
+        """Return where each tick steered, from -1 to 1; a move steers as it is declared."""
+        points = [moment.point or point_of(moment.action) for moment in self.moments]
+        return [point.steering if point else 0.0 for point in points]
 
     def profile(self) -> Profile:
         return behavior_profile(

@@ -15,6 +15,7 @@ from robot.lab.simulated_pilots.behaviours import WallFollower
 from robot.lab.simulated_pilots.hand import HumanDelayConfig
 from robot.lab.simulated_pilots.pilot import TakeoverPolicy
 from robot.lab.simulated_pilots.situation import Situation
+from robot.lab.simulated_pilots.steering import Steerer
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS, Teacher, TeacherParams, Wanderer
 from robot.types import Action
 
@@ -144,3 +145,8 @@ HABITS: Mapping[str, Habit] = {
     ),
 }
 """Twelve pilots by name."""
+STEERED: Mapping[str, Habit] = {
+    "degrees": Habit(teacher=lambda turns, seed: Steerer(turns)),
+    "cut to moves": Habit(teacher=lambda turns, seed: Steerer(turns, is_cut=True)),
+}
+"""One who steers by degrees, and how he drives a body that takes moves alone."""

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot.types import Action, PilotCommand
+from robot.types import Action, PilotCommand, Point
 
 _EPSILON_S = 1e-6
 
@@ -55,22 +55,26 @@ class HumanDelayModel:
         self.config = config
         self._buttons = list(buttons)
         self._chance = random.Random(f"{seed} hand")
-        self._wishes: deque[tuple[float, Action | None]] = deque()
+        self._wishes: deque[tuple[float, Action | None, Point | None]] = deque()
         self._held: Action | None = None
+        self._point: Point | None = None
         self._slips_until_s = self._away_until_s = self._pauses_until_s = -1.0
         self._slip: Action | None = None
         self._last_s: float | None = None
         self._seq = 0
 
-    def wish(self, action: Action | None, now_s: float) -> None:
-        """Decide now to hold `action` (or nothing); the hand follows."""
-        self._wishes.append((now_s + self.config.reaction_s, action))
+    def wish(self, action: Action | None, now_s: float, point: Point | None = None) -> None:
+        """Decide now to hold `action` (or nothing), by degrees if there is a point; the hand
+        follows."""
+        self._wishes.append((now_s + self.config.reaction_s, action, point))
 
     def send(self, frame_id: int | None, frame_age_s: float, now_s: float) -> PilotCommand:
         """Return what is held, naming the frame on the screen. Call it at every heartbeat."""
         self._seq += 1
+        held = self._hold(now_s)
         return PilotCommand(
-            held=self._hold(now_s),
+            held=held,
+            point=self._point if held is self._held else None,  # a finger that slips hits a button
             frame_id=frame_id,
             seq=self._seq,
             received_s=now_s,
@@ -81,7 +85,7 @@ class HumanDelayModel:
     def release(self) -> None:
         """Release the button at once, and forget the last decision."""
         self._wishes.clear()
-        self._held = None
+        self._held = self._point = None
 
     def _hold(self, now_s: float) -> Action | None:
         dt_s = now_s - self._last_s if self._last_s is not None else 0.0
@@ -89,7 +93,7 @@ class HumanDelayModel:
         self._begin_by_chance(now_s, dt_s)
         if now_s >= self._away_until_s:
             while self._wishes and self._wishes[0][0] <= now_s + _EPSILON_S:
-                self._held = self._wishes.popleft()[1]
+                _, self._held, self._point = self._wishes.popleft()
         if now_s < self._pauses_until_s:
             return None
         if self._held is not None and now_s < self._slips_until_s:

@@ -91,7 +91,9 @@ class SimulatedPilot:
         period_s = 1 / self._hand.config.looks_hz
         while self._screen and self._looks_at_s is not None and self._looks_at_s <= end_s:
             at_s = self._looks_at_s
-            self._hand.wish(self._judge(*self._screen, at_s), at_s)
+            held = self._judge(*self._screen, at_s)
+            point = getattr(self.teacher, "point", None) if held is not None else None
+            self._hand.wish(held, at_s, point)
             self._looks_at_s = at_s + period_s if period_s else None  # None: at the next picture
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:

@@ -15,7 +15,10 @@ from robot.types import Action, Pose
 
 
 class Teacher(Protocol):
-    """Protocol of a teacher; one can be loaded from a file of your own."""
+    """Protocol of a teacher; one can be loaded from a file of your own.
+
+    A teacher who steers by degrees has a `point`: what it meant by the move that it chose last.
+    """
 
     def choose(self, situation: Situation) -> Action:
         """Return the move that this teacher makes; called at each look, in order.

@@ -160,17 +160,18 @@ def test_the_linear_angle_is_that_of_all_examples_whenever_degrees_began() -> No
     xs = dice.integers(0, 256, (70, 12)).astype(np.uint8)
     labels = dice.integers(0, 3, 70)
     angles = np.where(np.arange(70) < 30, labels - 1.0, dice.uniform(-1.0, 1.0, 70))
+    both = np.stack([angles, abs(angles)], axis=1)
     ridge = ContextRidge(lambda: RecursiveRidge(12))
     for _ in range(3):
         ridge.add_label()
     for i, x in enumerate(xs):
         if i == 30:
             ridge.begin_angles(np.array([-1.0, 0.0, 1.0]))
-        ridge.learn_in(x, int(labels[i]), (i % 2,), float(angles[i]))
+        ridge.learn_in(x, int(labels[i]), (i % 2,), both[i])
     z = np.hstack([xs / 255.0, np.ones((70, 1))])
-    batch = np.linalg.solve(z.T @ z + 3.0 * np.eye(13), z.T @ angles)
+    batch = np.linalg.solve(z.T @ z + 3.0 * np.eye(13), z.T @ both)
     for x, row in zip(xs, z, strict=True):
-        assert ridge.angle(x) == pytest.approx(float(row @ batch), abs=1e-9)
+        assert ridge.angle(x) == pytest.approx(row @ batch, abs=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -215,6 +216,26 @@ def test_who_steers_by_degrees_is_met_closer_than_by_moves(learner: str, seed: i
     assert off < 0.8 * by_moves
     for _, move, point in said:  # never far from what the move means to this pilot
         assert abs(point.steering - means[move].steering) < BAND
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+@pytest.mark.parametrize("seed", range(2))
+def test_what_is_passed_on_either_side_is_not_driven_into(learner: str, seed: int) -> None:
+    """The mean of hard to the left and hard to the right is straight on."""
+    dice = random.Random(seed)
+    policy = make_policy(learner)
+    for i in range(160):
+        near = dice.uniform(0.4, 1.0)
+        point = Point(dice.choice((-1, 1)) * near, 0.5)
+        policy.learn(policy.extract(view(near, i)), move_of(point), None, point)
+    off = []
+    for i in range(60):
+        near = 0.5 if i % 30 < 15 else 0.9
+        said = policy.propose(i, policy.extract(view(near, 1000 + i)))
+        assert said.action is not None and said.point is not None
+        assert said.action is move_of(said.point)
+        off.append(abs(abs(said.point.steering) - near))
+    assert np.mean(off) < 0.15
 
 
 def test_a_stick_that_agrees_with_the_robot_corrects_nothing() -> None:

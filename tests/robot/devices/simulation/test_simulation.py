@@ -11,7 +11,7 @@ from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.devices.simulation.simulation import NO_NOISE, Simulation
 from robot.devices.simulation.world import load_world
 from robot.errors import ConfigurationError
-from robot.types import Action
+from robot.types import Action, Point
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
 
@@ -40,12 +40,23 @@ def test_the_picture_shows_floor_below_and_wall_above() -> None:
     simulation.close()
 
 
-def test_the_robot_pushes_a_wall_when_it_drives_against_it() -> None:
+@pytest.mark.parametrize(
+    ("action", "point"),
+    [(Action.FORWARD, None), (Action.FORWARD, Point(0.0, 0.5)), (Action.LEFT, Point(-0.2, 0.5))],
+)
+def test_the_robot_pushes_a_wall_when_it_drives_against_it(
+    action: Action, point: Point | None
+) -> None:
     simulation = Simulation(load_world("box"), seed=0)
-    simulation.action = Action.FORWARD
+    simulation.action, simulation.point = action, point
+    pushed = False
     for _ in range(120):
         simulation.step(0.1)
-    assert simulation.is_pushing
+        pushed = pushed or simulation.is_pushing
+    assert pushed
+    simulation.action, simulation.point = Action.LEFT, None
+    assert not simulation.is_pushing, "a turn rolls back"
+    simulation.action, simulation.point = Action.FORWARD, None
     assert simulation.sense().bumped
     assert (simulation.sense().distance_m or 0) < 0.1
 

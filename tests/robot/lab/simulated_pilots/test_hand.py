@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from robot.lab.simulated_pilots.hand import STEADY, HumanDelayConfig, HumanDelayModel
-from robot.types import Action
+from robot.types import Action, Point
 
 F, L = Action.FORWARD, Action.LEFT
 
@@ -33,6 +33,18 @@ def test_a_steady_hand_does_at_once_what_is_wished() -> None:
 def test_the_hand_follows_after_the_reaction_time() -> None:
     slow = replace(STEADY, reaction_s=0.2)
     assert held_over_time(slow, [F, F, L, L, L, L]) == [".", ".", "f", "f", "l", "l"]
+
+
+def test_a_stick_is_held_as_it_was_wished_and_a_slip_hits_a_button() -> None:
+    for config, steering in ((STEADY, -0.4), (replace(STEADY, tremors_per_min=1e6), None)):
+        hand = HumanDelayModel(config, (F,), "0")
+        hand.wish(L, 1.0, Point(-0.4, 0.5))
+        hand.send(1, 0.0, 1.0)
+        command = hand.send(2, 0.0, 1.1)
+        assert command.held is (L if steering else F)
+        assert command.point == (Point(steering, 0.5) if steering else None)
+        hand.release()
+        assert hand.send(3, 0.0, 1.1).point is None
 
 
 def test_commands_count_up_and_name_the_frame_on_the_screen() -> None:

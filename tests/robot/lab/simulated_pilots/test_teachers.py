@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from robot.devices.simulation.body import RADIUS_M
 from robot.devices.simulation.simulation import NO_NOISE, Simulation
 from robot.devices.simulation.world import load_world
 from robot.lab.simulated_pilots.situation import FAN_RAD, Situation, observe
+from robot.lab.simulated_pilots.steering import Steerer
 from robot.lab.simulated_pilots.teachers import (
     TEACHER_PARAMS,
     SonarController,
@@ -59,6 +62,19 @@ def test_what_is_seen_is_what_is_there() -> None:
     assert seen.distance_m == pytest.approx(0.65 - RADIUS_M)
     assert seen.turn_needed_rad(1, 0.1) == 0.0
     assert seen.turn_needed_rad(1, 5.0) == math.pi
+
+
+def test_who_steers_by_degrees_steers_the_more_the_nearer_something_is() -> None:
+    teacher, steered = Steerer((L, R)), []
+    for tick in range(40):
+        wall_m = 0.8 - 0.02 * tick
+        move = teacher.choose(situation(at_s=tick / 10, wall_m=wall_m, slant_rad=-0.5))
+        assert teacher.point is not None
+        steered.append(teacher.point.steering)
+        assert move is (L if steered[-1] < -0.2 else F)
+    assert steered[0] == 0.0 and steered[-1] < -0.9
+    assert all(0.0 <= before - now < 0.25 for before, now in itertools.pairwise(steered))
+    assert not teacher.tolerates(replace(situation(at_s=5.0, doing=L), is_pushing=True), L)
 
 
 def test_a_slanted_wall_is_left_on_its_far_side() -> None:
