@@ -11,7 +11,7 @@ from robot.learner.base import Vector
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.types import DEFAULT_MOVES, Action, Encoding, Example, Frame, Prediction
+from robot.types import DEFAULT_MOVES, Action, Encoding, Example, Frame, Point, Prediction
 
 
 class DrivingLearner:
@@ -87,12 +87,13 @@ class DrivingLearner:
         self._under_way = None if prediction.needs_help else prediction.action
         return prediction
 
-    def teach(self, move: str, *, is_correction: bool = False) -> None:
+    def teach(self, move: str, *, is_correction: bool = False, point: Point | None = None) -> None:
         """Learn what a person did on the picture that was seen last.
 
         Args:
             move: The person's move.
             is_correction: True if the learner was driving and the person overruled it.
+            point: The move by degrees, if the person meant it so.
 
         Raises:
             ValueError: If the move is none of `moves`, or no picture was seen since the last call.
@@ -101,7 +102,10 @@ class DrivingLearner:
             raise ValueError("there is no new picture to learn: call see() before each teach()")
         x, at_s = self._seen
         example = Example(
-            frame_id=self._frame_id, label=Action(move), is_intervention=is_correction
+            frame_id=self._frame_id,
+            label=Action(move),
+            is_intervention=is_correction,
+            point=point,
         )
         self.history.teach(example, x, at_s)
         self._seen = self._under_way = None

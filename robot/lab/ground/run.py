@@ -65,7 +65,7 @@ def _run_teacher(params: Params) -> Result:
             world.reset(seed)
             is_over = False
             while not is_over:
-                _, is_over = world.step(world.wanted())
+                _, is_over = world.step(world.wanted(), world.point)
             scores.append(world.score)
     return {"stages": [{"count": count, "scores": scores} for count in params["counts"]]}
 
@@ -96,12 +96,13 @@ class Course:
             wanted = self._world.wanted()
             if self._is_teacher_due(proposed, wanted):
                 is_first = self._way == "demonstration" or self._is_beginning
-                self._learner.teach(wanted, is_correction=not is_first)
+                point = self._world.point
+                self._learner.teach(wanted, is_correction=not is_first, point=point)
                 move: str | None = wanted
             else:
-                move = None if proposed.needs_help else proposed.action
+                move, point = None if proposed.needs_help else proposed.action, proposed.point
             if move is not None:  # a robot that stands and asks is waited for
-                picture, is_over = self._world.step(move)
+                picture, is_over = self._world.step(move, point)
 
     @property
     def _is_beginning(self) -> bool:
@@ -129,7 +130,7 @@ def drive_alone(world: ForeignWorld, learner: DrivingLearner, seed: int) -> floa
     for step in range(world.longest):
         proposed = learner.see(picture, STEP_S * step)
         if not proposed.needs_help and proposed.action is not None:
-            picture, is_over = world.step(proposed.action)
+            picture, is_over = world.step(proposed.action, proposed.point)
         if is_over:
             break
     learner.reset()

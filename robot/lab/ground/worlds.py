@@ -11,7 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.driver import Move, move_at
 from robot.errors import ConfigurationError, MissingExtraError, did_you_mean
+from robot.types import Action, Point
 
 Picture = NDArray[np.uint8]
 """RGB, shape (height, width, 3)."""
@@ -29,13 +31,15 @@ class ForeignWorld(Protocol):
     """Decisions in an episode at most."""
     score: float
     """Of the episode so far."""
+    point: Point | None
+    """What the teacher meant by what it `wanted`, where the world is driven by degrees."""
 
     def reset(self, seed: int) -> Picture:
         """Begin an episode, and return its first picture."""
         ...
 
-    def step(self, move: str) -> tuple[Picture, bool]:
-        """Make a move; return the next picture, and whether the episode is over."""
+    def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
+        """Make a move, perhaps by degrees; return the next picture, and whether it was the last."""
         ...
 
     def wanted(self) -> str:
@@ -61,6 +65,7 @@ class _Gymnasium:
         self._env = gymnasium.make(name, **options)
         self.inner: Any = self._env.unwrapped
         self.moves = tuple(self.codes)
+        self.point: Point | None = None
         self.score = 0.0
         self._n_steps = 0
 
@@ -69,14 +74,17 @@ class _Gymnasium:
         self.score, self._n_steps = 0.0, 0
         return self._picture(self._begin(seen))
 
-    def step(self, move: str) -> tuple[Picture, bool]:
-        seen, reward, *is_over, _ = self._env.step(self.codes[move])
+    def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
+        seen, reward, *is_over, _ = self._env.step(self._code(move, point))
         self._n_steps += 1
         self._note(float(reward))
         return self._picture(seen), any(is_over) or self._n_steps >= self.longest
 
     def close(self) -> None:
         self._env.close()
+
+    def _code(self, move: str, point: Point | None) -> Any:
+        return self.codes[move]
 
     def _picture(self, seen: Any) -> Picture:
         return np.asarray(seen)
@@ -166,10 +174,12 @@ class CarRacing(_Gymnasium):
     _zoom_frames = 50
     """The world begins with a zoom, in which nothing can be done."""
 
-    def __init__(self, names: tuple[str, str, str, str, str]) -> None:
+    def __init__(
+        self, names: tuple[str, str, str, str, str], *, is_continuous: bool = False
+    ) -> None:
         self.codes = dict(zip(names, (2, 1, 3, 4, 0), strict=True))
         self._names = names
-        super().__init__("CarRacing-v3", "Box2D", continuous=False)
+        super().__init__("CarRacing-v3", "Box2D", continuous=is_continuous)
         self._draw = self.inner._render
         self._is_seen = True
         # Most of a step's time is spent on drawing frames that nobody sees.
@@ -181,17 +191,17 @@ class CarRacing(_Gymnasium):
     def _begin(self, seen: Any) -> Any:
         for frame in range(self._zoom_frames):
             self._is_seen = frame == self._zoom_frames - 1
-            seen, *_ = self._env.step(0)
+            seen, *_ = self._env.step(self._code(self._names[-1], None))
         return seen
 
     def _note(self, reward: float) -> None:
         self.score = 100.0 * self.inner.tile_visited_count / len(self.inner.track)
 
-    def step(self, move: str) -> tuple[Picture, bool]:
+    def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
         """Make a move, for some frames."""
         for frame in range(self.frames):
             self._is_seen = frame == self.frames - 1
-            picture, is_over = super().step(move)
+            picture, is_over = super().step(move, point)
             self._n_steps -= 1
             if is_over:
                 break
@@ -201,6 +211,15 @@ class CarRacing(_Gymnasium):
     def wanted(self) -> str:
         """Steer to a point ahead, at a speed for the bend."""
         left, right, gas, brake, nothing = self._names
+        bearing, speed, fastest = self._ahead()
+        if abs(bearing) > 0.12 and speed > 5.0:
+            return left if bearing > 0.0 else right
+        if speed > 1.3 * fastest:
+            return brake
+        return gas if speed < fastest else nothing
+
+    def _ahead(self) -> tuple[float, float, float]:
+        """Return the bearing of the point ahead, the speed, and how fast the bend lets it be."""
         hull = self.inner.car.hull
         track = np.array([tile[2:4] for tile in self.inner.track])
         here = np.array(hull.position)
@@ -208,17 +227,47 @@ class CarRacing(_Gymnasium):
         speed = float(np.hypot(*hull.linearVelocity))
         bearing = self._bearing(track, here, nearest + self.look_ahead + int(speed / 20))
         bend = abs(self._bearing(track, here, nearest + 12))
-        fastest = 55.0 if bend < 0.25 else 40.0 if bend < 0.6 else 30.0
-        if abs(bearing) > 0.12 and speed > 5.0:
-            return left if bearing > 0.0 else right
-        if speed > 1.3 * fastest:
-            return brake
-        return gas if speed < fastest else nothing
+        return bearing, speed, 55.0 if bend < 0.25 else 40.0 if bend < 0.6 else 30.0
 
     def _bearing(self, track: NDArray[np.float64], here: NDArray[np.float64], index: int) -> float:
         """Return the direction of a point of the track, counter-clockwise of straight ahead."""
         x, y = track[index % len(track)] - here
         return math.remainder(math.atan2(y, x) - math.pi / 2 - self.inner.car.hull.angle, math.tau)
+
+
+class CarRacingByDegrees(CarRacing):
+    """The same world's continuous form; its moves are those of the discrete one, as points.
+
+    The teacher steers in proportion, and gives gas meanwhile.
+    """
+
+    _POINTS: Mapping[str, Point] = MappingProxyType(
+        {
+            "left": Point(-0.6, 0.1),
+            "right": Point(0.6, 0.1),
+            "forward": Point(0.0, 0.2),
+            "brake": Point(0.0, -0.8),
+            "coast": Point(0.0, 0.0),
+        }
+    )
+
+    def __init__(self) -> None:
+        super().__init__(("left", "right", "forward", "brake", "coast"), is_continuous=True)
+        self._moves = [
+            Move(Action(name), steering=point.steering, throttle=point.throttle)
+            for name, point in self._POINTS.items()
+        ]
+
+    def _code(self, move: str, point: Point | None) -> Any:
+        steering, throttle = point or self._POINTS[move]
+        return np.array([steering, max(throttle, 0.0), max(-throttle, 0.0)], np.float32)
+
+    def wanted(self) -> str:
+        """Steer to a point ahead the more, the farther aside it is."""
+        bearing, speed, fastest = self._ahead()
+        throttle = -0.8 if speed > 1.3 * fastest else 0.2 if speed < fastest else 0.0
+        self.point = Point(min(max(-2.5 * bearing, -1.0), 1.0), throttle)
+        return move_at(self.point, self._moves) or "coast"
 
 
 class VizDoom(_Gymnasium):
@@ -271,6 +320,7 @@ WORLDS: dict[str, Callable[[], ForeignWorld]] = {
         for name in ("Sidewalk", "Hallway", "OneRoom", "TMaze", "YMaze")
     },
     "CarRacing": lambda: CarRacing(("left", "right", "forward", "brake", "coast")),
+    "CarRacing, by degrees": CarRacingByDegrees,
     "CarRacing, own names": lambda: CarRacing(("port", "starboard", "gas", "drag", "roll")),
     "ViZDoom": VizDoom,
 }

@@ -9,6 +9,7 @@ from robot.lab.adapters.driving_learner import DrivingLearner
 from robot.lab.ground.run import FIRST_EXAMPLES, Course, drive_alone
 from robot.lab.ground.worlds import Picture
 from robot.lab.tables import interval
+from robot.types import Point
 
 
 class Lamp:
@@ -16,13 +17,16 @@ class Lamp:
 
     moves = ("port", "starboard")
     longest = 40
+    point: Point | None = None
 
     def reset(self, seed: int) -> Picture:
         self._rng = np.random.default_rng(seed)
         self.score, self._n = 0.0, 0
+        self.points: list[Point | None] = []
         return self._show()
 
-    def step(self, move: str) -> tuple[Picture, bool]:
+    def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
+        self.points.append(point)
         self.score += move == self.wanted()
         self._n += 1
         return self._show(), self._n >= self.longest
@@ -50,6 +54,20 @@ def test_a_demonstration_is_the_teachers_alone(learner: DrivingLearner) -> None:
     course.teach(90)
     assert (learner.n_examples, course.decisions, course.takeovers) == (90, 90, 0)
     assert drive_alone(Lamp(), learner, 5) == Lamp.longest
+
+
+def test_a_world_that_is_driven_by_degrees_is_driven_as_the_teacher_meant() -> None:
+    class Dimmer(Lamp):
+        def wanted(self) -> str:
+            self.point = Point(0.7 if self._side else -0.4, 0.5)
+            return super().wanted()
+
+    world, learner = Dimmer(), DrivingLearner(Lamp.moves, "knn-1")
+    Course(world, learner, "demonstration", seed=1).teach(60)
+    assert set(world.points) == {Point(0.7, 0.5), Point(-0.4, 0.5)}
+    drive_alone(world, learner, 5)
+    driven = [point for point in world.points if point is not None]
+    assert {round(point.steering, 2) for point in driven} == {0.7, -0.4}
 
 
 def test_who_makes_no_mistakes_is_not_corrected(learner: DrivingLearner) -> None:
