@@ -4,39 +4,56 @@ import json
 
 import pytest
 
-from robot.types import Action
+from robot.types import Action, Point
 from server.protocol import encode_acknowledgement, parse_picture
+from tests.faults.scenario import POINTS
 from tests.server.virtual_server import VirtualServer, connect
 
+Points = dict[str, Point]
 
-def test_a_pilot_drives_and_the_robot_stands_when_it_lets_go(server: VirtualServer) -> None:
+
+@pytest.fixture(params=["by moves", "by degrees"])
+def points(request: pytest.FixtureRequest, server: VirtualServer) -> Points:
+    """What the pilot means by each move, if it steers by degrees."""
+    server.driver.takes_points = request.param == "by degrees"
+    return POINTS if server.driver.takes_points else {}
+
+
+def test_a_pilot_drives_and_the_robot_stands_when_it_lets_go(
+    server: VirtualServer, points: Points
+) -> None:
     with server.pilot() as pilot:
         assert pilot.hello["protocol"] == 1
         assert pilot.hello["moves"] == ["forward", "left", "right"]
         pilot.wait_for_state(you_are_pilot=True, mode="stopped")
         pilot.mode("train")
         pilot.wait_for_state(mode="train")
-        pilot.hold("forward")
+        pilot.hold("forward", points.get("forward"))
         server.wait_until(lambda: server.driver.now is Action.FORWARD)
         pilot.wait_for_state(driven_by="pilot", action="forward")
+        assert server.driver.point == points.get("forward")
         pilot.hold(None)
         server.wait_until(lambda: server.driver.now is Action.STOP)
         assert pilot.errors() == []
 
 
-def test_the_robot_stands_within_500_ms_when_the_pilot_vanishes(server: VirtualServer) -> None:
+def test_the_robot_stands_within_500_ms_when_the_pilot_vanishes(
+    server: VirtualServer, points: Points
+) -> None:
     with server.pilot() as pilot:
         pilot.mode("train")
-        pilot.hold("forward")
+        pilot.hold("forward", points.get("forward"))
         server.wait_until(lambda: server.driver.now is Action.FORWARD)
         pilot.vanish()
         assert server.wait_until(lambda: server.driver.now is Action.STOP) < 0.5
 
 
-def test_the_robot_stands_within_500_ms_when_the_pilot_is_silent(server: VirtualServer) -> None:
+def test_the_robot_stands_within_500_ms_when_the_pilot_is_silent(
+    server: VirtualServer, points: Points
+) -> None:
     with server.pilot() as pilot:
         pilot.mode("train")
-        pilot.hold("forward")
+        pilot.hold("forward", points.get("forward"))
         server.wait_until(lambda: server.driver.now is Action.FORWARD)
         pilot.is_silent = True
         assert server.wait_until(lambda: server.driver.now is Action.STOP) < 0.5
@@ -59,11 +76,12 @@ def test_a_viewer_sees_but_is_not_heard(server: VirtualServer) -> None:
 
 def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
     server: VirtualServer,
+    points: Points,
 ) -> None:
     """A pilot's new line may be there before the lost one is closed."""
     with server.pilot() as lost, server.pilot() as back:
         lost.mode("train")
-        lost.hold("forward")
+        lost.hold("forward", points.get("forward"))
         server.wait_until(lambda: server.driver.now is Action.FORWARD)
         lost.vanish()
         back.wait_for_state(you_are_pilot=True, mode="stopped")
@@ -72,18 +90,18 @@ def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
 
 @pytest.mark.parametrize("mode", ["train", "autonomous"])
 def test_a_wheel_that_is_given_stops_the_robot_before_it_obeys_another(
-    server: VirtualServer, mode: str
+    server: VirtualServer, points: Points, mode: str
 ) -> None:
     with server.pilot() as giver, server.pilot() as taker:
         giver.mode(mode)
         giver.wait_for_state(mode=mode)
-        giver.hold("left")
+        giver.hold("left", points.get("left"))
         server.wait_until(lambda: server.driver.now is Action.LEFT)
         taker.send(type="take")
         giver.wait_for(lambda m: m.get("name") == "wheel_asked")
         assert server.driver.now is Action.LEFT, "asking stops nobody"
         giver.send(type="yield")
-        taker.hold("forward")
+        taker.hold("forward", points.get("forward"))
         taker.wait_for_state(you_are_pilot=True, mode="stopped")
         server.forward(0.3)
         assert server.driver.now is Action.STOP, "who takes over starts it"

@@ -47,6 +47,9 @@ TRIES = int(os.environ.get("DRIVELESSON_STOPS", "5"))
 """Of each of two, by each of two ways (`.ci/run`: 250)."""
 OBEYED_S = 0.3
 person_st = st.sampled_from(PEOPLE)
+_DRIVE = '{"type":"drive","held":"left","frame":null,"seq":1'
+WORDS = ('{"type":"ping","client_ms":1}', _DRIVE + "}", _DRIVE + ',"steering":-0.6,"throttle":0.4}')
+"""A ping, and driving, by moves and by degrees."""
 
 
 class PeopleAtOneRobot(RuleBasedStateMachine):
@@ -78,13 +81,18 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
         for _ in range(times):
             httpx.get(self.server.address + "/healthz", headers=self.cookies[person])
 
-    @rule(person=person_st, times=st.sampled_from([1, 30, 60]), stop=st.booleans())
-    def send_a_burst(self, person: str, times: int, stop: bool) -> None:
+    @rule(
+        person=person_st,
+        words=st.sampled_from(WORDS),
+        times=st.sampled_from([1, 30, 60]),
+        stop=st.booleans(),
+    )
+    def send_a_burst(self, person: str, words: str, times: int, stop: bool) -> None:
         for socket in self._open_sockets(person)[-1:]:
-            burst = ['{"type":"ping","client_ms":1}'] * times
+            burst = [words] * times
             self._send(socket, [*burst, '{"type":"stop"}'] if stop else burst)
             if stop:
-                self._is_obeyed(f"{person}'s, {times} pings before it")
+                self._is_obeyed(f"{person}'s, {times} of {words} before it")
 
     @rule(person=st.sampled_from(("viewer", "pupil", "greedy")), times=st.sampled_from([1, 70]))
     def redeem_again(self, person: str, times: int) -> None:

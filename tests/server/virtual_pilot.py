@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
 
+from robot.types import Point
+
 from .virtual import Pilot
 
 if TYPE_CHECKING:
@@ -36,8 +38,8 @@ class VirtualPilot:
     def is_silent(self, is_silent: bool) -> None:
         self.page.is_silent = is_silent
 
-    def hold(self, held: str | None) -> None:
-        self._do(self.page.hold, held)
+    def hold(self, held: str | None, point: Point | None = None) -> None:
+        self._do(self.page.hold, held, point)
 
     def mode(self, mode: str) -> None:
         self._do(self.page.mode, mode)
