@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from robot.lab.baselines.by_angle import MovePolicy
 from robot.policy.action_filter import ActionFilter
 from robot.policy.design import Design
 from robot.policy.features import GreyFeatures
@@ -48,6 +49,7 @@ VARIANTS: dict[str, Design] = {
     "without-reflex": Design(action_filter=lambda kinds: ActionFilter(kinds, gives_up=False)),
     "without-forgetting": Design(forgets=False),
     "without-adaptation": Design(adapts=False),
+    "without-angle": Design(policy=MovePolicy),
     "grey-alone": Design(features=GreyFeatures, is_linear=False),
     "whole-numbers": Design(is_integer=True),
 }

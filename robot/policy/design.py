@@ -44,6 +44,7 @@ class Design:
     forgets: bool = True
     thins: bool = True
     adapts: bool = True
+    policy: type[Policy] = Policy
 
     def make_learner(self, number: int, integer: bool) -> BSOCClassifier:
         """Return the learner alone, of at most `number` nodes."""
@@ -66,7 +67,7 @@ class Design:
     def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
         """Return the policy; a `Maker`."""
         learner, features = self.make_learner(number, integer), self.features()
-        return Policy(
+        return self.policy(
             name,
             number,
             learner,

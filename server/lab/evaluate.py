@@ -14,8 +14,15 @@ from robot.lab import evaluation
 from server.cli.output import progress, write_json
 from server.cli.parser import number, whole
 
-OURS = ["published-32", "integer-32", "default-32", "linear-alone-32"]
-BASELINES = ["knn-9", "fair-knn-9", "fair-trees-100"]
+OURS = ["published-32", "integer-32", "default-32", "linear-alone-32", "without-angle-32"]
+BASELINES = [
+    "knn-9",
+    "fair-knn-9",
+    "fair-trees-100",
+    "angle-knn-9",
+    "angle-ridge-3",
+    "angle-cnn-32",
+]
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--learners",
         metavar="NAMES",
         help=f"names with commas between (default: {','.join([*OURS, *BASELINES])}, the last "
-        "three only where scikit-learn is installed)",
+        "six only where scikit-learn is installed)",
     )
     parser.add_argument(
         "--light",

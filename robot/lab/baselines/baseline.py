@@ -36,7 +36,7 @@ class Baseline(Stateful, BaseLearner):
     """
 
     _dtypes = (np.uint8, np.float32, np.float64)
-    fields = (
+    fields: tuple[Array | Value, ...] = (
         Array("xs", _dtypes, ("n_examples", "d"), -1e6, 1e6, may_miss=True),
         Value("n_neighbours", count(), "number", is_fixed=True),
     )
@@ -60,22 +60,30 @@ class Baseline(Stateful, BaseLearner):
         self._ys.append(str(y))
 
     def explain_one(self, x: Vector) -> Evidence:
-        if not self._xs:
-            raise NotFittedError("nothing was learned yet")
-        array = checked_vector(x, self._xs[0].size)
-        wanted = len(self._xs) if self._is_eager else _tenth_parts(len(self._xs))
-        if self._n_fitted != wanted:
-            model = self._make(wanted)
-            model.fit(np.stack(self._xs[:wanted]).astype(np.float32), self._ys[:wanted])
-            self._model, self._n_fitted = model, wanted
-        shares = self._model.predict_proba(array.astype(np.float32)[None, :])[0]
-        labels = [str(label) for label in self._model.classes_]
+        model, vector = self._fitted(x)
+        shares = model.predict_proba(vector)[0]
+        labels = [str(label) for label in model.classes_]
         best = int(shares.argmax())
         return Evidence(
             label=labels[best],
             probabilities=dict(zip(labels, shares.tolist(), strict=True)),
             confidence=float(shares[best]),
         )
+
+    def _fitted(self, x: Vector) -> tuple[Any, Any]:
+        """Return the model of all examples, and the vector as it takes it."""
+        if not self._xs:
+            raise NotFittedError("nothing was learned yet")
+        array = checked_vector(x, self._xs[0].size)
+        wanted = len(self._xs) if self._is_eager else _tenth_parts(len(self._xs))
+        if self._n_fitted != wanted:
+            model = self._make(wanted)
+            model.fit(np.stack(self._xs[:wanted]).astype(np.float32), self._targets()[:wanted])
+            self._model, self._n_fitted = model, wanted
+        return self._model, array.astype(np.float32)[None, :]
+
+    def _targets(self) -> Any:
+        return self._ys
 
     @property
     def n_examples(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -49,13 +50,10 @@ class BatchClassifier:
     def fit(self, xs: Floats, ys: list[Label]) -> None:
         """Go over the examples, in another order each time; the same for the same examples."""
         self.classes_ = sorted(set(ys))
-        rng = np.random.default_rng(0)
         scaled, labels = xs / 127.5 - 1.0, np.array([self.classes_.index(y) for y in ys])
         numbers = list(range(max(2, len(self.classes_))))  # scikit-learn wants two
-        for _ in range(_EPOCHS):
-            order = rng.permutation(len(ys))
-            for part in np.array_split(order, max(1, len(ys) // _BATCH)):
-                self._network.partial_fit(scaled[part], labels[part], classes=numbers)
+        for part in _parts(len(ys)):
+            self._network.partial_fit(scaled[part], labels[part], classes=numbers)
 
     def predict_proba(self, xs: Floats) -> Floats:
         """Return the chance of each class, shape (n, classes)."""
@@ -67,12 +65,38 @@ class BatchClassifier:
         return shares
 
 
+class BatchRegressor:
+    """The same of one number: the network with a linear output instead of the softmax."""
+
+    def __init__(self, n_hidden: int) -> None:
+        self._network = ConvolutionalNetwork(n_hidden, has_softmax=False)
+
+    def fit(self, xs: Floats, ys: list[float]) -> None:
+        """Go over the examples as `BatchClassifier` does; the loss is half the squared error."""
+        scaled, targets = xs / 127.5 - 1.0, np.array(ys, np.float32)[:, None]
+        for part in _parts(len(ys)):
+            self._network.step(scaled[part], targets[part])
+
+    def predict(self, xs: Floats) -> Floats:
+        """Return the number for each picture, shape (n,)."""
+        numbers: Floats = self._network.predict_proba(xs / 127.5 - 1.0)[:, 0]
+        return numbers
+
+
+def _parts(n_examples: int) -> Iterator[NDArray[np.intp]]:
+    """Yield all examples some times, each time in another order, in small batches."""
+    rng = np.random.default_rng(0)
+    for _ in range(_EPOCHS):
+        yield from np.array_split(rng.permutation(n_examples), max(1, n_examples // _BATCH))
+
+
 class ConvolutionalNetwork:
     """Two layers of 5x5 and 3x3 convolutions with stride 2, a hidden layer, and a softmax.
 
     Args:
         n_hidden: Units of the hidden layer.
         shape: Of a picture: height, width, channels.
+        has_softmax: False: its outputs are numbers, not chances.
     """
 
     def __init__(
@@ -80,7 +104,9 @@ class ConvolutionalNetwork:
         n_hidden: int,
         shape: tuple[int, int, int] = (THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, 3),
         kernels: tuple[tuple[int, int], ...] = ((5, 12), (3, 24)),
+        has_softmax: bool = True,
     ) -> None:
+        self._has_softmax = has_softmax
         self._shape, self._kernels, self._n_hidden = shape, kernels, n_hidden
         self.weights: list[Floats] = []
         self._moments: list[tuple[Floats, Floats]] = []
@@ -88,10 +114,14 @@ class ConvolutionalNetwork:
 
     def partial_fit(self, xs: Floats, columns: NDArray[np.intp], classes: list[int]) -> None:
         """Make one step of Adam on some examples."""
+        self.step(xs, np.eye(len(classes), dtype=np.float32)[columns])
+
+    def step(self, xs: Floats, targets: Floats) -> None:
+        """The same with what each output should be, shape (n, outputs)."""
         if not self.weights:
-            self._begin(len(classes))
+            self._begin(targets.shape[1])
         self._n_steps += 1
-        for i, slope in enumerate(self.slopes(xs, columns)):
+        for i, slope in enumerate(self.slopes(xs, targets)):
             mean, square = self._moments[i]
             mean += (1 - _DECAYS[0]) * (slope - mean)
             square += (1 - _DECAYS[1]) * (slope * slope - square)
@@ -104,11 +134,11 @@ class ConvolutionalNetwork:
     def predict_proba(self, xs: Floats) -> Floats:
         return self._forward(xs)[1]
 
-    def slopes(self, xs: Floats, columns: NDArray[np.intp]) -> list[Floats]:
-        """Return the slope of the mean loss (cross entropy) by each weight."""
-        inputs, chances = self._forward(xs)
-        error = chances.copy()
-        error[np.arange(len(xs)), columns] -= 1.0
+    def slopes(self, xs: Floats, targets: Floats) -> list[Floats]:
+        """Return the slope by each weight of the mean loss, which is cross entropy after a softmax
+        and half the squared error without: by the outputs, both have the same slope."""
+        inputs, outputs = self._forward(xs)
+        error: Floats = outputs - targets
         error /= len(xs)
         slopes: list[Floats] = []
         for i in reversed(range(len(self.weights))):
@@ -139,7 +169,7 @@ class ConvolutionalNetwork:
         self._moments = [(np.zeros_like(w), np.zeros_like(w)) for w in self.weights]
 
     def _forward(self, xs: Floats) -> tuple[list[Floats], Floats]:
-        """Return what each layer sees, with a one for its bias, and the chances."""
+        """Return what each layer sees, with a one for its bias, and the outputs."""
         inputs: list[Floats] = []
         values: Floats = xs.reshape(-1, *self._shape)
         for i, weights in enumerate(self.weights):
@@ -155,6 +185,8 @@ class ConvolutionalNetwork:
             values = inputs[-1] @ weights
             if i < len(self.weights) - 1:
                 values = np.maximum(values, 0.0)
+        if not self._has_softmax:
+            return inputs, values
         powers = np.exp(values - values.max(axis=1, keepdims=True))
         return inputs, powers / powers.sum(axis=1, keepdims=True)
 

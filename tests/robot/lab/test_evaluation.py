@@ -212,3 +212,19 @@ def test_angles_are_judged_where_the_drives_have_them(tmp_path):
         assert wrong - 1e-6 <= result.angle_error <= 2.0 * wrong + 1e-6  # all or nothing
         assert 0.2 < result.angle_correlation <= 1.0 and result.angle_step > 0.5
     assert "corr." in evaluation.table(results).columns
+
+
+def test_rivals_by_degrees_are_beside_the_default(tmp_path):
+    for seed, name in enumerate("AB"):
+        near = np.random.default_rng(seed).uniform(0.3, 1.0, 60)
+        angle = np.array([0.0, -1.0, 1.0])[np.arange(60) % 3] * near
+        changes = {"angle": angle.astype("f4"), "throttle": np.full(60, 0.5, "f4")}
+        write_recording(tmp_path / f"hall_{name}.npz", 60, seed, **changes)
+    learners = ["without-angle-8", "angle-knn-3", "angle-ridge-3", "angle-cnn-8"]
+    results = list(evaluation.evaluate(evaluation.load_pairs(tmp_path), learners))
+    assert [result.learner for result in results[:4]] == learners
+    for result in results:
+        assert result.accuracy > 0.9 and result.angle_error < 0.3
+    policy = make_policy("angle-knn-3")
+    with pytest.raises(ValueError, match="keeps no images"):
+        policy.relabel_node(1, Action.LEFT)

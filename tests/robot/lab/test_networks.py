@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from robot.lab.baselines.networks import BatchClassifier, ConvolutionalNetwork
 
 
-def small(n_hidden: int = 5) -> ConvolutionalNetwork:
-    return ConvolutionalNetwork(n_hidden, shape=(11, 13, 2), kernels=((3, 4), (3, 6)))
+def small(n_hidden: int = 5, has_softmax: bool = True) -> ConvolutionalNetwork:
+    kernels = ((3, 4), (3, 6))
+    return ConvolutionalNetwork(n_hidden, (11, 13, 2), kernels, has_softmax=has_softmax)
 
 
-def test_each_slope_is_that_of_the_loss() -> None:
+@pytest.mark.parametrize("has_softmax", [True, False])
+def test_each_slope_is_that_of_the_loss(has_softmax: bool) -> None:
     rng = np.random.default_rng(3)
-    network = small()
+    network = small(has_softmax=has_softmax)
     xs, columns = rng.normal(size=(4, 11 * 13 * 2)), np.array([0, 2, 1, 2])
-    network.partial_fit(xs, columns, [0, 1, 2])
+    targets = np.eye(3)[columns] if has_softmax else rng.normal(size=(4, 1))
+    network.step(xs, targets)
     network.weights = [weights.astype(np.float64) for weights in network.weights]
 
     def loss() -> float:
-        chances = network.predict_proba(xs)[np.arange(len(xs)), columns]
-        return float(-np.log(chances).mean())
+        outputs = network.predict_proba(xs)
+        if has_softmax:
+            return float(-np.log(outputs[np.arange(len(xs)), columns]).mean())
+        return float(((outputs - targets) ** 2).mean() / 2)
 
-    for weights, slopes in zip(network.weights, network.slopes(xs, columns), strict=True):
+    for weights, slopes in zip(network.weights, network.slopes(xs, targets), strict=True):
         for _ in range(20):
             place = tuple(int(rng.integers(side)) for side in weights.shape)
             middle, step = weights[place], 1e-5

@@ -1,0 +1,114 @@
+"""Rivals by degrees: they regress the angle alone, and their move is the one that it counts as."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from robot.driver import CLASSIC, side_of
+from robot.errors import need
+from robot.lab.baselines.baseline import Baseline
+from robot.learner.base import Abilities, Evidence, Label, State, Vector
+from robot.learner.part import Array
+from robot.policy.action_filter import ActionFilter
+from robot.policy.features import GradientFeatures
+from robot.policy.policy import Policy
+from robot.policy.registry import split_name
+from robot.types import Action, Point, Prediction
+
+KINDS = ("angle-knn", "angle-ridge", "angle-cnn")
+
+
+class AngleBaseline(Baseline):
+    """A regression of another library on the angle; it learns no labels, but knows their angles."""
+
+    abilities = Abilities(angles=True)
+    fields = (
+        *Baseline.fields,
+        Array("baseline_angles", np.float64, ("n_examples",), -1.0, 1.0, "_angles", may_miss=True),
+    )
+
+    def __init__(self, kind: str, number: int, make: Callable[[int], Any], is_eager: bool) -> None:
+        super().__init__(kind, number, make, is_eager=is_eager)
+        self._of_labels = {str(n): move.steering or 0.0 for n, move in CLASSIC.items()}
+        self._angles: list[float] = []
+
+    def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
+        self._of_labels.update(of_labels)
+
+    def learn_one(self, x: Vector, y: Label) -> None:
+        self.learn_in(x, y, (), self._of_labels.get(y, 0.0))
+
+    def learn_in(self, x: Vector, y: Label, contexts: Collection[int], angle: float = 0.0) -> None:
+        super().learn_one(x, y)
+        self._angles.append(angle)
+
+    def explain_one(self, x: Vector) -> Evidence:
+        model, vector = self._fitted(x)
+        angle = float(np.clip(model.predict(vector), -1.0, 1.0)[0])
+        known = {y: self._of_labels.get(y, 0.0) for y in sorted(set(self._ys))}
+        side = side_of(angle)
+        best = min(known, key=lambda y: (side_of(known[y]) != side, abs(known[y] - angle)))
+        shares = {y: float(y == best) for y in known}
+        return Evidence(
+            label=best, probabilities=shares, confidence=1.0, angle=angle, size=abs(angle)
+        )
+
+    def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
+        raise self._has_no_images()
+
+    def set_state(self, state: State) -> None:
+        super().set_state(state)
+        self._angles = [] if self._angles is None else list(self._angles)
+
+    def _targets(self) -> Any:
+        return self._angles
+
+
+class AnglePolicy(Policy):
+    """Steers as its learner says, whatever the pilot means by the move."""
+
+    def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
+        said, average = super().propose(frame_id, x, **seen), self._degrees.average
+        if said.point is None or average is None:
+            return said
+        return replace(said, point=Point(float(average[0]), said.point.throttle))
+
+
+class MovePolicy(Policy):
+    """Steers as each move was steered in the mean: what is the angle worth beside it?"""
+
+    def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
+        said = super().propose(frame_id, x, **seen)
+        if said.action is None or said.point is None:
+            return said
+        return replace(said, point=self.usual_point(said.action))
+
+
+def make_angle_rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return a rival by degrees; a `Maker`. The number is of neighbours, a penalty, or of units."""
+    kind = split_name(name)[0]
+    if kind == "angle-cnn":  # of the kind of donkeycar's `linear`
+        from robot.lab.baselines.networks import BatchRegressor, ColourFeatures
+
+        learner = AngleBaseline(kind, number, lambda n_examples: BatchRegressor(number), False)
+        none = ActionFilter.none
+        return AnglePolicy(name, number, learner, ColourFeatures(), moves=moves, action_filter=none)
+    learner = AngleBaseline(kind, number, _MAKERS[kind](number), kind == "angle-knn")
+    return AnglePolicy(name, number, learner, GradientFeatures(), moves=moves)
+
+
+def _knn(number: int) -> Callable[[int], Any]:
+    make = need("sklearn.neighbors", "the learner angle-knn", "evaluate").KNeighborsRegressor
+    return lambda n_examples: make(min(number, n_examples), algorithm="brute")
+
+
+def _ridge(number: int) -> Callable[[int], Any]:
+    make = need("sklearn.linear_model", "the learner angle-ridge", "evaluate").Ridge
+    return lambda n_examples: make(number * 255.0**2)
+
+
+_MAKERS = {"angle-knn": _knn, "angle-ridge": _ridge}
