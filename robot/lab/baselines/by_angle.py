@@ -58,7 +58,7 @@ class AngleBaseline(Baseline):
         )
 
     def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
-        raise self._has_no_images()
+        super().relabel_node(node_id, y)
 
     def set_state(self, state: State) -> None:
         super().set_state(state)

@@ -12,7 +12,7 @@ import numpy as np
 
 from robot.lab.evaluation import Vectors, load_pairs, teach
 from robot.lab.evaluation import _vectors as vectors_of
-from robot.policy import degrees
+from robot.policy import recognition
 from robot.policy.registry import make_policy
 
 WIDTHS = (0.0, 0.5, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
@@ -30,7 +30,7 @@ def errors(folder: str, examples: int | None) -> dict[str, np.ndarray]:
         for width in WIDTHS:
             policy.set_state(begun)
             policy.reset()
-            with mock.patch.object(degrees, "BAND", width):
+            with mock.patch.object(recognition, "BAND", width):
                 said = [policy.propose(i + 1, x).point for i, x in enumerate(test)]
             both = [
                 (p.steering, t.steering)
