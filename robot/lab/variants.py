@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
-from robot.lab.baselines.by_angle import MovePolicy
+from robot.learner.base import Vector
 from robot.policy.action_filter import ActionFilter
 from robot.policy.design import Design
 from robot.policy.features import GreyFeatures
@@ -15,7 +16,7 @@ from robot.policy.part import Seen
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.policy import Policy
 from robot.policy.registry import split_name
-from robot.types import Action
+from robot.types import Action, Prediction
 
 
 class NoClock(ActionFilter):
@@ -32,6 +33,16 @@ class NoPace(ActionFilter):
     def on_frame(self, seen: Seen) -> None:
         self.pace = PilotPace(self._kinds)
         super().on_frame(seen)
+
+
+class MovePolicy(Policy):
+    """Steers as each move was steered in the mean: what is the angle worth beside it?"""
+
+    def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
+        said = super().propose(frame_id, x, **seen)
+        if said.action is None or said.point is None:
+            return said
+        return replace(said, point=self.usual_point(said.action))
 
 
 VARIANTS: dict[str, Design] = {

@@ -78,16 +78,6 @@ class AnglePolicy(Policy):
         return replace(said, point=Point(float(average[0]), said.point.throttle))
 
 
-class MovePolicy(Policy):
-    """Steers as each move was steered in the mean: what is the angle worth beside it?"""
-
-    def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
-        said = super().propose(frame_id, x, **seen)
-        if said.action is None or said.point is None:
-            return said
-        return replace(said, point=self.usual_point(said.action))
-
-
 def make_angle_rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     """Return a rival by degrees; a `Maker`. The number is of neighbours, a penalty, or of units."""
     kind = split_name(name)[0]

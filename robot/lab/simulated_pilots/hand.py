@@ -29,8 +29,7 @@ class HumanDelayConfig:
     """How often the pilot looks away and goes on holding what it held."""
     lapse_s: float = 0.8
     looks_hz: float = 10.0
-    """How often a second the pilot judges what is on the screen. People see to it 5 to 10 times a
-    second, however many pictures there are."""
+    """How often a second the pilot judges what is on the screen; people do 5 to 10 times."""
     pauses_per_min: float = 0.0
     """How often the pilot lets go and thinks; the robot then stands."""
     pause_s: float = 1.0
@@ -64,16 +63,14 @@ class HumanDelayModel:
         self._seq = 0
 
     def wish(self, action: Action | None, now_s: float, point: Point | None = None) -> None:
-        """Decide now to hold `action` (or nothing), by degrees if there is a point; the hand
-        follows."""
+        """Decide now to hold `action`, perhaps by degrees, or nothing; the hand follows."""
         self._wishes.append((now_s + self.config.reaction_s, action, point))
 
     def send(self, frame_id: int | None, frame_age_s: float, now_s: float) -> PilotCommand:
         """Return what is held, naming the frame on the screen. Call it at every heartbeat."""
         self._seq += 1
-        held = self._hold(now_s)
         return PilotCommand(
-            held=held,
+            held=(held := self._hold(now_s)),
             point=self._point if held is self._held else None,  # a finger that slips hits a button
             frame_id=frame_id,
             seq=self._seq,
