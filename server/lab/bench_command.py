@@ -15,7 +15,6 @@ BENCHMARKS = {
     "learner": "server.lab.bench.learner",
     "link": "server.lab.bench.link",
     "page": "server.lab.bench.page",
-    "places": "server.lab.bench.places",
 }
 """Name to module; each has `configure(parser)` and `run(args) -> int`, as a command has."""
 

@@ -59,7 +59,7 @@ async def list_images(request: Request) -> ImageList:
     images = await progress.gallery()
     return ImageList(
         moves=[move.value for move in state.moves],
-        # A learner of several places has `max_nodes` images for each of them.
+        # A learner of somebody's own may keep more images than its name says.
         max_nodes=max(state.max_nodes, len(images)),
         images=[_describe(image, progress) for image in images],
     )

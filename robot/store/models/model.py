@@ -76,7 +76,7 @@ class Model:
             policy.set_state(self.state)
         except Exception as error:  # its learner may be anybody's
             raise RecordingError(
-                f"the model of the learner {self.summary.learner[:40]!r} does not fit: "
+                f"the model of the learner {self.summary.learner[:40]!r} cannot be opened: "
                 f"{str(error)[:200] or repr(error)}"
             ) from error
         return policy

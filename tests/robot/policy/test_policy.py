@@ -31,9 +31,7 @@ def taught(name, n=40):
     return policy
 
 
-@pytest.mark.parametrize(
-    "name", installed("default-4", "default-32", "published-8", "knn-3", "multi-place-8")
-)
+@pytest.mark.parametrize("name", installed("default-4", "default-32", "published-8", "knn-3"))
 def test_recalls_what_it_was_taught(name):
     policy = taught(name, 60)
     x = policy.extract(view(2, 999))
@@ -59,9 +57,7 @@ def test_proposes_nothing_before_the_first_lesson():
     assert (prediction.frame_id, prediction.action, dict(prediction.probabilities)) == (7, None, {})
 
 
-@pytest.mark.parametrize(
-    "name", installed("default-4", "published-4", "knn-3", "multi-place-4", "mlp-4")
-)
+@pytest.mark.parametrize("name", installed("default-4", "published-4", "knn-3", "mlp-4"))
 def test_state_gives_the_same_predictions_and_the_same_future(name):
     first, second = taught(name), make_policy(name)
     second.set_state(first.get_state())

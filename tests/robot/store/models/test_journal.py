@@ -100,7 +100,7 @@ def test_what_was_written_survives_ten_kills_and_damage(tmp_path: Path, seed: in
     assert done["teach"] > 0
 
 
-@pytest.mark.parametrize("learner", installed("default-6", "multi-place-4"))
+@pytest.mark.parametrize("learner", installed("default-6", "fair-knn-3"))
 @pytest.mark.parametrize("seed", range(4))
 def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: int) -> None:
     rng = random.Random(seed)
