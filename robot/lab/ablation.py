@@ -10,7 +10,7 @@ from itertools import product
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.figure3 import recorded_tasks
 from robot.lab.ground.ground import ground_task, scores_by_stage
-from robot.lab.lessons import SsdTables, lesson_tasks, trial_cases
+from robot.lab.lessons import lesson_tasks, ssd_tables, trial_cases
 from robot.lab.tables import mean_in_interval
 from robot.lab.task import Task
 from robot.lab.variants import VARIANTS
@@ -40,14 +40,6 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     yield from recorded_tasks(settings, learners)
 
 
-_DETAILS = SsdTables(
-    names=("trial", "learner"),
-    title_of=lambda trial, learner: f"Trial {trial} after retraining",
-    label_of=lambda trial, learner: str(learner),
-    phases=("after",),
-)
-
-
 def _tables(runs: Runs) -> list[Table]:
     """Return the one table, and the details of our simulator."""
     lessons, ground, footage = (
@@ -74,7 +66,14 @@ def _tables(runs: Runs) -> list[Table]:
     missing += [] if footage else ["footage (--recordings FOLDER)"]
     note = f"Not run: {', '.join(missing)}." if missing else ""
     title = "With one thing changed"
-    return [Table(title=title, columns=("", *columns), rows=rows, note=note), *_DETAILS(lessons)]
+    details = ssd_tables(
+        lessons,
+        names=("trial", "learner"),
+        title_of=lambda trial, learner: f"Trial {trial} after retraining",
+        label_of=lambda trial, learner: str(learner),
+        phases=("after",),
+    )
+    return [Table(title=title, columns=("", *columns), rows=rows, note=note), *details]
 
 
 def _kind(learner: str) -> str:

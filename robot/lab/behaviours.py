@@ -11,8 +11,9 @@ from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog, DriveSample
+from robot.lab.tables import Columns, of, table_of
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Place, Trial
+from robot.lab.trial import Trial
 from robot.store.table import Table
 from robot.types import Action, Mode
 
@@ -51,10 +52,6 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
                 yield Task(run_episodes, params)
 
 
-_COLUMNS = ("runs", "right m", "in view", "at wall", "seconds", "longest push s", "m/min")
-_NAMES = ("right_m", "in_view", "brought_to_wall", "seconds", "longest_push_s", "driven_m_per_min")
-
-
 def _tables(runs: Runs) -> list[Table]:
     """Return one table a behaviour, with all its teachers above the learners."""
     tables = []
@@ -63,23 +60,24 @@ def _tables(runs: Runs) -> list[Table]:
         rows = {"teacher": [result["teacher"] for _, result in mine]}
         for (learner,), results in group(mine, "learner").items():
             rows[learner] = [result["alone"] for result in results]
-        tables.append(
-            Table(
-                title=what[0].upper() + what[1:],
-                columns=("who", *_COLUMNS),
-                rows=tuple((name, *_cells(drives)) for name, drives in rows.items()),
-            )
-        )
+        tables.append(table_of(what[0].upper() + what[1:], "who", rows, _COLUMNS))
     return tables
 
 
-def _cells(drives: Sequence[Mapping[str, float | None]]) -> tuple[float | int | None, ...]:
-    def mean(name: str) -> float | None:
-        values = [value for drive in drives if (value := drive[name]) is not None]
-        return statistics.fmean(values) if values else None
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return statistics.fmean(known) if known else None
 
-    return (len(drives), *map(mean, _NAMES))
 
+_COLUMNS: Columns = {
+    "runs": len,
+    "right m": of("right_m", _mean),
+    "in view": of("in_view", _mean),
+    "at wall": of("brought_to_wall", _mean),
+    "seconds": of("seconds", _mean),
+    "longest push s": of("longest_push_s", _mean),
+    "m/min": of("driven_m_per_min", _mean),
+}
 
 AT_WALL_M = 0.02
 """A thing this near to a wall has been brought there."""
@@ -94,8 +92,8 @@ def run_episodes(params: Params) -> Result:
     of each: `teach`, `correct`, `alone`. An episode ends when a movable thing is at a wall.
     """
     moves = tuple(Action(move) for move in params["moves"])
-    place = Place(world=params["world"], seed=params["seed"])
-    with Trial(place, make_learner(params["learner"], moves), make_pilot(params, moves)) as trial:
+    policy, pilot = make_learner(params["learner"], moves), make_pilot(params, moves)
+    with Trial(params["world"], params["seed"], policy, pilot) as trial:
         can_end = any(thing.is_movable for thing in trial.driver.simulation.world.obstacles)
 
         def episodes(mode: Mode, count: int, *, supervised: bool = True) -> list[DriveLog]:
@@ -119,31 +117,29 @@ def run_episodes(params: Params) -> Result:
 
 
 def _is_at_wall(moment: DriveSample) -> bool:
-    return moment.target_gap_m is not None and moment.target_gap_m < AT_WALL_M
+    target = moment.situation.target if moment.situation is not None else None
+    return target is not None and target.wall_gap_m < AT_WALL_M
 
 
 def _figures(drives: Sequence[DriveLog]) -> dict[str, float | None]:
     moments = [moment for drive in drives for moment in drive.moments]
+    views = [moment.situation for moment in moments if moment.situation is not None]
+    targets = [view.target for view in views if view.target is not None]
     ends = [drive.moments[-1] for drive in drives]
-    figures: dict[str, float | None] = {
+    is_seen = [
+        abs(target.bearing_rad) < _IN_VIEW_RAD and target.distance_m < _IN_REACH_M
+        for target in targets
+    ]
+    return {
         "seconds": statistics.fmean(drive.seconds for drive in drives),
         "longest_push_s": max(driving.longest_push_s(drive) for drive in drives),
-        "right_m": statistics.median(moment.right_m or 0.0 for moment in moments),
+        "right_m": statistics.median(view.range_at_m(-math.pi / 2) for view in views),
         "driven_m_per_min": sum(map(driving.driven_m, drives))
         / sum(drive.seconds for drive in drives)
         * 60,
-        "in_view": None,
-        "brought_to_wall": None,
+        "in_view": sum(is_seen) / len(is_seen) if targets else None,
+        "brought_to_wall": sum(map(_is_at_wall, ends)) / len(ends) if targets else None,
     }
-    if ends[0].target_m is not None:
-        seen = [
-            abs(moment.target_bearing_rad or 0.0) < _IN_VIEW_RAD
-            and (moment.target_m or 0.0) < _IN_REACH_M
-            for moment in moments
-        ]
-        figures["in_view"] = sum(seen) / len(seen)
-        figures["brought_to_wall"] = sum(map(_is_at_wall, ends)) / len(ends)
-    return figures
 
 
 BEHAVIOURS = Experiment(

@@ -6,14 +6,14 @@ import statistics
 from collections.abc import Iterator, Sequence
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
-from robot.lab.habit_run import beside_pilot, make_habit_pilot, minute_by_hand
+from robot.lab.habit_run import DRIFT_SHARE, beside_pilot
 from robot.lab.ideas import make_learner
 from robot.lab.simulated_pilots.habits import HABITS, STEERED
 from robot.lab.tables import mean_in_interval
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Place, Trial
+from robot.lab.trial import Trial, drive_by_hand
 from robot.store.table import Cell, Table
-from robot.types import Action, Mode
+from robot.types import Mode
 
 PLACES = ("box", "office", "corridor")
 WAYS = ("degrees", "cut to moves", "regular")
@@ -35,20 +35,23 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 def run_degrees(params: Params) -> Result:
     """Teach, correct, and drive alone. Parameters: `world`, `way`, `learner`, `seed`."""
     habit = {**HABITS, **STEERED}[params["way"]]
-    moves, seed = (Action.FORWARD, *habit.turns), params["seed"]
-    place, name = Place(world=params["world"], seed=seed), f"degrees {seed}"
-    learner, pilot = make_learner(params["learner"], moves), make_habit_pilot(habit, name)
-    with Trial(place, learner, pilot, rate_hz=RATE_HZ, drift=0.15) as trial:
+    world, seed = params["world"], params["seed"]
+    name, learner = f"degrees {seed}", make_learner(params["learner"], habit.moves)
+    with Trial(
+        world, seed, learner, habit.pilot(name), rate_hz=RATE_HZ, drift=DRIFT_SHARE
+    ) as trial:
         taught = trial.drive(Mode.TRAIN, TEACH_S)
         trial.drive(Mode.AUTONOMOUS, CORRECT_S)
         alone = trial.drive(Mode.AUTONOMOUS, ALONE_S, supervised=False)
         timing = trial.timing()
     start = alone.moments[0].pose
     minutes = [
-        minute_by_hand(place, make_habit_pilot(habit, f"{name} {i}"), i, start, rate_hz=RATE_HZ)
+        drive_by_hand(
+            world, seed + 1000 * i, habit.pilot(f"{name} {i}"), 60.0, RATE_HZ, start=start
+        )
         for i in range(_MINUTES)
     ]
-    return {**beside_pilot(alone, minutes, taught, moves), "timing": timing}
+    return {**beside_pilot(alone, minutes, taught, habit.moves), "timing": timing}
 
 
 _COLUMNS = ("robots", "SSD, median", "SSD", "steering a second", "pilot's own", "metres")

@@ -15,7 +15,7 @@ from robot.lab.lessons import TRIALS
 from robot.lab.published import FIGURE_3
 from robot.lab.tables import deviation
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import FRAME_RATE_HZ, Place, Trial
+from robot.lab.trial import Trial
 from robot.policy.registry import make_policy
 from robot.store.table import Cell, Table
 from robot.types import Action, Frame, Mode
@@ -108,11 +108,11 @@ def _film(params: Params, moves: tuple[Action, ...]) -> _Footage:
         if tick.frame is not None and held is not None:
             footage.append((tick.frame, held))
 
-    place = Place(world=params["world"], seed=params["seed"])
-    with Trial(place, make_policy("published-1", moves=moves), make_pilot(params, moves)) as trial:
+    policy, pilot = make_policy("published-1", moves=moves), make_pilot(params, moves)
+    with Trial(params["world"], params["seed"], policy, pilot) as trial:
         trial.loop.subscribe(note)
         while len(footage) < FRAMES:
-            trial.drive(Mode.TRAIN, 5.0 * 10.0 / FRAME_RATE_HZ)
+            trial.drive(Mode.TRAIN, 5.0)
     return footage[:FRAMES]
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import random
 import statistics
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.habit_run import run_habit
 from robot.lab.simulated_pilots.habits import HABITS
-from robot.lab.tables import percent
+from robot.lab.tables import Columns, mean_percent, of, percent, table_of
 from robot.lab.task import Result, Task
 from robot.store.table import Cell, Table
 
@@ -20,48 +20,35 @@ LONG_S, SHORT_S = 90.0, 30.0
 CORRECT_S = 60.0
 FIRST_SEED = 400
 _DRAWS = 1000
-QUICK = (("irregular", "fork", 30.0), ("wall", "office", 10.0), ("sloppy", "box", 15.0))
+QUICK = [
+    ("irregular", "fork", 30.0, SHORT_S),
+    ("wall", "office", 10.0, SHORT_S),
+    ("sloppy", "box", 15.0, SHORT_S),
+]
 
 
-def _plan(settings: ExperimentSettings) -> list[Task]:
+def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     """Plan every habit in every place at every rate; the seed differs from task to task."""
-    learner = settings.learners[0] if settings.learners else "default-32"
-    if settings.quick:
-        return [_task(*what, SHORT_S, 0.0, FIRST_SEED, learner) for what in QUICK]
+    times_s = (*((rate_hz, LONG_S) for rate_hz in RATES_HZ), (30.0, SHORT_S))
     chosen = [
         (habit, world, rate_hz, teach_s)
-        for habit in HABITS
-        for world in WORLDS
-        for rate_hz, teach_s in (*((rate_hz, LONG_S) for rate_hz in RATES_HZ), (30.0, SHORT_S))
+        for habit, world, (rate_hz, teach_s) in product(HABITS, WORLDS, times_s)
     ]
     # In an order of chance, so that the runs done by any moment are a sample of all.
     random.Random(0).shuffle(chosen)
-    return [
-        _task(*what, CORRECT_S if number % 4 == 0 else 0.0, FIRST_SEED + number, learner)
-        for number, what in enumerate(chosen * max(1, settings.n_seeds // 10))
-    ]
-
-
-def _task(
-    habit: str,
-    world: str,
-    rate_hz: float,
-    teach_s: float,
-    correct_s: float,
-    seed: int,
-    learner: str,
-) -> Task:
-    params = {
-        "habit": habit,
-        "world": world,
-        "rate_hz": rate_hz,
-        "teach_s": teach_s,
-        "correct_s": correct_s,
-        "alone_s": 60.0,
-        "learner": learner,
-        "seed": seed,
-    }
-    return Task(run_habit, params)
+    chosen *= max(1, settings.n_seeds // 10)
+    for number, (habit, world, rate_hz, teach_s) in enumerate(QUICK if settings.quick else chosen):
+        params = {
+            "habit": habit,
+            "world": world,
+            "rate_hz": rate_hz,
+            "teach_s": teach_s,
+            "correct_s": CORRECT_S if number % 4 == 0 and not settings.quick else 0.0,
+            "alone_s": 60.0,
+            "learner": settings.learners[0] if settings.learners else "default-32",
+            "seed": FIRST_SEED + (0 if settings.quick else number),
+        }
+        yield Task(run_habit, params)
 
 
 def _tables(runs: Runs) -> list[Table]:
@@ -73,70 +60,48 @@ def _tables(runs: Runs) -> list[Table]:
     return [
         _gate(runs),
         *(
-            Table(
-                title=f"After 90 s of teaching, by {name}",
-                columns=(name, *_COLUMNS),
-                rows=tuple(
-                    (str(key[0]), *_cells(_drives(results)))
-                    for key, results in group(long, name).items()
-                ),
+            table_of(
+                f"After 90 s of teaching, by {name}",
+                name,
+                {key: _drives(results) for (key,), results in group(long, name).items()},
+                _COLUMNS,
             )
             for name in (("rate_hz", "habit", "world") if long else ())
         ),
     ]
 
 
-_Drive = tuple[dict[str, Any], dict[str, Any]]
-"""Figures of a drive, and of its teacher."""
+def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after")) -> list[Result]:
+    """Return the figures of each drive alone; those of its teacher are `teacher`."""
+    return [result[phase] for result in results for phase in phases if phase in result]
 
 
-def _drives(results: Sequence[Result], phases: Sequence[str] = ("before", "after")) -> list[_Drive]:
-    return [
-        (result[phase], result[phase]["teacher"])
-        for result in results
-        for phase in phases
-        if phase in result
-    ]
-
-
-_COLUMNS = (
-    *("drives", "stuck", "longest push s", "asked", "metres", "floor"),
-    *("SSD, median", "SSD 75 %", "teacher's own SSD", "SSD with sides, median"),
-)
-
-
-def _cells(drives: Sequence[_Drive]) -> tuple[Cell, ...]:
-    robot = [own for own, _ in drives]
-    alike = [own["ssd_alike"] for own in robot]
-    return (
-        len(drives),
-        sum(own["stuck"] for own in robot),
-        max(own["longest_push_s"] for own in robot),
-        percent(statistics.fmean(own["asking_share"] for own in robot), 1),
-        percent(_share(drives, "driven_m")),
-        percent(_share(drives, "covered_m2")),
-        statistics.median(alike),
-        statistics.quantiles(alike, n=4)[-1] if alike[1:] else None,
-        statistics.median(teacher["ssd_alike"] for _, teacher in drives),
-        statistics.median(own["ssd_frequent"] for own in robot),
-    )
-
-
-def _share(drives: Sequence[_Drive], name: str) -> float:
+def _share(drives: Sequence[Result], name: str) -> float:
     """Return the robots' sum as a share of their teachers'; 0 where they did nothing."""
-    whole = float(sum(teacher[name] for _, teacher in drives))
-    return float(sum(own[name] for own, _ in drives)) / whole if whole else 0.0
+    whole = float(sum(own["teacher"][name] for own in drives))
+    return float(sum(own[name] for own in drives)) / whole if whole else 0.0
+
+
+_COLUMNS: Columns = {
+    "drives": len,
+    "stuck": of("stuck", sum),
+    "longest push s": of("longest_push_s", max),
+    "asked": of("asking_share", mean_percent),
+    "metres": lambda drives: percent(_share(drives, "driven_m")),
+    "floor": lambda drives: percent(_share(drives, "covered_m2")),
+    "SSD, median": of("ssd_alike", statistics.median),
+    "SSD 75 %": of("ssd_alike", lambda s: statistics.quantiles(s, n=4)[-1] if s[1:] else None),
+    "teacher's own SSD": of(
+        "teacher", lambda teachers: statistics.median(each["ssd_alike"] for each in teachers)
+    ),
+    "SSD with sides, median": of("ssd_frequent", statistics.median),
+}
 
 
 def _gate(runs: Runs) -> Table:
-
-    def of(is_wanted: Callable[[float], bool], *phases: str) -> list[_Drive]:
-        wanted = [result for task, result in runs if is_wanted(task.params["teach_s"])]
-        return _drives(wanted, phases)
-
-    everyone = of(lambda teach_s: True, "before", "after")
-    pushes_s = [(own["longest_push_s"], teacher["longest_push_s"]) for own, teacher in everyone]
-    stuck = sum(own["stuck"] for own, _ in everyone) / len(everyone)
+    everyone = _drives(result for _, result in runs)
+    pushes_s = [(own["longest_push_s"], own["teacher"]["longest_push_s"]) for own in everyone]
+    stuck = sum(own["stuck"] for own in everyone) / len(everyone)
     rows: list[tuple[Cell, ...]] = [
         ("robots", "at least 240", len(runs)),
         ("stuck", "at most 1 %", percent(stuck, 1)),
@@ -149,13 +114,11 @@ def _gate(runs: Runs) -> Table:
         ("floor", "at least 90 %", percent(_share(everyone, "covered_m2"))),
         ("metres", "at least 85 %", percent(_share(everyone, "driven_m"))),
     ]
-    for name, asked, drives in (
-        ("90 s", "8 %", of(lambda teach_s: teach_s > 60, "before")),
-        ("30 s", "15 %", of(lambda teach_s: teach_s < 60, "before")),
-    ):
-        if drives:
-            share = statistics.fmean(own["asking_share"] for own, _ in drives)
-            rows.append((f"asks after {name}", f"at most {asked}", percent(share, 1)))
+    for teach_s, asked in ((LONG_S, "8 %"), (SHORT_S, "15 %")):
+        taught = [result for task, result in runs if task.params["teach_s"] == teach_s]
+        shares = [own["asking_share"] for own in _drives(taught, ("before",))]
+        if shares:
+            rows.append((f"asks after {teach_s:.0f} s", f"at most {asked}", mean_percent(shares)))
     ssds = {
         rate_hz: [result["before"]["ssd_alike"] for result in results]
         for (rate_hz, teach_s), results in group(runs, "rate_hz", "teach_s").items()

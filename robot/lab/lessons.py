@@ -6,7 +6,9 @@ Figures 6, 7 and 8 of the paper.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import replace
+from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 from robot.control.profile import Profile, compare
@@ -15,9 +17,9 @@ from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog
 from robot.lab.published import FIGURE_6, FIGURE_7, FIGURE_8
-from robot.lab.tables import SSD_COLUMNS, ssd_cells
+from robot.lab.tables import SSD_COLUMNS, table_of
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Place, Trial
+from robot.lab.trial import Trial
 from robot.store.table import Cell, Table
 from robot.types import Action, DrivenBy, Mode
 
@@ -48,13 +50,13 @@ def run_lesson(params: Params) -> Result:
     moves = tuple(Action(move) for move in params["moves"])
     alone_s = float(params.get("alone_s", 60.0))
     with Trial(
-        Place(world=params["world"], seed=params["seed"]),
+        params["world"],
+        params["seed"],
         make_learner(params["learner"], moves),
         make_pilot(params, moves),
     ) as trial:
-        taught = trial.drive(Mode.TRAIN, params["teach_s"])
+        taught, corrected = trial.drive(Mode.TRAIN, params["teach_s"]), DriveLog()
         drives = {"before": trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
-        corrected = DriveLog()
         if params.get("correct_s"):
             corrected = trial.drive(Mode.AUTONOMOUS, params["correct_s"])
             drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
@@ -95,43 +97,43 @@ def _figures(
     }
 
 
-@dataclass(frozen=True, kw_only=True)
-class SsdTables:
-    """Tables of SSD: those of the lessons that belong together are a row.
+def ssd_tables(
+    runs: Runs,
+    *,
+    names: tuple[str, ...],
+    title_of: Callable[..., str],
+    label_of: Callable[..., str],
+    published: Mapping[str, Sequence[tuple[Cell, ...]]] = MappingProxyType({}),
+    phases: tuple[str, ...] = ("before",),
+    with_teacher: bool = False,
+) -> list[Table]:
+    """Return tables of SSD: those of the lessons that belong together are a row.
 
-    Attributes:
-        names: Parameters by which runs are put together.
-        title_of, label_of: The table and the row of such a group, of its parameters.
+    Args:
+        runs: The lessons.
+        names: Parameters by which they are put together.
+        title_of: The table of such a group, of its parameters.
+        label_of: Its row.
         published: Rows of the paper by table, put before ours.
         phases: Which minutes alone are shown, each in a row of its own.
         with_teacher: Whether each table ends with the teachers' own last minutes.
     """
-
-    names: tuple[str, ...]
-    title_of: Callable[..., str]
-    label_of: Callable[..., str]
-    published: Mapping[str, Sequence[tuple[Cell, ...]]] = field(default_factory=dict)
-    phases: tuple[str, ...] = ("before",)
-    with_teacher: bool = False
-
-    def __call__(self, runs: Runs) -> list[Table]:
-        rows = {
-            title: [(*row, *(None,) * (1 + len(SSD_COLUMNS) - len(row))) for row in rows]
-            for title, rows in self.published.items()
-        }
-        teachers: dict[str, list[Result]] = {}
-        for key, results in group(runs, *self.names).items():
-            title = self.title_of(*key)
-            teachers.setdefault(title, []).extend(result.get("teacher", {}) for result in results)
-            for phase in self.phases:
-                label = ", ".join((self.label_of(*key), *([phase] if self.phases[1:] else [])))
-                drives = [result[phase] for result in results]
-                row = (label, *ssd_cells(drives))
-                rows.setdefault(title, []).append(row)
-        for title, drives in teachers.items() if self.with_teacher else ():
-            rows[title].append(("teacher", *ssd_cells(drives)))
-        columns = ("SSD", *SSD_COLUMNS)
-        return [Table(title=t, columns=columns, rows=tuple(lines)) for t, lines in rows.items()]
+    tables: dict[str, dict[str, list[Result]]] = {}
+    teachers: dict[str, list[Result]] = {}
+    for key, results in group(runs, *names).items():
+        title = title_of(*key)
+        for phase in phases:
+            label = ", ".join((label_of(*key), *([phase] if phases[1:] else [])))
+            tables.setdefault(title, {})[label] = [result[phase] for result in results]
+        teachers.setdefault(title, []).extend(result["teacher"] for result in results)
+    made = []
+    for title, rows in tables.items():
+        more = {"teacher": teachers[title]} if with_teacher else {}
+        table = table_of(title, "SSD", rows | more, SSD_COLUMNS)
+        missing = (None,) * len(table.columns)
+        paper = [(*row, *missing[len(row) :]) for row in published.get(title, ())]
+        made.append(replace(table, rows=(*paper, *table.rows)))
+    return made
 
 
 # Figure 6 -----------------------------------------------------------------------------------------
@@ -154,7 +156,8 @@ FIGURE6 = Experiment(
     text="In the box, the sonar controller (below 20 cm or bumped: left for two seconds, else "
     "forward) drives for 90 s, then the robot drives 60 s alone; nobody corrects it.",
     plan=lambda settings: lesson_tasks(_by_nodes(settings), settings),
-    tables=SsdTables(
+    tables=partial(
+        ssd_tables,
         names=("kind", "nodes"),
         title_of=lambda kind, nodes: "SSD by nodes",
         label_of=lambda kind, nodes: f"{kind}, {nodes} nodes" if nodes else str(kind),
@@ -200,7 +203,8 @@ FIGURE7 = Experiment(
     "'against lesson' holds it against the 90 s of teaching alone. The row 'teacher' is the "
     "teacher's own last minute: less than that is chance.",
     plan=lambda settings: lesson_tasks(_trials(settings), settings),
-    tables=SsdTables(
+    tables=partial(
+        ssd_tables,
         names=("trial", "learner"),
         title_of=_title_of_trial,
         label_of=lambda trial, learner: str(learner),
@@ -236,7 +240,8 @@ FIGURE8 = Experiment(
     text="60 s alone straight after 90 s or 180 s of teaching. 'robot': the sonar controller in "
     "the box. 'human': simulated people in the three trials of figure 7, before any correction.",
     plan=lambda settings: lesson_tasks(_by_time(settings), settings),
-    tables=SsdTables(
+    tables=partial(
+        ssd_tables,
         names=("learner", "who", "teach_s"),
         title_of=lambda *_: "SSD by training time",
         label_of=lambda learner, who, seconds: f"{learner}, {who}, {seconds:.0f} s",

@@ -9,20 +9,15 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator, Sequence
 
-from robot.devices.simulation.camera import SimCamera, SimCameraOptions
-from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
-from robot.lab.habit_run import make_habit_pilot
 from robot.lab.ideas import make_learner
 from robot.lab.simulated_pilots.habits import HABITS
-from robot.lab.simulated_pilots.situation import Situation
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS
 from robot.lab.tables import percent
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Place, Trial, drive_by_hand
+from robot.lab.trial import Trial, drive_by_hand
 from robot.policy.policy import Policy
 from robot.store.table import Cell, Table
-from robot.testing import VirtualClock
 from robot.types import Action, Mode
 
 WORLDS = ("box", "office", "clutter")
@@ -84,7 +79,6 @@ def _share(counts: Sequence[dict[str, int]], part: str, whole: str) -> str:
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m
 """Views with less free way than this are those in question: both pilots turn there."""
 LOOKS_HZ = 10.0
-_MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 
 
 def run_mind(params: Params) -> Result:
@@ -92,17 +86,17 @@ def run_mind(params: Params) -> Result:
 
     Parameters: `world`, `learner`, `seed`, `rate_hz`, `old_s`, `new_s`, `asked_s`, `alone_s`.
     """
-    place, seed = Place(world=params["world"], seed=params["seed"]), params["seed"]
-    old, new = (make_habit_pilot(HABITS[side], f"{side} {seed}") for side in ("left", "right"))
-    policy = make_learner(params["learner"], _MOVES)
+    world, seed = params["world"], params["seed"]
+    old, new = (HABITS[side].pilot(f"{side} {seed}") for side in ("left", "right"))
+    policy = make_learner(params["learner"], (Action.FORWARD, Action.LEFT, Action.RIGHT))
     result: Result = {}
-    with Trial(place, policy, old, rate_hz=params["rate_hz"]) as trial:
+    with Trial(world, seed, policy, old, rate_hz=params["rate_hz"]) as trial:
         if params["old_s"]:
             trial.drive(Mode.TRAIN, params["old_s"])
         trial.pilot = new
         for name in ("first", "second"):
             trial.drive(Mode.TRAIN, params["new_s"])
-            result[name] = ask(policy, params["world"], seed, params["asked_s"])
+            result[name] = ask(policy, world, seed, params["asked_s"])
         alone = trial.drive(Mode.AUTONOMOUS, params["alone_s"], supervised=False)
     turns = [action for action in alone.actions() if action in (Action.LEFT, Action.RIGHT)]
     result["alone"] = {"turns": len(turns), "right": turns.count(Action.RIGHT)}
@@ -118,32 +112,22 @@ def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]
         `turning_right`: the same over all views on which the pilot turns.
     """
     policy.reset()
-    clock = VirtualClock()
-    driver = SimDriver(SimOptions(world=world, seed=seed + 1000))
-    camera = SimCamera(driver, SimCameraOptions(), clock)
-    pilot = make_habit_pilot(HABITS["right"], f"asked {seed}")
-    count = dict.fromkeys(("blocked", "right", "left", "turning", "turning_right"), 0)
-    would: Action | None = None
-
-    def propose(situation: Situation) -> Action | None:
-        nonlocal would
-        x = policy.extract(camera.capture())
-        would = policy.propose(situation.frame_id, x, at_s=situation.at_s).action
-        return would
-
-    driver.connect()
-    for situation, held in drive_by_hand(driver, pilot, clock, seconds, LOOKS_HZ, propose):
-        if held is Action.RIGHT:
-            count["turning"] += 1
-            count["turning_right"] += would is Action.RIGHT
-            if situation.free_ahead_m < BLOCKED_M:
-                count["blocked"] += 1
-                count["right"] += would is Action.RIGHT
-                count["left"] += would is Action.LEFT
-    driver.disconnect()
-    driver.simulation.close()
+    pilot = HABITS["right"].pilot(f"asked {seed}")
+    drive = drive_by_hand(world, seed + 1000, pilot, seconds, LOOKS_HZ, watching=policy)
     policy.reset()
-    return count
+    turning = [moment for moment in drive.moments if moment.wanted is Action.RIGHT]
+    blocked = [
+        moment.proposed
+        for moment in turning
+        if moment.situation is not None and moment.situation.free_ahead_m < BLOCKED_M
+    ]
+    return {
+        "blocked": len(blocked),
+        "right": blocked.count(Action.RIGHT),
+        "left": blocked.count(Action.LEFT),
+        "turning": len(turning),
+        "turning_right": sum(moment.proposed is Action.RIGHT for moment in turning),
+    }
 
 
 MIND = Experiment(

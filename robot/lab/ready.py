@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from robot.control.readiness import NOVEL_SHARE, Readiness, Stage
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs
-from robot.lab.habit_run import DRIFT_SHARE, make_habit_pilot
+from robot.lab.habit_run import DRIFT_SHARE
 from robot.lab.habits import RATES_HZ, WORLDS
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import driving
 from robot.lab.simulated_pilots.habits import HABITS
-from robot.lab.tables import percent
+from robot.lab.tables import Columns, mean_percent, of, percent, table_of
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Place, Trial
-from robot.store.table import Cell, Table
-from robot.types import Action, Mode
+from robot.lab.trial import Trial
+from robot.store.table import Table
+from robot.types import Mode
 
 PILOTS = 40
 IN_TIME_S = 240.0
@@ -46,15 +46,24 @@ def _tables(runs: Runs) -> list[Table]:
     groups: dict[str, list[Result]] = {"within four minutes": [], "later": [], "never": []}
     for _, result in runs:
         groups[_when(result)].append(result)
-    rows = tuple((when, *_cells(results)) for when, results in groups.items() if results)
-    return [Table(title="The minute after", columns=("called ready", *_COLUMNS), rows=rows)]
+    called = {when: results for when, results in groups.items() if results}
+    return [table_of("The minute after", "called ready", called, _COLUMNS)]
 
 
-_COLUMNS = (
-    *("runs", "told what is missing", "taught and tried s, median"),
-    *("asked, mean", "asked, most", "asked 5 % or more"),
-    *("longest push s", "pushed over 1 s", "stuck", "agreement, mean"),
-)
+_COLUMNS: Columns = {
+    "runs": len,
+    "told what is missing": of("missing", lambda each: sum(map(bool, each))),
+    "taught and tried s, median": lambda results: statistics.median(
+        result["taught_s"] + result["tried_s"] for result in results
+    ),
+    "asked, mean": of("asking_share", mean_percent),
+    "asked, most": of("asking_share", lambda shares: percent(max(shares), 1)),
+    "asked 5 % or more": of("asking_share", lambda shares: sum(s >= 0.05 for s in shares)),
+    "longest push s": of("longest_push_s", max),
+    "pushed over 1 s": of("longest_push_s", lambda pushes_s: sum(s > 1.0 for s in pushes_s)),
+    "stuck": of("stuck", sum),
+    "agreement, mean": of("agreement", lambda each: statistics.fmean(a or 0.0 for a in each)),
+}
 
 
 def _when(result: Result) -> str:
@@ -62,23 +71,6 @@ def _when(result: Result) -> str:
         return "never"
     is_in_time = round(result["taught_s"] + result["tried_s"]) <= IN_TIME_S
     return "within four minutes" if is_in_time else "later"
-
-
-def _cells(results: Sequence[Result]) -> tuple[Cell, ...]:
-    asked = [result["asking_share"] for result in results]
-    pushes_s = [result["longest_push_s"] for result in results]
-    return (
-        len(results),
-        sum(bool(result["missing"]) for result in results),
-        statistics.median(result["taught_s"] + result["tried_s"] for result in results),
-        percent(statistics.fmean(asked), 1),
-        percent(max(asked), 1),
-        sum(share >= 0.05 for share in asked),
-        max(pushes_s),
-        sum(push_s > 1.0 for push_s in pushes_s),
-        sum(result["stuck"] for result in results),
-        statistics.fmean(result["agreement"] or 0.0 for result in results),
-    )
 
 
 TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
@@ -91,14 +83,14 @@ def run_ready(params: Params) -> Result:
     result's `missing` is what the page says after `in_time_s`, or in the end.
     """
     habit = HABITS[params["habit"]]
-    moves = (Action.FORWARD, *habit.turns)
     limit_s = params["limit_s"]
     in_time_s = params.get("in_time_s", limit_s)
     readiness = Readiness()
     with Trial(
-        Place(world=params["world"], seed=params["seed"]),
-        make_learner(params["learner"], moves),
-        make_habit_pilot(habit, f"ready {params['habit']} {params['seed']}"),
+        params["world"],
+        params["seed"],
+        make_learner(params["learner"], habit.moves),
+        habit.pilot(f"ready {params['habit']} {params['seed']}"),
         rate_hz=params["rate_hz"],
         drift=params.get("drift", DRIFT_SHARE),
     ) as trial:

@@ -1,14 +1,15 @@
-"""How runs become one row of a table."""
+"""How runs become the rows of a table."""
 
 from __future__ import annotations
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from robot.lab.task import Result
-from robot.store.table import Cell
+from robot.store.table import Cell, Table
 
 _DRAWS = 2000
 """Of the bootstrap that the intervals come from."""
@@ -37,32 +38,44 @@ def percent(share: float, digits: int = 0) -> str:
     return f"{100 * share:.{digits}f} %"
 
 
-SSD_COLUMNS = (
-    *("runs", "mean", "sd", "median", "max", "move never made"),
-    *("of moves made, median", "of frequent moves, median", "against lesson, median"),
-    *("stuck", "longest push s", "pushing s/min", "collisions/min", "asked", "metres", "floor m2"),
-)
-"""What `ssd_cells` gives."""
+Columns = Mapping[str, Callable[[Sequence[Result]], Cell]]
+"""How each cell of a row is made of the row's results, by the column's title."""
 
 
-def ssd_cells(drives: Sequence[Result]) -> tuple[Cell, ...]:
-    """Return the figures of many runs' drives, in the order of `SSD_COLUMNS`."""
+def of(name: str, join: Callable[[list[Any]], Cell]) -> Callable[[Sequence[Result]], Cell]:
+    """Return how a cell is made of one figure of all results."""
+    return lambda results: join([result[name] for result in results])
 
-    def values(name: str) -> list[float]:
-        return [drive[name] for drive in drives]
 
-    ssds = values("ssd")
-    return (
-        *(len(ssds), statistics.fmean(ssds), deviation(ssds), statistics.median(ssds), max(ssds)),
-        sum(bool(drive["never"]) for drive in drives),
-        statistics.median(values("ssd_of_moves_made")),
-        statistics.median(values("ssd_frequent")),
-        statistics.median(values("ssd_against_lesson")),
-        sum(bool(drive["stuck"]) for drive in drives),
-        max(values("longest_push_s")),
-        statistics.fmean(values("pushing_s_per_min")),
-        statistics.fmean(values("collisions_per_min")),
-        percent(statistics.fmean(values("asking_share"))),
-        statistics.fmean(values("driven_m")),
-        statistics.fmean(values("covered_m2")),
+def mean_percent(shares: Sequence[float]) -> str:
+    return percent(statistics.fmean(shares), 1)
+
+
+def table_of(
+    title: str, head: str, rows: Mapping[Any, Sequence[Result]], columns: Columns
+) -> Table:
+    """Return a table with a row for each name and its results; the names stand below `head`."""
+    lines = (
+        (str(name), *(cell(results) for cell in columns.values())) for name, results in rows.items()
     )
+    return Table(title=title, columns=(head, *columns), rows=tuple(lines))
+
+
+SSD_COLUMNS: Columns = {
+    "runs": len,
+    "mean": of("ssd", statistics.fmean),
+    "sd": of("ssd", deviation),
+    "median": of("ssd", statistics.median),
+    "max": of("ssd", max),
+    "move never made": of("never", lambda moves: sum(map(bool, moves))),
+    "of moves made, median": of("ssd_of_moves_made", statistics.median),
+    "of frequent moves, median": of("ssd_frequent", statistics.median),
+    "against lesson, median": of("ssd_against_lesson", statistics.median),
+    "stuck": of("stuck", sum),
+    "longest push s": of("longest_push_s", max),
+    "pushing s/min": of("pushing_s_per_min", statistics.fmean),
+    "collisions/min": of("collisions_per_min", statistics.fmean),
+    "asked": of("asking_share", lambda shares: percent(statistics.fmean(shares))),
+    "metres": of("driven_m", statistics.fmean),
+    "floor m2": of("covered_m2", statistics.fmean),
+}

@@ -6,10 +6,9 @@ pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and 
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import Any
 
 from robot.control.link_governor import LinkGovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
@@ -21,20 +20,12 @@ from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.simulated_pilots.situation import Situation, observe
 from robot.policy.policy import Policy
 from robot.testing import VirtualClock
-from robot.types import Action, Mode, Pose, Prediction, StartStop
+from robot.types import Action, DrivenBy, Mode, Pose, Prediction, Sensors, StartStop
 
 FRAME_RATE_HZ = 10.0
 """Frames, ticks and heartbeats a second: about the paper's cycle rate with 32 nodes."""
 PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
 """What a busy machine does to the link is no matter of the experiment."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """Where a drive takes place, and its random seed."""
-
-    world: str
-    seed: int
 
 
 class Trial(StartStop):
@@ -43,7 +34,8 @@ class Trial(StartStop):
     Use it as a context manager: it holds a renderer, which belongs to this thread.
 
     Args:
-        place: Where it drives.
+        world: Where it drives.
+        seed: Of the simulation.
         policy: What learns.
         pilot: Who teaches.
         rate_hz: Frames, ticks and heartbeats a second.
@@ -52,7 +44,8 @@ class Trial(StartStop):
 
     def __init__(
         self,
-        place: Place,
+        world: str,
+        seed: int,
         policy: Policy,
         pilot: SimulatedPilot,
         *,
@@ -62,7 +55,7 @@ class Trial(StartStop):
         self.clock = VirtualClock()
         self.rate_hz = rate_hz
         self.drift = drift
-        self.driver = SimDriver(SimOptions(world=place.world, seed=place.seed))
+        self.driver = SimDriver(SimOptions(world=world, seed=seed))
         self.camera = SimCamera(self.driver, SimCameraOptions(), self.clock)
         self.policy = policy
         self.pilot = pilot
@@ -122,27 +115,20 @@ class Trial(StartStop):
         if command is not None:
             self.loop.command(command)
         tick = self.loop.tick(now_s)
-        target = situation.target
         said = tick.commands[-1] if tick.commands else None
-        return DriveSample(
-            now_s=now_s,
+        return _sample(
+            self.driver,
+            situation,
+            tick.sensors,
             action=tick.sent,
             driven_by=tick.decision.driven_by,
             point=tick.decision.point,
-            distance_m=tick.sensors.distance_m or 0.0,
-            pose=tick.sensors.pose or Pose(x_m=0.0, y_m=0.0, heading_rad=0.0),
-            is_touching=self.driver.simulation.is_touching,
-            is_pushing=self.driver.simulation.is_pushing,
             asks_pilot=tick.decision.asks_pilot,
             is_intervention=(
                 tick.decision.mode is Mode.AUTONOMOUS and said is not None and said.held is not None
             ),
             proposed=_action_of(tick.prediction),
             wanted=said.held if said is not None else None,
-            right_m=situation.range_at_m(-math.pi / 2),
-            target_bearing_rad=target.bearing_rad if target else None,
-            target_m=target.distance_m if target else None,
-            target_gap_m=target.wall_gap_m if target else None,
         )
 
     def _why(self) -> str:
@@ -158,30 +144,71 @@ class Trial(StartStop):
 
 
 def drive_by_hand(
-    driver: SimDriver,
+    world: str,
+    seed: int,
     pilot: SimulatedPilot,
-    clock: VirtualClock,
     seconds: float,
     rate_hz: float,
-    propose: Callable[[Situation], Action | None] = lambda situation: None,
-) -> Iterator[tuple[Situation, Action | None]]:
-    """Let a pilot drive without a loop; yield each situation, and what the pilot then holds.
+    *,
+    start: Pose | None = None,
+    watching: Policy | None = None,
+) -> DriveLog:
+    """Let a pilot drive alone, without a loop, and return what happened.
 
-    `propose` says what a robot would do there, which the pilot sees on the screen.
+    `watching` proposes a move for each picture, which the pilot sees on the screen; it learns
+    nothing.
     """
+    log, clock = DriveLog(), VirtualClock()
+    driver = SimDriver(SimOptions(world=world, seed=seed))
+    camera = SimCamera(driver, SimCameraOptions(), clock)
+    driver.connect()
+    driver.simulation.pose = start or driver.simulation.pose
     pilot.change_mode(Mode.TRAIN)
     for frame_id in range(1, round(seconds * rate_hz) + 1):
         clock.advance(1 / rate_hz)
         driver.advance(1 / rate_hz)
-        situation = observe(driver.simulation, frame_id, clock.now_s())
-        pilot.see(situation, propose(situation))
-        command = pilot.act(situation.at_s)
+        now_s = clock.now_s()
+        situation = observe(driver.simulation, frame_id, now_s)
+        would: Action | None = None
+        if watching is not None:
+            x = watching.extract(camera.capture())
+            would = watching.propose(frame_id, x, at_s=now_s).action
+        pilot.see(situation, would)
+        command = pilot.act(now_s)
         held = command.held if command is not None else None
         if command is not None and command.point is not None:
             driver.send_point(command.point)
         else:
             driver.send_action(held or Action.STOP)
-        yield situation, held
+        log.add(
+            _sample(
+                driver,
+                situation,
+                driver.sense(),
+                action=driver.simulation.action,
+                point=driver.simulation.point,
+                driven_by=DrivenBy.PILOT,
+                proposed=would,
+                wanted=held,
+            )
+        )
+    driver.disconnect()
+    driver.simulation.close()
+    return log
+
+
+def _sample(
+    driver: SimDriver, situation: Situation, sensors: Sensors, **decided: Any
+) -> DriveSample:
+    return DriveSample(
+        now_s=situation.at_s,
+        distance_m=sensors.distance_m or 0.0,
+        pose=situation.pose,
+        is_touching=driver.simulation.is_touching,
+        is_pushing=driver.simulation.is_pushing,
+        situation=situation,
+        **decided,
+    )
 
 
 def _action_of(prediction: Prediction | None) -> Action | None:

@@ -21,7 +21,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from robot.lab.habit_run import make_habit_pilot
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.simulated_pilots.situation import Situation, observe
 from robot.lab.simulated_pilots.teachers import Teacher
@@ -103,7 +102,7 @@ class Newcomer:
         self.story, habit = story, story.habit
         self._words = messages(story.language)
         self._fingers = Fingers(page)
-        self._pilot = make_habit_pilot(HABITS[habit], f"newcomer {habit}")
+        self._pilot = HABITS[habit].pilot(f"newcomer {habit}")
         self._judge = self._pilot.teacher = Lenient(self._pilot.teacher)
         self._held: Action | None = None
         self._text, self._text_since_s, self._read_s = "", 0.0, 0.0

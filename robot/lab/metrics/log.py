@@ -8,6 +8,7 @@ import numpy as np
 
 from robot.control.profile import Profile, behavior_profile
 from robot.driver import point_of
+from robot.lab.simulated_pilots.situation import Situation
 from robot.types import Action, DrivenBy, Point, Pose
 
 
@@ -28,12 +29,8 @@ class DriveSample:
     is_intervention: bool = False
     proposed: Action | None = None
     wanted: Action | None = None
-    right_m: float | None = None
-    """From the body's middle to what is at its right."""
-    target_bearing_rad: float | None = None
-    target_m: float | None = None
-    target_gap_m: float | None = None
-    """Where the thing to follow or push is, and how far it is from a wall."""
+    situation: Situation | None = None
+    """What there was to see."""
 
 
 @dataclass(slots=True)

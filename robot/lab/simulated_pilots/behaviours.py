@@ -74,11 +74,8 @@ class Follower:
         if self._turning is None and abs(bearing) > self.TURN_AT_RAD:
             self._turning = Action.LEFT if bearing > 0 else Action.RIGHT
         if self._turning is None and target.distance_m < self.NEAR_M:
-            return self._when_near()
+            return Action.BACKWARD
         return self._turning or Action.FORWARD
-
-    def _when_near(self) -> Action:
-        return Action.BACKWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
         """Accept the move that it would make itself, and either of two moves at the border."""
@@ -98,6 +95,3 @@ class Pusher(Follower):
 
     TURN_AT_RAD, GOOD_RAD = math.radians(10.0), math.radians(4.0)
     NEAR_M = 0.0
-
-
-__all__ = ["Follower", "Pusher", "WallFollower"]

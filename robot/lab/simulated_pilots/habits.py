@@ -10,10 +10,11 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from robot.lab.simulated_pilots.behaviours import WallFollower
 from robot.lab.simulated_pilots.hand import HumanDelayConfig
-from robot.lab.simulated_pilots.pilot import TakeoverPolicy
+from robot.lab.simulated_pilots.pilot import SimulatedPilot, TakeoverPolicy
 from robot.lab.simulated_pilots.situation import Situation
 from robot.lab.simulated_pilots.steering import Steerer
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS, Teacher, TeacherParams, Wanderer
@@ -27,20 +28,20 @@ class Person(Wanderer):
 
     Args:
         turns: The turns it uses.
+        seed: Of its random numbers.
         params: What it aims at.
         irregularity: Deviation of each turn's beginning and end, as a share of its distance.
         overshoot_s: How long it goes on turning when the way is free: mean of an exponential.
-        seed: Of its random numbers.
     """
 
     def __init__(
         self,
         turns: tuple[Action, ...],
-        params: TeacherParams,
+        seed: str,
+        params: TeacherParams = TEACHER_PARAMS["usual"],
         *,
         irregularity: float = 0.1,
         overshoot_s: float = 0.1,
-        seed: str = "0",
     ) -> None:
         super().__init__(turns, params)
         self._aim, self._irregularity, self._overshoot_s = params, irregularity, overshoot_s
@@ -76,8 +77,8 @@ class Bouncer(Wanderer):
 
     SHORTEST_S, LONGEST_S = 2.0, 8.0
 
-    def __init__(self, turns: tuple[Action, ...], params: TeacherParams, seed: str) -> None:
-        super().__init__(turns, params)
+    def __init__(self, turns: tuple[Action, ...], seed: str) -> None:
+        super().__init__(turns)
         self._chance = random.Random(f"{seed} bouncer")
         self._until_s = 0.0
 
@@ -92,38 +93,36 @@ class Bouncer(Wanderer):
         return self._turning or Action.FORWARD
 
 
-Maker = Callable[[tuple[Action, ...], str], Teacher]
-"""From the turns and a seed to a teacher."""
-
-
-def _person(
-    params: TeacherParams = TEACHER_PARAMS["usual"],
-    irregularity: float = 0.1,
-    overshoot_s: float = 0.1,
-) -> Maker:
-    return lambda turns, seed: Person(
-        turns, params, irregularity=irregularity, overshoot_s=overshoot_s, seed=seed
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Habit:
     """How one kind of pilot teaches."""
 
-    teacher: Maker = field(default_factory=_person)
+    teacher: Callable[[tuple[Action, ...], str], Teacher] = Person
+    """From the turns and a seed."""
     hand: HumanDelayConfig = field(default_factory=HumanDelayConfig)
     takeover: TakeoverPolicy = field(default_factory=TakeoverPolicy)
     turns: tuple[Action, ...] = BOTH
 
+    @property
+    def moves(self) -> tuple[Action, ...]:
+        return (Action.FORWARD, *self.turns)
+
+    def pilot(self, seed: str) -> SimulatedPilot:
+        """Return the whole pilot: teacher, human delays and takeover."""
+        teacher = self.teacher(self.turns, seed)
+        return SimulatedPilot(
+            teacher, self.moves, hand=self.hand, takeover=self.takeover, seed=seed
+        )
+
 
 HABITS: Mapping[str, Habit] = {
-    "regular": Habit(teacher=_person(irregularity=0.03, overshoot_s=0.0)),
-    "early": Habit(teacher=_person(TEACHER_PARAMS["early"])),
-    "late": Habit(teacher=_person(TEACHER_PARAMS["late"])),
+    "regular": Habit(teacher=partial(Person, irregularity=0.03, overshoot_s=0.0)),
+    "early": Habit(teacher=partial(Person, params=TEACHER_PARAMS["early"])),
+    "late": Habit(teacher=partial(Person, params=TEACHER_PARAMS["late"])),
     "left": Habit(turns=(Action.LEFT,)),
     "right": Habit(turns=(Action.RIGHT,)),
-    "irregular": Habit(teacher=_person(irregularity=0.3, overshoot_s=0.3)),
-    "overshoots": Habit(teacher=_person(overshoot_s=1.0)),
+    "irregular": Habit(teacher=partial(Person, irregularity=0.3, overshoot_s=0.3)),
+    "overshoots": Habit(teacher=partial(Person, overshoot_s=1.0)),
     "sloppy": Habit(
         hand=HumanDelayConfig(reaction_s=0.3, tremors_per_min=20.0, tremor_s=0.3, looks_hz=7.0)
     ),
@@ -131,7 +130,7 @@ HABITS: Mapping[str, Habit] = {
         hand=HumanDelayConfig(reaction_s=0.25, pauses_per_min=8.0, pause_s=1.2, looks_hz=5.0)
     ),
     "slow": Habit(
-        teacher=_person(replace(TEACHER_PARAMS["usual"], turn_at_m=0.30)),
+        teacher=partial(Person, params=replace(TEACHER_PARAMS["usual"], turn_at_m=0.30)),
         hand=HumanDelayConfig(reaction_s=0.35, lapses_per_min=3.0, looks_hz=5.0),
     ),
     "wall": Habit(
@@ -139,7 +138,7 @@ HABITS: Mapping[str, Habit] = {
         hand=HumanDelayConfig(looks_hz=8.0),
     ),
     "bouncer": Habit(
-        teacher=lambda turns, seed: Bouncer(turns, TEACHER_PARAMS["usual"], seed),
+        teacher=Bouncer,
         hand=HumanDelayConfig(looks_hz=7.0),
         takeover=TakeoverPolicy(lenience=0.8),
     ),

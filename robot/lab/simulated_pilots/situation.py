@@ -7,7 +7,7 @@ the simulated world, for the instant of one frame.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -46,7 +46,7 @@ class Situation:
     bumped: bool
     is_pushing: bool
     doing: Action
-    ranges_m: NDArray[np.float64]
+    ranges_m: NDArray[np.float64] = field(compare=False)  # arrays have no one answer
     ahead: str
     """What the robot would meet if it drove straight on: `east wall`, `backpack` ..."""
     target: Target | None = None

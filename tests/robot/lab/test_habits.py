@@ -146,12 +146,11 @@ def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
 @pytest.mark.parametrize("rate_hz", [10.0, 30.0])
 def test_a_pilot_is_measured_where_the_robot_began_and_at_its_rate(rate_hz: float) -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
-    from robot.lab.habit_run import make_habit_pilot, minute_by_hand
-    from robot.lab.trial import Place
+    from robot.lab.trial import drive_by_hand
 
     start = Pose(x_m=3.4, y_m=2.2, heading_rad=2.0)
-    pilot = make_habit_pilot(HABITS["irregular"], "1")
-    drive = minute_by_hand(Place(world="fork", seed=1), pilot, 2, start, rate_hz=rate_hz)
+    pilot = HABITS["irregular"].pilot("1")
+    drive = drive_by_hand("fork", 2001, pilot, 60.0, rate_hz, start=start)
     first = drive.moments[0].pose
     assert len(drive.moments) == 60 * rate_hz
     assert math.dist((first.x_m, first.y_m), (start.x_m, start.y_m)) < 0.05

@@ -7,7 +7,7 @@ import pytest
 from robot.lab.ideas import make_pilot
 from robot.lab.metrics.driving import interventions_per_minute
 from robot.lab.metrics.log import DriveLog
-from robot.lab.trial import FRAME_RATE_HZ, Place, Trial
+from robot.lab.trial import FRAME_RATE_HZ, Trial
 from robot.policy.registry import make_policy
 from robot.types import Action, DrivenBy, Mode
 
@@ -18,7 +18,7 @@ MOVES = (Action.FORWARD, Action.LEFT)
 
 def lesson(seed: int) -> tuple[DriveLog, DriveLog, Trial]:
     pilot = make_pilot({"teacher": "usual", "seed": seed}, MOVES)
-    with Trial(Place(world="box", seed=seed), make_policy("published-8", MOVES), pilot) as trial:
+    with Trial("box", seed, make_policy("published-8", MOVES), pilot) as trial:
         return trial.drive(Mode.TRAIN, 12.0), trial.drive(Mode.AUTONOMOUS, 8.0), trial
 
 
@@ -40,7 +40,7 @@ def test_the_pilot_teaches_and_then_the_robot_drives() -> None:
 
 def test_unsupervised_nobody_takes_the_wheel_and_nothing_is_learned() -> None:
     pilot = make_pilot({"teacher": "usual", "seed": 0}, MOVES)
-    with Trial(Place(world="box", seed=0), make_policy("published-8", MOVES), pilot) as trial:
+    with Trial("box", 0, make_policy("published-8", MOVES), pilot) as trial:
         trial.drive(Mode.TRAIN, 6.0)
         lessons = trial.loop.history.n_examples
         alone = trial.drive(Mode.AUTONOMOUS, 10.0, supervised=False)
