@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import product
 from typing import Any
 
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog, DriveSample
@@ -45,11 +46,12 @@ LEARNERS = ("published-32", "default-32", "default-128")
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    for what, behaviour in _TAUGHT.items():
-        for learner in settings.learners or LEARNERS:
-            for seed in range(settings.n_seeds):
-                params = {**behaviour, "what": what, "learner": learner, "seed": seed}
-                yield Task(run_episodes, params)
+    learners = settings.learners or LEARNERS
+    cases = (
+        {**behaviour, "what": what, "learner": learner}
+        for (what, behaviour), learner in product(_TAUGHT.items(), learners)
+    )
+    return seeded(run_episodes, cases, settings)
 
 
 def _tables(runs: Runs) -> list[Table]:
@@ -143,7 +145,6 @@ def _figures(drives: Sequence[DriveLog]) -> dict[str, float | None]:
 
 
 BEHAVIOURS = Experiment(
-    name="behaviours",
     title="Beyond the paper: other behaviours",
     text="Taught in episodes, each from another start: two minutes of teaching and two of "
     "correction (pushing: eight episodes and four), then the robot alone. 'right': median "

@@ -91,7 +91,6 @@ def _cells(results: Sequence[Result]) -> tuple[Cell, ...]:
 
 
 BY_DEGREES = Experiment(
-    name="degrees",
     title="By degrees",
     text="A pilot who steers by degrees teaches for 90 s and corrects for 60 s; then the robot "
     "drives for 60 s alone. 'cut to moves': what he means is cut to moves, as for a body that "

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from robot.lab.task import Result, Task
+from robot.lab.task import Params, Result, Task
 from robot.store.table import Table
 
 
@@ -49,6 +49,15 @@ class Plot:
 Runs = Sequence[tuple[Task, Result]]
 
 
+def seeded(
+    run: Callable[[Params], Result], cases: Iterable[Params], settings: ExperimentSettings
+) -> Iterator[Task]:
+    """Yield each case with every seed, from 0 on."""
+    for case in cases:
+        for seed in range(settings.n_seeds):
+            yield Task(run, {**case, "seed": seed})
+
+
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
     """One figure of the paper, or one question beyond it.
@@ -61,7 +70,6 @@ class Experiment:
         times_machine: Its runs are made one after the other, here.
     """
 
-    name: str
     title: str
     text: str
     plan: Callable[[ExperimentSettings], Iterable[Task]]

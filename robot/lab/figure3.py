@@ -9,7 +9,7 @@ from pathlib import Path
 
 from robot.control.state import Tick
 from robot.lab.evaluation import Pair, evaluate, recorded_pairs, scores
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.lessons import TRIALS
 from robot.lab.published import FIGURE_3
@@ -31,11 +31,11 @@ _Footage = list[tuple[Frame, Action]]
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     """Plan every learner on every place and seed, and on every pair of recordings."""
     learners = settings.learners or LEARNERS
-    for number, trial in TRIALS.items():
-        for learner in learners:
-            for seed in range(settings.n_seeds):
-                params = {**trial, "trial": number, "learner": learner, "seed": seed}
-                yield Task(run_simulated_footage, params)
+    cases = (
+        {**trial, "trial": number, "learner": learner}
+        for (number, trial), learner in product(TRIALS.items(), learners)
+    )
+    yield from seeded(run_simulated_footage, cases, settings)
     yield from recorded_tasks(settings, [name for name in learners if ":" not in name])
 
 
@@ -87,7 +87,13 @@ def run_simulated_footage(params: Params) -> Result:
     proposed = [
         policy.propose(i + 1, policy.extract(frame)).action for i, (frame, _) in enumerate(test)
     ]
-    return _judged([label for _, label in test], proposed)
+    accuracy, balanced = scores([label for _, label in test], proposed)
+    return {
+        "correct": round(accuracy * len(test)),
+        "frames": len(test),
+        "accuracy": accuracy,
+        "balanced_accuracy": balanced,
+    }
 
 
 def run_recorded_footage(params: Params) -> Result:
@@ -116,18 +122,7 @@ def _film(params: Params, moves: tuple[Action, ...]) -> _Footage:
     return footage[:FRAMES]
 
 
-def _judged(truth: Sequence[Action], proposed: Sequence[Action | None]) -> Result:
-    accuracy, balanced = scores(truth, proposed)
-    return {
-        "correct": round(accuracy * len(truth)),
-        "frames": len(truth),
-        "accuracy": accuracy,
-        "balanced_accuracy": balanced,
-    }
-
-
 FIGURE3 = Experiment(
-    name="figure3",
     title="Figure 3: footage",
     text="Each learner sees 700 frames of one drive once, in order, and is tested on 700 of "
     "another drive of the same place. Simulated: two drives of a teacher with different "

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Iterator
-
-import numpy as np
+from itertools import cycle
 
 from robot.clock import RealClock
-from robot.control.link_governor import LinkGovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.devices.rig import build_rig
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
@@ -17,9 +15,11 @@ from robot.lab.experiment import Experiment, ExperimentSettings, Runs
 from robot.lab.ideas import make_learner
 from robot.lab.published import FIGURE_5_APPLYING_HZ, FIGURE_5_LEARNING_HZ
 from robot.lab.task import Params, Result, Task
+from robot.lab.trial import PATIENT_LINK
+from robot.policy.autosize import sample_frames
 from robot.policy.policy import Policy
 from robot.store.table import Cell, Table
-from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Mode, PilotCommand
+from robot.types import DEFAULT_MOVES, Action, Mode, PilotCommand
 
 NODES = (2, 4, 8, 16, 32, 64, 128)
 KINDS = ("published", "default")
@@ -52,11 +52,6 @@ def _tables(runs: Runs) -> list[Table]:
     return [Table(title=title, columns=("learner", *_COLUMNS), rows=tuple(rows))]
 
 
-_PATIENT = LoopConfig(
-    governor=LinkGovernorConfig(warn_s=9, cap_speed_s=9, stop_learning_s=9, stop_s=9)
-)
-
-
 def run_cycles(params: Params) -> Result:
     """Measure cycles a second while learning and while applying, on this machine.
 
@@ -64,26 +59,12 @@ def run_cycles(params: Params) -> Result:
     pace), `cycles` (how many to time). The learner is filled up to its nodes first.
     """
     policy = make_learner(params["learner"], DEFAULT_MOVES)
-    _fill(policy)
+    frames = sample_frames(policy.max_nodes + 8)
+    for frame, move in zip(frames, cycle(DEFAULT_MOVES), strict=False):
+        policy.learn(policy.extract(frame), move)
     measure = _simulated if params["robot"] == "sim" else _real
     hz = measure(policy, params)
     return {"timing": {"learning_hz": hz[0], "applying_hz": hz[1], "nodes": policy.n_nodes}}
-
-
-def _fill(policy: Policy) -> None:
-    """Teach pictures of noise until every node is used."""
-    noise = np.random.default_rng(1)
-    for number in range(policy.max_nodes + 8):
-        pixels = noise.integers(0, 256, (12, 16, 3), dtype=np.uint8).repeat(10, 0).repeat(10, 1)
-        frame = Frame(
-            frame_id=number + 1,
-            captured_s=0.0,
-            width=160,
-            height=120,
-            encoding=Encoding.RGB,
-            data=pixels.tobytes(),
-        )
-        policy.learn(policy.extract(frame), DEFAULT_MOVES[number % len(DEFAULT_MOVES)])
 
 
 def _simulated(policy: Policy, params: Params) -> tuple[float, float]:
@@ -91,7 +72,7 @@ def _simulated(policy: Policy, params: Params) -> tuple[float, float]:
     driver = SimDriver(SimOptions(world="office"))
     camera = SimCamera(driver, SimCameraOptions(), clock)
     driver.connect()
-    loop = ControlLoop(driver, camera, policy, clock, _PATIENT)
+    loop = ControlLoop(driver, camera, policy, clock, LoopConfig(governor=PATIENT_LINK))
 
     def next_frame() -> int:
         driver.advance(0.1)
@@ -107,7 +88,9 @@ def _real(policy: Policy, params: Params) -> tuple[float, float]:
     """Time a real robot. Its wheels turn: put it on a stand."""
     rig = build_rig(params["robot"], options=params.get("options", {}))
     with rig.driver, rig.camera:
-        loop = ControlLoop(rig.driver, rig.camera, policy, rig.clock, _PATIENT)
+        loop = ControlLoop(
+            rig.driver, rig.camera, policy, rig.clock, LoopConfig(governor=PATIENT_LINK)
+        )
         last = 0
 
         def next_frame() -> int:
@@ -140,7 +123,6 @@ def _measure(loop: ControlLoop, next_frame: Callable[[], int], cycles: int) -> t
 
 
 FIGURE5 = Experiment(
-    name="figure5",
     title="Figure 5: speed",
     text="One cycle: picture, features, decision, drive, and while learning an example. Every "
     "node is used before the clock starts. In the simulator a cycle also renders the picture "

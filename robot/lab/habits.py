@@ -148,7 +148,6 @@ def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tu
 
 
 GATE = Experiment(
-    name="habits",
     title="Habits: every kind of pilot",
     text="Each robot is taught by one of twelve kinds of pilots in one of five places at 10, 15 or "
     "30 frames a second, for 90 s or (a third of those at 30) for 30 s, and drives 60 s alone; "

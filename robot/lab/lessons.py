@@ -5,20 +5,20 @@ Figures 6, 7 and 8 of the paper.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 from typing import Any
 
 from robot.control.profile import Profile, compare
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog
 from robot.lab.published import FIGURE_6, FIGURE_7, FIGURE_8
 from robot.lab.tables import SSD_COLUMNS, table_of
-from robot.lab.task import Params, Result, Task
+from robot.lab.task import Params, Result
 from robot.lab.trial import Trial
 from robot.store.table import Cell, Table
 from robot.types import Action, DrivenBy, Mode
@@ -31,13 +31,6 @@ TRIALS: dict[int, dict[str, Any]] = {
 """The paper's places and moves; the teachers are ours."""
 _RETRAINED = {"teach_s": 90.0, "correct_s": 330.0, "alone_s": 60.0}
 _SONAR = {"world": "box", "moves": ("forward", "left"), "teacher": "sonar"}
-
-
-def lesson_tasks(cases: Iterable[Params], settings: ExperimentSettings) -> Iterator[Task]:
-    """Yield each case with every seed."""
-    for case in cases:
-        for seed in range(settings.n_seeds):
-            yield Task(run_lesson, {**case, "seed": seed})
 
 
 def run_lesson(params: Params) -> Result:
@@ -151,11 +144,10 @@ def _by_nodes(settings: ExperimentSettings) -> Iterable[Params]:
 
 
 FIGURE6 = Experiment(
-    name="figure6",
     title="Figure 6: nodes",
     text="In the box, the sonar controller (below 20 cm or bumped: left for two seconds, else "
     "forward) drives for 90 s, then the robot drives 60 s alone; nobody corrects it.",
-    plan=lambda settings: lesson_tasks(_by_nodes(settings), settings),
+    plan=lambda settings: seeded(run_lesson, _by_nodes(settings), settings),
     tables=partial(
         ssd_tables,
         names=("kind", "nodes"),
@@ -194,7 +186,6 @@ def _title_of_trial(trial: int, *_: object) -> str:
 
 
 FIGURE7 = Experiment(
-    name="figure7",
     title="Figure 7: retraining",
     text="90 s of teaching, 60 s alone (before), 330 s in which the pilot corrects, 60 s alone "
     "(after). Trial 1: box, FORWARD and LEFT. Trial 2: office, the same moves. Trial 3: "
@@ -202,7 +193,7 @@ FIGURE7 = Experiment(
     "drove (teaching and 4 minutes more, of which the robot learns nothing that is measured); "
     "'against lesson' holds it against the 90 s of teaching alone. The row 'teacher' is the "
     "teacher's own last minute: less than that is chance.",
-    plan=lambda settings: lesson_tasks(_trials(settings), settings),
+    plan=lambda settings: seeded(run_lesson, _trials(settings), settings),
     tables=partial(
         ssd_tables,
         names=("trial", "learner"),
@@ -235,11 +226,10 @@ def _by_time(settings: ExperimentSettings) -> Iterable[Params]:
 
 
 FIGURE8 = Experiment(
-    name="figure8",
     title="Figure 8: training time",
     text="60 s alone straight after 90 s or 180 s of teaching. 'robot': the sonar controller in "
     "the box. 'human': simulated people in the three trials of figure 7, before any correction.",
-    plan=lambda settings: lesson_tasks(_by_time(settings), settings),
+    plan=lambda settings: seeded(run_lesson, _by_time(settings), settings),
     tables=partial(
         ssd_tables,
         names=("learner", "who", "teach_s"),

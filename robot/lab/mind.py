@@ -131,7 +131,6 @@ def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]
 
 
 MIND = Experiment(
-    name="mind",
     title="A changed mind",
     text="A minute of a pilot who turns left alone, then half a minute of one who turns right "
     "alone, and again half a minute; after each the robot is asked, without learning, what it "

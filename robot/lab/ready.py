@@ -131,7 +131,6 @@ def _missing(readiness: Readiness) -> list[str]:
 
 
 READY = Experiment(
-    name="ready",
     title="Ready means ready",
     text="Pilots of all habits in all places teach, let the robot try with a hand near, and teach "
     "again, as robot/control/readiness.py says, for twenty minutes at most. Then it drives a "

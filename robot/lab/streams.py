@@ -7,16 +7,27 @@ import pkgutil
 import re
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import need
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
+from robot.errors import MissingExtraError
+from robot.lab.adapters.for_river import RiverBSOC
+from robot.lab.adapters.for_sklearn import BSOCEstimator
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
 from robot.lab.tables import mean_in_interval
 from robot.lab.task import Params, Result, Task
 from robot.store.table import Table
+
+try:
+    from river import datasets, linear_model, naive_bayes, neighbors, preprocessing, tree
+    from sklearn.datasets import load_digits
+    from sklearn.feature_extraction.text import HashingVectorizer
+    from sklearn.linear_model import Perceptron, SGDClassifier
+except ImportError as error:
+    raise MissingExtraError("the experiment streams", "learners") from error
 
 STREAMS = ("digits", "image segments", "text")
 _N_HASHES = 512
@@ -25,10 +36,11 @@ Example = tuple[NDArray[np.float64], str]
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    for stream in STREAMS:
-        for learner in tuple(LEARNERS)[:3] if settings.quick else LEARNERS:
-            for seed in range(settings.n_seeds):
-                yield Task(run_stream, {"stream": stream, "learner": learner, "seed": seed})
+    learners = tuple(LEARNERS)[:3] if settings.quick else LEARNERS
+    cases = (
+        {"stream": stream, "learner": learner} for stream, learner in product(STREAMS, learners)
+    )
+    return seeded(run_stream, cases, settings)
 
 
 def _tables(runs: Runs) -> list[Table]:
@@ -43,7 +55,6 @@ def _tables(runs: Runs) -> list[Table]:
 
 def run_stream(params: Params) -> Result:
     """Predict and learn one stream. Parameters: `stream`, `learner`, `seed`."""
-    preprocessing = need("river.preprocessing", "the experiment streams", "learners")
     examples = read_stream(params["stream"])
     order = np.random.default_rng(params["seed"]).permutation(len(examples))
     scaler, learner = preprocessing.StandardScaler(), LEARNERS[params["learner"]]()
@@ -55,12 +66,6 @@ def run_stream(params: Params) -> Result:
         right += learner.predict_one(scaled) == examples[i][1]
         learner.learn_one(scaled, examples[i][1])
     return {"right": int(right), "examples": len(examples)}
-
-
-def _bsoc(max_nodes: int) -> Any:
-    from robot.lab.adapters.for_river import RiverBSOC
-
-    return RiverBSOC(max_nodes=max_nodes)
 
 
 class _OneByOne:
@@ -78,53 +83,34 @@ class _OneByOne:
         self._is_new = False
 
 
-def _bsoc_with_ridge(max_nodes: int) -> Any:
-    from robot.lab.adapters.for_sklearn import BSOCEstimator
-
-    return _OneByOne(BSOCEstimator(max_nodes, penalty=10.0))
-
-
-def _river(module: str, name: str, **options: Any) -> Callable[[], Any]:
-    return lambda: getattr(import_module(f"river.{module}"), name)(**options)
-
-
-def _sklearn(module: str, name: str, **options: Any) -> Callable[[], Any]:
-    classes = [*map(str, range(10)), *_SEGMENTS, *_LIBRARIES]
-
-    def make() -> _OneByOne:
-        return _OneByOne(getattr(import_module(f"sklearn.{module}"), name)(**options), classes)
-
-    return make
-
-
-_SEGMENTS = ("brickface", "cement", "foliage", "grass", "path", "sky", "window")
 _LIBRARIES = ("numpy", "sklearn", "river")
+_CLASSES = [
+    *map(str, range(10)),
+    *("brickface", "cement", "foliage", "grass", "path", "sky", "window"),
+    *_LIBRARIES,
+]
 LEARNERS: dict[str, Callable[[], Any]] = {
-    "BSOC-32": lambda: _bsoc(32),
-    "BSOC-128": lambda: _bsoc(128),
-    "BSOC-128 with its ridge": lambda: _bsoc_with_ridge(128),
-    "river, 5-nn of the last 1000": _river("neighbors", "KNNClassifier"),
-    "river, softmax regression": _river("linear_model", "SoftmaxRegression"),
-    "river, naive Bayes": _river("naive_bayes", "GaussianNB"),
-    "river, Hoeffding tree": _river("tree", "HoeffdingTreeClassifier"),
-    "scikit-learn, logistic by SGD": _sklearn(
-        "linear_model", "SGDClassifier", loss="log_loss", random_state=0
+    "BSOC-32": lambda: RiverBSOC(32),
+    "BSOC-128": lambda: RiverBSOC(128),
+    "BSOC-128 with its ridge": lambda: _OneByOne(BSOCEstimator(128, penalty=10.0)),
+    "river, 5-nn of the last 1000": neighbors.KNNClassifier,
+    "river, softmax regression": linear_model.SoftmaxRegression,
+    "river, naive Bayes": naive_bayes.GaussianNB,
+    "river, Hoeffding tree": tree.HoeffdingTreeClassifier,
+    "scikit-learn, logistic by SGD": lambda: _OneByOne(
+        SGDClassifier(loss="log_loss", random_state=0), _CLASSES
     ),
-    "scikit-learn, perceptron": _sklearn("linear_model", "Perceptron", random_state=0),
+    "scikit-learn, perceptron": lambda: _OneByOne(Perceptron(random_state=0), _CLASSES),
 }
 
 
 def read_stream(stream: str) -> list[Example]:
     """Return all examples of a stream: a vector and its label each."""
     if stream == "digits":
-        from sklearn.datasets import load_digits
-
         xs, ys = load_digits(return_X_y=True)
         return [(x, str(y)) for x, y in zip(xs, ys, strict=True)]
     if stream == "image segments":
-        from river.datasets import ImageSegments
-
-        return [(np.array(list(x.values()), float), str(y)) for x, y in ImageSegments()]
+        return [(np.array(list(x.values()), float), str(y)) for x, y in datasets.ImageSegments()]
     return [
         (_hashed(sentence), library)
         for library in _LIBRARIES
@@ -134,8 +120,6 @@ def read_stream(stream: str) -> list[Example]:
 
 def _hashed(sentence: str) -> NDArray[np.float64]:
     """Return how often the words of each hash occur, as square roots."""
-    from sklearn.feature_extraction.text import HashingVectorizer
-
     vectorizer = HashingVectorizer(n_features=_N_HASHES, alternate_sign=False, norm=None)
     counts: NDArray[np.float64] = np.sqrt(vectorizer.transform([sentence]).toarray()[0])
     return counts
@@ -165,7 +149,6 @@ def _of_text(text: str, library: str) -> Iterator[str]:
 
 
 ONLINE = Experiment(
-    name="streams",
     title="Streams beyond driving",
     text="Share of examples that were predicted right before they were learned. Digits: "
     "scikit-learn's, 64 pixels. Image segments: river's, 18 numbers. Text: of which library's "

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from robot.lab.catalogue import EXPERIMENTS
+from robot.lab.catalogue import load_experiment
 from robot.store.table import Table, format_cell
 
 FOLDER = Path(__file__).parents[2] / "docs/results"
@@ -87,7 +87,9 @@ def _take(file: Path, command: Sequence[str]) -> None:
     date = datetime.date.fromtimestamp(file.stat().st_mtime).isoformat()
     run = {"command": shlex.join(command), "commit": commit, "date": date}
     for name, runs in json.loads(file.read_text("utf-8")).items():
-        tables = EXPERIMENTS[name].tables([(SimpleNamespace(**one), one["result"]) for one in runs])
+        tables = load_experiment(name).tables(
+            [(SimpleNamespace(**one), one["result"]) for one in runs]
+        )
         wanted = {
             path: question
             for path, question in questions().items()

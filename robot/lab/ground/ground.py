@@ -122,7 +122,6 @@ def _means(results: Sequence[Result], key: str) -> tuple[float, ...]:
 
 
 GROUND = Experiment(
-    name="ground",
     title="Worlds that others made",
     text="MiniWorld (score: share of drives that reach the red box), CarRacing (percent of the "
     "track's tiles in 150 decisions), ViZDoom (tics survived, of 2,100). After 50 examples "

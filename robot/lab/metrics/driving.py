@@ -22,9 +22,7 @@ CELL_M = 0.1
 
 def collisions_per_minute(log: DriveLog) -> float:
     """Return how often a minute the body touched something anew; a lasting contact counts once."""
-    touches = [moment.is_touching for moment in log.moments]
-    began = sum(now and not before for before, now in zip([False, *touches], touches, strict=False))
-    return _per_minute(began, log)
+    return _begun_per_minute([moment.is_touching for moment in log.moments], log)
 
 
 def pushing_s_per_minute(log: DriveLog) -> float:
@@ -75,9 +73,7 @@ def is_stuck(log: DriveLog) -> bool:
 
 def interventions_per_minute(log: DriveLog) -> float:
     """Return how often a minute the pilot took the wheel from the robot."""
-    held = [moment.is_intervention for moment in log.moments]
-    began = sum(now and not before for before, now in zip([False, *held], held, strict=False))
-    return _per_minute(began, log)
+    return _begun_per_minute([moment.is_intervention for moment in log.moments], log)
 
 
 def asking_share(log: DriveLog) -> float:
@@ -120,6 +116,11 @@ def against(log: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict
         "never": [move.value for move in difference.never_by_robot],
         **figures(log),
     }
+
+
+def _begun_per_minute(flags: list[bool], log: DriveLog) -> float:
+    begun = sum(now and not before for before, now in pairwise([False, *flags]))
+    return _per_minute(begun, log)
 
 
 def _per_minute(amount: float, log: DriveLog) -> float:

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from robot.lab.catalogue import EXPERIMENTS
+from robot.errors import MissingExtraError
+from robot.lab.catalogue import EXPERIMENTS, load_experiment
 from robot.lab.experiment import ExperimentSettings
 from robot.lab.report import make_section, write_html
 from robot.lab.tables import deviation
@@ -15,7 +16,6 @@ from robot.lab.task import Task
 from robot.lab.variants import VARIANTS
 from robot.store.table import Table
 from server.__main__ import main
-from server.lab.experiment import NAMES
 
 QUICK = ExperimentSettings(quick=True)
 
@@ -68,13 +68,12 @@ def made_up(task: Task) -> dict[str, Any]:
     return {"correct": 600, "frames": 700, **shares}
 
 
-def test_the_command_knows_every_experiment() -> None:
-    assert list(NAMES) == list(EXPERIMENTS)
-
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", EXPERIMENTS)
 def test_every_experiment_makes_tables_and_a_report(name: str) -> None:
-    experiment = EXPERIMENTS[name]
+    try:
+        experiment = load_experiment(name)
+    except MissingExtraError as error:
+        pytest.skip(f"NOT TESTED: {error}")
     tasks = list(experiment.plan(QUICK))
     assert len({task.key() for task in tasks}) == len(tasks), "no run twice"
     section = make_section(experiment, [(task, made_up(task)) for task in tasks])
@@ -90,8 +89,8 @@ def test_the_ablation_has_every_ground_in_one_table(tmp_path: Path) -> None:
     for name in ("hall_A.npz", "hall_B.npz"):
         (tmp_path / name).touch()
     settings = ExperimentSettings(quick=True, worlds=("TMaze",), recordings=str(tmp_path))
-    tasks = list(EXPERIMENTS["ablation"].plan(settings))
-    table, *_ = EXPERIMENTS["ablation"].tables([(task, made_up(task)) for task in tasks])
+    tasks = list(load_experiment("ablation").plan(settings))
+    table, *_ = load_experiment("ablation").tables([(task, made_up(task)) for task in tasks])
     assert [row[0] for row in table.rows] == ["default", *VARIANTS, "published"]
     grounds = ("trial 2: SSD", "TMaze", "footage: accuracy")
     assert set(grounds) < set(table.columns)
@@ -101,14 +100,14 @@ def test_the_ablation_has_every_ground_in_one_table(tmp_path: Path) -> None:
 
 def test_more_seeds_are_more_runs() -> None:
     few, many = (
-        len(list(EXPERIMENTS["figure7"].plan(ExperimentSettings(seeds=n)))) for n in (1, 3)
+        len(list(load_experiment("figure7").plan(ExperimentSettings(seeds=n)))) for n in (1, 3)
     )
     assert many == 3 * few
 
 
 def test_a_learner_that_is_named_runs_once_with_its_own_number_of_nodes() -> None:
     settings = ExperimentSettings(quick=True, learners=("default-8", "knn-9"))
-    figure6 = EXPERIMENTS["figure6"]
+    figure6 = load_experiment("figure6")
     tasks = list(figure6.plan(settings))
     assert [task.params["learner"] for task in tasks] == ["default-8", "knn-9"]
     (table,) = figure6.tables([(task, made_up(task)) for task in tasks])
