@@ -12,7 +12,7 @@ from typing import Any
 
 from robot.errors import ConfigurationError
 from robot.lab.simulated_pilots.behaviours import Follower, Pusher, WallFollower
-from robot.lab.simulated_pilots.hand import STEADY
+from robot.lab.simulated_pilots.hand import PRACTISED, STEADY
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS, SonarController, Teacher, Wanderer
 from robot.lab.task import Params
@@ -80,7 +80,7 @@ def make_pilot(params: Params, moves: tuple[Action, ...]) -> SimulatedPilot:
     return SimulatedPilot(
         make_teacher(params["teacher"], moves),
         moves,
-        hand=STEADY if params["teacher"] == "sonar" else None,
+        hand=STEADY if params["teacher"] == "sonar" else PRACTISED,
         seed=str(params["seed"]),
     )
 

@@ -13,11 +13,11 @@ from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.ideas import make_learner
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS
-from robot.lab.tables import percent
+from robot.lab.tables import Columns, percent, table_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial, drive_by_hand
 from robot.policy.policy import Policy
-from robot.store.table import Cell, Table
+from robot.store.table import Table
 from robot.types import Action, Mode
 
 WORLDS = ("box", "office", "clutter")
@@ -46,34 +46,36 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    rows: list[tuple[Cell, ...]] = []
+    rows: dict[str, list[Result]] = {}
     for (learner, old_s), results in group(runs, "learner", "old_s").items():
         name = f"{learner}{'' if old_s else NEVER_LEFT}"
-        for phase, seconds in (("first", 30), ("second", 60)):
-            views = [result[phase] for result in results]
-            shares = [each["right"] / each["blocked"] for each in views if each["blocked"]]
-            own_turns = None
-            if phase == "second":
-                own_turns = _share([result["alone"] for result in results], "right", "turns")
-            rows.append(
-                (
-                    f"{name}, after {seconds} s",
-                    len(shares),
-                    percent(statistics.median(shares)),
-                    percent(statistics.fmean(shares)),
-                    percent(min(shares)),
-                    _share(views, "left", "blocked"),
-                    _share(views, "turning_right", "turning"),
-                    own_turns,
-                )
-            )
-    columns = ("", "runs", "right, median", "mean", "least", "left", "of all", "own turns")
-    return [Table(title="Where the pilot turns right", columns=columns, rows=tuple(rows))]
+        rows[f"{name}, after 30 s"] = [result["first"] for result in results]
+        rows[f"{name}, after 60 s"] = [
+            {**result["second"], "alone": result["alone"]} for result in results
+        ]
+    return [table_of("Where the pilot turns right", "", rows, _COLUMNS)]
+
+
+def _rights(views: Sequence[Result]) -> list[float]:
+    return [each["right"] / each["blocked"] for each in views if each["blocked"]]
 
 
 def _share(counts: Sequence[dict[str, int]], part: str, whole: str) -> str:
     total = sum(count[whole] for count in counts)
     return percent(sum(count[part] for count in counts) / max(total, 1))
+
+
+_COLUMNS: Columns = {
+    "runs": lambda views: len(_rights(views)),
+    "right, median": lambda views: percent(statistics.median(_rights(views))),
+    "mean": lambda views: percent(statistics.fmean(_rights(views))),
+    "least": lambda views: percent(min(_rights(views))),
+    "left": lambda views: _share(views, "left", "blocked"),
+    "of all": lambda views: _share(views, "turning_right", "turning"),
+    "own turns": lambda views: (
+        _share([each["alone"] for each in views], "right", "turns") if "alone" in views[0] else None
+    ),
+}
 
 
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m

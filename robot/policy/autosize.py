@@ -77,14 +77,14 @@ def measure(
     """Time a full learner of this size on this machine."""
     policy = make_policy(f"{kind}-{max_nodes}", integer=integer)
     frames = sample_frames(60) if frames is None else frames
-    extract = _times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20), now_s)
+    extract = times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20), now_s)
     xs = [policy.extract(frame) for frame in frames]
     rng = np.random.default_rng(0)
     for i in range(max_nodes):  # fill it: a half-empty learner is faster than it will be
         noisy = xs[i % len(xs)].astype(np.int16) + rng.integers(-8, 9, xs[0].size)
         policy.learn(noisy.clip(0, 255).astype(np.uint8), DEFAULT_MOVES[i % 3])
-    propose = _times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats, now_s)
-    learn = _times(lambda i: policy.learn(xs[i % len(xs)], DEFAULT_MOVES[i % 3]), repeats, now_s)
+    propose = times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats, now_s)
+    learn = times(lambda i: policy.learn(xs[i % len(xs)], DEFAULT_MOVES[i % 3]), repeats, now_s)
     return Cost(
         max_nodes=max_nodes,
         extract_s=float(np.median(extract)),
@@ -128,10 +128,13 @@ def choose_max_nodes(
     return best
 
 
-def _times(step: Callable[[int], object], repeats: int, now_s: Callable[[], float]) -> list[float]:
-    times = []
+def times(
+    step: Callable[[int], object], repeats: int, now_s: Callable[[], float] = _MACHINE.now_s
+) -> list[float]:
+    """Return how long each step took, in seconds."""
+    took_s = []
     for i in range(repeats):
         start_s = now_s()
         step(i)
-        times.append(now_s() - start_s)
-    return times
+        took_s.append(now_s() - start_s)
+    return took_s

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 from robot.lab.simulated_pilots.behaviours import WallFollower
-from robot.lab.simulated_pilots.hand import HumanDelayConfig
-from robot.lab.simulated_pilots.pilot import SimulatedPilot, TakeoverPolicy
+from robot.lab.simulated_pilots.hand import PRACTISED, HumanDelayConfig
+from robot.lab.simulated_pilots.pilot import LENIENT, SimulatedPilot, TakeoverPolicy
 from robot.lab.simulated_pilots.situation import Situation
 from robot.lab.simulated_pilots.steering import Steerer
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS, Teacher, TeacherParams, Wanderer
@@ -99,8 +99,8 @@ class Habit:
 
     teacher: Callable[[tuple[Action, ...], str], Teacher] = Person
     """From the turns and a seed."""
-    hand: HumanDelayConfig = field(default_factory=HumanDelayConfig)
-    takeover: TakeoverPolicy = field(default_factory=TakeoverPolicy)
+    hand: HumanDelayConfig = PRACTISED
+    takeover: TakeoverPolicy = LENIENT
     turns: tuple[Action, ...] = BOTH
 
     @property

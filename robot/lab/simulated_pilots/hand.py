@@ -35,6 +35,7 @@ class HumanDelayConfig:
     pause_s: float = 1.0
 
 
+PRACTISED = HumanDelayConfig()
 STEADY = HumanDelayConfig(
     reaction_s=0.0, tremors_per_min=0.0, lapses_per_min=0.0, looks_hz=math.inf
 )

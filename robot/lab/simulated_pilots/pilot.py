@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass
 
-from robot.lab.simulated_pilots.hand import HumanDelayConfig, HumanDelayModel
+from robot.lab.simulated_pilots.hand import PRACTISED, HumanDelayConfig, HumanDelayModel
 from robot.lab.simulated_pilots.situation import Situation
 from robot.lab.simulated_pilots.teachers import Teacher
 from robot.types import Action, Mode, PilotCommand
@@ -29,6 +29,9 @@ class TakeoverPolicy:
     lenient_patience_s: float = 2.0
 
 
+LENIENT = TakeoverPolicy()
+
+
 class SimulatedPilot:
     """Drives as a phone does: sees frames, holds directions, sends ten heartbeats a second.
 
@@ -45,14 +48,14 @@ class SimulatedPilot:
         teacher: Teacher,
         moves: tuple[Action, ...],
         *,
-        hand: HumanDelayConfig | None = None,
-        takeover: TakeoverPolicy | None = None,
+        hand: HumanDelayConfig = PRACTISED,
+        takeover: TakeoverPolicy = LENIENT,
         seed: str = "0",
     ) -> None:
         self.teacher = teacher
-        self.takeover = takeover or TakeoverPolicy()
+        self.takeover = takeover
         self.mode = Mode.STOPPED
-        self._hand = HumanDelayModel(hand or HumanDelayConfig(), moves, seed)
+        self._hand = HumanDelayModel(hand, moves, seed)
         self._chance = random.Random(f"{seed} manners")
         self._screen: tuple[Situation, Action | None] | None = None
         self._looks_at_s: float | None = None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -62,9 +61,9 @@ def _cluster(max_nodes: int) -> dict[str, float]:
     product: list[float] = []
     for start in range(0, len(frames), _BLOCK):
         block = frames[start : start + _BLOCK]
-        product += _times(lambda _: matrix @ vector, block)
-        train += _times(learner.train, block)
-        lookup += _times(learner.lookup, block)
+        product += _times_us(lambda _: matrix @ vector, block)
+        train += _times_us(learner.train, block)
+        lookup += _times_us(learner.lookup, block)
     step, bare = float(np.median(train)), float(np.median(product))
     return {
         "max_nodes": max_nodes,
@@ -85,15 +84,10 @@ def _frames(count: int) -> list[NDArray[np.uint8]]:
     return list(mixed)
 
 
-def _times(
+def _times_us(
     step: Callable[[NDArray[np.uint8]], object], block: list[NDArray[np.uint8]]
 ) -> list[float]:
-    times = []
-    for x in block:
-        start = time.perf_counter()
-        step(x)
-        times.append((time.perf_counter() - start) * 1e6)
-    return times
+    return [1e6 * took_s for took_s in autosize.times(lambda i: step(block[i]), len(block))]
 
 
 def _tables(result: dict[str, Any]) -> tuple[Table, Table]:
