@@ -53,9 +53,9 @@ class Handler(BaseHTTPRequestHandler):
 @contextmanager
 def stand_in() -> Iterator[DriverCase]:
     with Mybot(("127.0.0.1", 0), Handler) as robot:
+        driver = MybotDriver(MybotOptions(mybot_address=f"127.0.0.1:{robot.server_port}"))
         thread = threading.Thread(target=robot.serve_forever, args=(0.02,))
         thread.start()
-        driver = MybotDriver(MybotOptions(mybot_address=f"127.0.0.1:{robot.server_port}"))
 
         def cut_link() -> None:
             robot.is_silent = True

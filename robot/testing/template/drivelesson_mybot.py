@@ -6,9 +6,8 @@ from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPException
 from typing import Any
 
-from robot.devices.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S, Move
-from robot.errors import DriveError
+from robot.driver import ACTION_TIMEOUT_S, Driver, Move
+from robot.errors import DriveError, NotConnectedError
 from robot.types import Action, Sensors
 
 
@@ -19,7 +18,7 @@ class MybotOptions:
     mybot_address: str = field(default="192.168.4.1:80", metadata={"help": "its HOST:PORT"})
 
 
-class MybotDriver(ConnectedDriver[HTTPConnection]):
+class MybotDriver(Driver):
     """Every move carries its time limit, so the robot stops by itself."""
 
     name = "mybot"
@@ -34,33 +33,42 @@ class MybotDriver(ConnectedDriver[HTTPConnection]):
 
     def __init__(self, options: MybotOptions) -> None:
         self._address = options.mybot_address
+        self._line: HTTPConnection | None = None
 
-    def _open(self) -> HTTPConnection:
-        return HTTPConnection(self._address, timeout=0.5)
+    @property
+    def is_connected(self) -> bool:
+        return self._line is not None
 
-    def _begin(self) -> None:
-        self._ask("/stop")
+    def connect(self) -> None:
+        self._line = self._line or HTTPConnection(self._address, timeout=0.5)
+        self.stop()
 
-    def _close(self, line: HTTPConnection) -> None:
-        line.close()
+    def disconnect(self) -> None:
+        with suppress(DriveError):
+            self.stop()
+        if self._line is not None:
+            self._line.close()
+        self._line = None
 
-    def _move(self, line: HTTPConnection, action: Action, speed_scale: float) -> None:
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        self.check_action(action, speed_scale)
         move = f"/move?name={action}&ms={round(1000 * ACTION_TIMEOUT_S)}&speed={speed_scale}"
         self._ask("/stop" if action is Action.STOP else move)
+        return action
 
     def sense(self) -> Sensors:
         return Sensors(distance_m=self._ask("/sense").get("distance_m"))
 
     def stop(self) -> None:
-        if self.is_connected:
-            with suppress(DriveError):  # out of reach, it stops by itself
-                self._ask("/stop")
+        if self._line is not None:
+            self._ask("/stop")
 
     def _ask(self, path: str) -> dict[str, Any]:
-        line = self._connected()
+        if self._line is None:
+            raise NotConnectedError("mybot is not connected; call connect() first")
         try:
-            line.request("GET", path)
-            return dict(json.loads(line.getresponse().read()))
+            self._line.request("GET", path)
+            return dict(json.loads(self._line.getresponse().read()))
         except (OSError, HTTPException, ValueError) as error:
-            line.close()
+            self._line.close()
             raise DriveError(f"mybot at {self._address} does not answer: {error}") from error
