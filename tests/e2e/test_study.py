@@ -295,8 +295,8 @@ def test_every_screen_of_a_study_is_whole_and_open_to_everyone(
         phase = session.phase
         if phase is None:
             break
-        if world.mode is not phase.kind.mode:
-            page.locator(f"mode-bar [data-mode={phase.kind.mode.value}]").click()
+        if world.mode is not phase.mode:
+            page.locator(f"mode-bar [data-mode={phase.mode.value}]").click()
         page.wait_for_timeout(100)
     assert session.step is SessionStep.QUESTIONS
     look("questions")

@@ -94,7 +94,7 @@ def _count(path: Path) -> dict[str, Any]:
         **_facts_of_run(episode.run),
         "duration_s": round(episode.duration_s, 6),
         "frames": len(episode.frames),
-        "taught": Counter(example.label.value for example in taught_frames(episode).values()),
+        "taught": dict(Counter(each.label.value for each in taught_frames(episode).values())),
         "damage": episode.damage,
     }
 

@@ -119,7 +119,7 @@ def changed_value(rng: Random, value: Any) -> Any:
     if isinstance(value, list):
         return rng.choice(([], value[:-1], [*value, *value], value[::-1], [*value, 1.0], [0] * 999))
     if isinstance(value, bool | int | float):
-        return rng.choice((*EXTREMES, *NO_NUMBERS, int(value) + 1, -value, None, "x", [], 10**40))
+        return rng.choice((*EXTREMES, *NO_NUMBERS, value + 1, -value, None, "x", [], 10**40))
     return rng.choice((None, 7, "", "left", "fly", "stop", "x" * 999, [], {}))
 
 
