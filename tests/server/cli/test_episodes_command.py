@@ -102,6 +102,8 @@ def test_out_and_in_again(
 def test_an_export_that_ends_in_an_error_is_not_there(
     episode_id: str, data: Path, form: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if form == "film":
+        pytest.importorskip("av", reason="NOT TESTED: PyAV is not installed (the extra export)")
     seen: list[int] = []
 
     def read_some(episode: Episode, frame_id: int) -> Frame:
