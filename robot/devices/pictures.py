@@ -7,9 +7,9 @@ import struct
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from robot.devices.png import encode_png
 from robot.errors import RecordingError, need
 from robot.policy.image import decode, to_rgb
-from robot.policy.png import encode_png
 from robot.types import Encoding, Frame
 
 MAX_FILE_BYTES = 32 * 2**20

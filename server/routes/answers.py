@@ -15,7 +15,7 @@ from fastapi import APIRouter, FastAPI, Response
 from fastapi.routing import APIRoute
 from numpy.typing import NDArray
 
-from robot.policy.png import encode_png
+from robot.devices.png import encode_png
 
 _T = TypeVar("_T")
 _WHY = {

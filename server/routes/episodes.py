@@ -10,9 +10,9 @@ from fastapi import APIRouter, Depends, Request, Response
 from starlette.responses import FileResponse
 
 from robot.devices.outside import Outside, must_be, text
+from robot.devices.png import encode_png
 from robot.driver import describe as describe_moves
 from robot.policy.image import to_rgb
-from robot.policy.png import encode_png
 from robot.store.episodes.editing import choose, moments, read_move
 from robot.store.episodes.edits import Edit, Notes, trim
 from robot.store.episodes.episode import Episode
