@@ -39,7 +39,8 @@ def test_another_place_is_chosen_on_the_page(chromium: Any, tmp_path: Path) -> N
                     lambda frame=frame: (world.rig.loop.state.frame_id or 0) > frame + 1, "it sees"
                 )
                 show(page, "settings")
-                wait_for(lambda place=place: choice.input_value() == place, "it is chosen")
+                shown = choice.input_value
+                wait_for(lambda shown=shown, place=place: shown() == place, "it is chosen")
                 drawn = page.locator("settings-screen .thing").count()
                 assert drawn == len(simulation.world.obstacles)
                 start = simulation.world.start
