@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from robot.control.camera_timing import CameraState, CameraTiming
 from robot.control.gate import Gate
@@ -98,20 +99,19 @@ class Publisher:
     def publish(self, tick: Tick) -> None:
         """Publish a tick of which what happened is filled in."""
         self.state = self._sum_up(
-            replace(
-                tick,
-                cycles=self.state.cycles + 1,
-                late_cycles=self.state.late_cycles + (tick.cycle_s > LATE_CYCLE_S),
-            )
+            tick,
+            cycles=self.state.cycles + 1,
+            late_cycles=self.state.late_cycles + (tick.cycle_s > LATE_CYCLE_S),
         )
         for listener in self._listeners:
             listener(self.state)
 
-    def _sum_up(self, tick: Tick) -> Tick:
+    def _sum_up(self, tick: Tick, **counted: Any) -> Tick:
         learning, gate = self._learning, self._gate
         frame, policy = learning.frame, learning.history.policy
         return replace(
             tick,
+            **counted,
             prediction=learning.prediction,
             history_events=learning.take_events(),
             cycle_hz=learning.frame_rate_hz,

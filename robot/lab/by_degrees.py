@@ -6,12 +6,12 @@ import statistics
 from collections.abc import Iterator, Sequence
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
-from robot.lab.habit_run import DRIFT_SHARE, beside_pilot
+from robot.lab.habit_run import DRIFT_SHARE, beside_pilot, pilots_minutes
 from robot.lab.ideas import make_learner
 from robot.lab.simulated_pilots.habits import HABITS, STEERED
 from robot.lab.tables import mean_in_interval
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Trial, drive_by_hand
+from robot.lab.trial import Trial
 from robot.store.table import Cell, Table
 from robot.types import Mode
 
@@ -44,13 +44,7 @@ def run_degrees(params: Params) -> Result:
         trial.drive(Mode.AUTONOMOUS, CORRECT_S)
         alone = trial.drive(Mode.AUTONOMOUS, ALONE_S, supervised=False)
         timing = trial.timing()
-    start = alone.moments[0].pose
-    minutes = [
-        drive_by_hand(
-            world, seed + 1000 * i, habit.pilot(f"{name} {i}"), 60.0, RATE_HZ, start=start
-        )
-        for i in range(_MINUTES)
-    ]
+    minutes = pilots_minutes(habit, name, world, seed, RATE_HZ, _MINUTES, alone)
     return {**beside_pilot(alone, minutes, taught, habit.moves), "timing": timing}
 
 

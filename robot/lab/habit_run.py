@@ -9,7 +9,7 @@ from robot.control.profile import behavior_profile, compare
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog
-from robot.lab.simulated_pilots.habits import HABITS
+from robot.lab.simulated_pilots.habits import HABITS, Habit
 from robot.lab.task import Params, Result
 from robot.lab.trial import Trial, drive_by_hand
 from robot.types import Action, Mode
@@ -49,22 +49,25 @@ def run_habit(params: Params) -> Result:
         timing, lessons = trial.timing(), dict(trial.loop.state.taught)
     result: Result = {}
     for phase, drive in drives.items():
-        start = drive.moments[0].pose
-        minutes = [
-            drive_by_hand(
-                world,
-                seed + 1000 * number,
-                habit.pilot(f"{name} {number}"),
-                60.0,
-                rate_hz,
-                start=start,
-            )
-            for number in range(round(params.get("reference_s", 180.0) / 60.0))
-        ]
+        n_minutes = round(params.get("reference_s", 180.0) / 60.0)
+        minutes = pilots_minutes(habit, name, world, seed, rate_hz, n_minutes, drive)
         result[phase] = beside_pilot(drive, minutes, taught, habit.moves)
     result["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
     result["timing"] = timing
     return result
+
+
+def pilots_minutes(
+    habit: Habit, name: str, world: str, seed: int, rate_hz: float, n_minutes: int, drive: DriveLog
+) -> list[DriveLog]:
+    """Have the pilot drive some minutes himself, each from where the robot's drive began."""
+    start = drive.moments[0].pose
+    return [
+        drive_by_hand(
+            world, seed + 1000 * i, habit.pilot(f"{name} {i}"), 60.0, rate_hz, start=start
+        )
+        for i in range(n_minutes)
+    ]
 
 
 def beside_pilot(

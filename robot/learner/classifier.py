@@ -89,10 +89,10 @@ class BSOCClassifier(Stateful, Learner):
     ) -> None:
         if n_voters < 1:
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
-        self.max_nodes = max_nodes
-        self.n_voters = n_voters
-        own = BSOC(max_nodes, group_cost=group_cost, integer=integer)
-        cluster = self.cluster = own if cluster is None else cluster
+        self.max_nodes, self.n_voters = max_nodes, n_voters
+        if cluster is None:  # an empty one is false
+            cluster = BSOC(max_nodes, group_cost=group_cost, integer=integer)
+        self.cluster = cluster
         self.labels_: list[Label] = []
         self.n_seen_ = 0
         self.linear = linear
@@ -163,23 +163,24 @@ class BSOCClassifier(Stateful, Learner):
             distances, taught = self.cluster.last_distances_, self.cluster.last_touched_
             owners = self._histograms[: len(distances)].argmax(axis=1)
             self._mind.note(column, distances, owners, taught, self.cluster.n_trained_)
-        merge = self.cluster.last_merge_
-        if merge is not None:
+        if (merge := self.cluster.last_merge_) is not None:
             for sums in self._sums():
                 sums[merge.kept] += sums[merge.removed]
                 sums[merge.removed] = 0
         self._histograms[node, column] += 1
-        terms = votes.angle_terms(angle)
+        steered: votes.Floats | float = 0.0
         if self._node_angles is not None:
+            terms = votes.angle_terms(angle)
             self._node_angles[node] += terms
+            steered = terms[:2]
         self.n_seen_ += 1
         self.last_node_ = self.cluster.node_id(node)
         if self.cluster.last_distance_ is not None:
             self.novelty_.learn(self.cluster.last_distance_)
         if self._contextual is not None:
-            self._contextual.learn_in(x, column, contexts, terms[:2])
+            self._contextual.learn_in(x, column, contexts, steered)
         elif self.linear is not None:
-            self.linear.learn(x, np.eye(len(self.labels_))[column], angle=terms[:2])
+            self.linear.learn(x, np.eye(len(self.labels_))[column], angle=steered)
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; adds one for a new label."""
