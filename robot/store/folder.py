@@ -6,6 +6,7 @@ What stands where is in its README.txt, below, and in docs/reference/storage.md.
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import os
 import re
@@ -33,6 +34,8 @@ All of it can be copied and moved while the program does not run.
 """
 
 _HALF_DONE_S = 60.0
+_LONGEST_NAME, _LONGEST_ENDING = 64, 40
+"""Characters of a name (`check_name`), and of what is added to it in its folder."""
 _NAME = re.compile(r"[^\W_][\w .()+,-]{0,63}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
 _BUSY = (5, 32)
@@ -74,7 +77,7 @@ def free_name(wanted: str, taken: set[str]) -> str:
     candidate, number = wanted, 2
     while candidate.casefold() in folded:
         ending = f" ({number})"
-        candidate = wanted[: 64 - len(ending)].rstrip() + ending
+        candidate = wanted[: _LONGEST_NAME - len(ending)].rstrip() + ending
         number += 1
     return candidate
 
@@ -214,6 +217,7 @@ class Storage:
                 folder.mkdir(parents=True, exist_ok=True)
             if not (self.root / "README.txt").exists():
                 write_whole(self.root / "README.txt", _README.encode())
+            self._try_longest()
         except OSError as error:
             if not must_be_usable:
                 return
@@ -221,6 +225,26 @@ class Storage:
                 f"the data folder {self.root} cannot be used: {error.strerror or error}; "
                 "choose another with --data FOLDER"
             ) from error
+
+    def _try_longest(self) -> None:
+        """Make a file with a path as long as any to come: Windows takes 260 characters in all."""
+        folder = self.trash / ("n" * _LONGEST_NAME)
+        file = folder / ("n" * (_LONGEST_NAME + _LONGEST_ENDING))
+        try:
+            folder.mkdir(exist_ok=True)
+            file.touch()
+            file.unlink()
+        except OSError as error:
+            if error.errno not in (errno.ENAMETOOLONG, errno.ENOENT, errno.EINVAL):
+                raise
+            n = len(str(file.absolute()))
+            raise OSError(
+                error.errno,
+                f"a file in it can need a path of {n} characters, which is too long here",
+            ) from error
+        finally:
+            with contextlib.suppress(OSError):
+                folder.rmdir()
 
     def sweep(self) -> None:
         """Remove what a power cut left half done a minute ago or more: `.part`, empty recordings.

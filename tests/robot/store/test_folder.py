@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import tomllib
 from pathlib import Path
@@ -9,7 +10,8 @@ from pathlib import Path
 import platformdirs
 import pytest
 
-from robot.store.folder import default_root
+from robot.errors import ConfigurationError
+from robot.store.folder import Storage, default_root
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -33,3 +35,21 @@ def test_what_names_the_folder_is_in_the_base_and_in_no_extra() -> None:
 def test_a_person_may_choose_another(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path))
     assert default_root() == tmp_path
+
+
+@pytest.mark.skipif(not hasattr(os, "pathconf"), reason="the limit is asked of a POSIX system")
+@pytest.mark.parametrize("spare", [60, 120, 170])
+def test_a_folder_that_leads_to_too_long_paths_is_refused_at_once(
+    tmp_path: Path, spare: int
+) -> None:
+    most = os.pathconf(tmp_path, "PC_PATH_MAX") - 1  # a zero ends each
+    deep = tmp_path
+    while (left := most - 300 - len(str(deep))) > 1:
+        deep /= "d" * min(left - 1, 200)
+    deep.mkdir(parents=True)
+    root = deep / ("r" * (300 - 1 - spare))
+    with pytest.raises(ConfigurationError, match=r"too long here.*--data FOLDER"):
+        Storage(root)
+    Storage(root, must_be_usable=False)
+    storage = Storage(deep)
+    assert list(storage.trash.iterdir()) == []
