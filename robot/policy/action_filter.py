@@ -161,17 +161,27 @@ class ActionFilter(PolicyPart):
     def _choose(self, seen: Seen, at_s: float) -> Action:
         """Return the best move that is not barred; the first on a tie."""
         under_way, shares, pace, turns = seen.under_way, seen.shares, self.pace, self._kinds.turns
-        futile, urge = None, 0.0
+        urge = 0.0
         if self._gives_up:  # on an EV3 each comparison of pictures counts
             self._stall_detector.patience_s = pace.patience_s
-            futile = self._stall_detector.barred(
-                seen.picture, under_way, at_s, bumped=seen.bumped, taught=pace.scale
+            if self.needs_help and at_s >= self._asks_until_s:
+                self._stall_detector.lift()
+            self._stall_detector.barred(
+                seen.picture,
+                under_way,
+                at_s,
+                bumped=seen.bumped,
+                taught=pace.scale,
+                stands=pace.stands,
             )
             urge = self._watch(under_way, at_s, ALLOWANCE * pace.longest_debt_s)
-        barred = self._barred_side(at_s, pace.to_and_fro_s)
+        futile = self._stall_detector.futile
+        barred = (
+            self._barred_side(at_s, pace.to_and_fro_s) if turns.keys().isdisjoint(futile) else None
+        )
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
-        fruitful = [action for action in allowed if action is not futile and shares[action] > 0.0]
-        if futile is not None and not fruitful:
+        fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
+        if futile and not fruitful:
             self._ask(at_s)  # it was taught no other move
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
         return max(

@@ -23,6 +23,7 @@ class MoveKinds(Stateful):
     Attributes:
         turns: The moves that steer to one side, and which: -1 for left, 1 for right.
         straight: The moves that drive ahead or back without steering.
+        others: The moves of which nobody knows what they do; never STOP.
         points: Steering and throttle of the moves that have them; told by the body, never kept.
     """
 
@@ -48,6 +49,8 @@ class MoveKinds(Stateful):
         sides = ((-1, self._left), (1, self._right))
         self.turns = {Action(name): side for side, own in sides for name in own}
         self.straight = frozenset(map(Action, self._straight))
+        known = {*self.turns, *self.straight, Action.STOP}
+        self.others = frozenset(move for move in self._moves if move not in known)
 
     def faults(self) -> Iterator[str]:
         named = [*self._left, *self._right, *self._straight]

@@ -16,7 +16,7 @@ from robot.learner.part import Array, Arrays, Params, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
-from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter
+from robot.policy.stall_detector import MEMORY, STEP_S, STUCK_S, ChangeMeter
 from robot.types import DEFAULT_MOVES, Action
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
@@ -122,7 +122,9 @@ class PilotPace(PolicyPart):
 
     Attributes:
         longest_debt_s: Largest debt (`Headway`) of the pilot's own driving, within bounds.
-        scale: How much the picture changes as he drives straight.
+        scale: How much the picture changes as he drives straight, or as he makes any move where
+            none is known to be straight.
+        stands: The moves by which he stood on purpose, among those that nobody knows.
     """
 
     fields = (
@@ -135,6 +137,8 @@ class PilotPace(PolicyPart):
         Value("side", optional(number(-1.0, 1.0)), "_headway.side", older=(None,)),
         Value("sides_s", many(number(), 2), "_headway.sides_s", older=((),)),
         Value("changes_s", many(number(0.0), _MEANT), older=((),)),
+        Value("stand_s", number(0.0), older=(0.0,)),
+        Value("stands", many(name, 64), "stands", older=((),)),
         Value("last_s", number()),
         Value("clock", row(number(0.0), number(0.0), optional(number())), "_headway.clock"),
         Value("before_s", number(), "scale.before_s", older=(0.0,)),
@@ -153,6 +157,8 @@ class PilotPace(PolicyPart):
         self._label: Action | None = None
         self._last_s = 0.0
         self._changes_s: list[float] = []
+        self._stand_s = 0.0
+        self.stands: list[Action] = []
         self._headway = Headway(self.kinds)
 
     @property
@@ -196,8 +202,12 @@ class PilotPace(PolicyPart):
             self._end_push()
         elif is_still or self._push_s > 0.0:  # None: too soon to tell
             self._push_s += step_s
-        if change is not None and label in self.kinds.straight:
+        if change is not None and label in (self.kinds.straight or self.kinds.others):
             self.scale.add(change)
+        if is_still is not None:
+            self._stand_s = self._stand_s + STEP_S if is_still and label is self._label else 0.0
+        if label in self.kinds.others and label not in self.stands and self._stand_s >= STUCK_S:
+            self.stands.append(label)
         self._run_s += step_s
         if label is not self._label or not is_going_on:
             if is_going_on and self._label is not None:
@@ -224,3 +234,4 @@ class PilotPace(PolicyPart):
         self.scale.changes = deque(self.scale.changes, maxlen=MEMORY)
         self._headway.sides_s = list(self._headway.sides_s)
         self._changes_s = list(self._changes_s)
+        self.stands = list(self.stands)

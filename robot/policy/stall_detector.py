@@ -1,14 +1,17 @@
-"""Detects a stalled robot: straight motion is commanded, the image does not change.
+"""Detects a stalled robot: motion is commanded, the image does not change.
 
 A pilot seldom lets it come to that, so no example shows the view from there, and votes alone would
-push on for ever. An image that does not change shows it, or a bumper where there is one. A turn is
-not watched here: near a plain wall it changes the picture little (`Headway` watches it).
+push on for ever, or brake. An image that does not change shows it, or a bumper where there is one.
+Near a plain wall a turn changes the picture little, so it is watched only where another move had no
+effect, and has more time. A move that nobody knows is not watched if the pilot has stood with it
+himself: he may wait, or grip.
 """
 
 from __future__ import annotations
 
 import statistics
 from collections import deque
+from collections.abc import Collection
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +20,11 @@ from robot.policy.move_kinds import MoveKinds
 from robot.types import DEFAULT_MOVES, Action
 
 STUCK_S = 0.5
-"""After so long without effect a straight move is given up, if the pilot never meant to push,"""
+"""After so long without effect a move is given up, if the pilot never meant to push,"""
+TURN_STUCK_S = 2.0
+"""and after so long a turn that was to help."""
 AWAY_S = 1.5
-"""and not taken up again for so long, nor before the robot moves."""
+"""Nor is it taken up again for so long, nor before the robot moves: one after the other may be."""
 STEP_S = 0.1
 _STILL_SHARE = 0.25
 MEMORY, _FEWEST = 100, 5
@@ -75,15 +80,16 @@ class ChangeMeter:
 
 
 class StallDetector:
-    """Bars a straight move that has no effect.
+    """Bars a move that has no effect.
 
     Args:
-        kinds: Which moves are straight.
+        kinds: Which moves are which.
 
     Attributes:
-        patience_s: How long a straight move may be without effect: more for a pilot who pushes
-            things on purpose (`pilot_pace.py`).
-        is_stalled: True while a straight move under way has no effect.
+        patience_s: How long a move may be without effect: more for a pilot who pushes things on
+            purpose (`pilot_pace.py`).
+        is_stalled: True while a move under way has no effect.
+        futile: The moves that are given up.
     """
 
     def __init__(self, kinds: MoveKinds | None = None) -> None:
@@ -92,7 +98,7 @@ class StallDetector:
         self._kinds = kinds or MoveKinds(DEFAULT_MOVES)
         self._meter = ChangeMeter()
         self._stuck_since_s: float | None = None
-        self._barred: Action | None = None
+        self.futile: list[Action] = []
         self._barred_until_s = 0.0
 
     def barred(
@@ -103,8 +109,9 @@ class StallDetector:
         *,
         bumped: bool = False,
         taught: ChangeMeter | None = None,
+        stands: Collection[Action] = (),
     ) -> Action | None:
-        """Look at one more frame; return the move that has no effect now, if there is one.
+        """Look at one more frame; return the move that was given up last, if it still is.
 
         Args:
             picture: The frame in grey, of any one shape.
@@ -113,29 +120,46 @@ class StallDetector:
             bumped: True if a bumper is pressed.
             taught: How much the picture changed as the pilot drove straight; None or too little of
                 it: as the robot itself did.
+            stands: Moves that may be without effect.
         """
         change = self._meter.note(picture, at_s)
         if change is not None:
-            if under_way in self._kinds.straight:
+            kinds = self._kinds
+            if under_way in (kinds.straight or kinds.others):
                 self._meter.add(change)
             scale = taught if taught is not None and taught.is_known else self._meter
-            self._note(scale.is_still(change) or bumped, under_way, at_s)
-        return self._barred
+            is_still = scale.is_still(change)
+            if under_way in kinds.straight:
+                self.is_stalled = is_still or bumped
+            elif under_way in kinds.turns:
+                self.is_stalled = is_still and bool(self.futile)
+            else:
+                self.is_stalled = is_still and under_way in kinds.others and under_way not in stands
+            patience_s = TURN_STUCK_S if under_way in kinds.turns else self.patience_s
+            self._note(is_still or bumped, under_way, at_s, patience_s)
+        return self.futile[-1] if self.futile else None
 
-    def _note(self, is_stuck: bool, under_way: Action | None, at_s: float) -> None:
-        self.is_stalled = is_stuck and under_way in self._kinds.straight
+    def _note(
+        self, is_stuck: bool, under_way: Action | None, at_s: float, patience_s: float
+    ) -> None:
         if not is_stuck and at_s >= self._barred_until_s:
-            self._barred = None
-        if not self.is_stalled:
+            self.futile = []
+        if under_way is None or not self.is_stalled:
             self._stuck_since_s = None
         elif self._stuck_since_s is None:
             self._stuck_since_s = at_s
-        elif at_s - self._stuck_since_s >= self.patience_s - STEP_S:
-            self._barred, self._barred_until_s = under_way, at_s + AWAY_S
+        elif at_s - self._stuck_since_s >= patience_s - STEP_S:
+            self.futile = [*(move for move in self.futile if move is not under_way), under_way]
+            self._barred_until_s = at_s + AWAY_S
             self._stuck_since_s = None
+
+    def lift(self) -> None:
+        """Bar nothing: what had no effect is tried again."""
+        self._stuck_since_s = None
+        self.futile = []
 
     def reset(self) -> None:
         """Forget what belongs to one drive; the scale of change stays."""
         self._meter.reset()
-        self._stuck_since_s = self._barred = None
+        self.lift()
         self.is_stalled = False

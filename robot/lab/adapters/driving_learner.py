@@ -84,7 +84,7 @@ class DrivingLearner:
             self._frame_id, x, under_way=self._under_way, at_s=at_s, bumped=bumped
         )
         self._seen = x, at_s
-        self._under_way = None if prediction.needs_help else prediction.action
+        self._under_way = Action.STOP if prediction.needs_help else prediction.action
         return prediction
 
     def teach(self, move: str, *, is_correction: bool = False, point: Point | None = None) -> None:

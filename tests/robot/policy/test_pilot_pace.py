@@ -10,13 +10,14 @@ from robot.policy.stall_detector import STUCK_S
 from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+BRAKE, GRIP = Action("brake"), Action("grip")
 
 
 class Pilot:
     """Labelled frames at some rate; pictures of a stripe that moves or stands."""
 
-    def __init__(self, rate_hz=10.0):
-        self.pace, self.dt_s = PilotPace(), 1 / rate_hz
+    def __init__(self, rate_hz=10.0, kinds=None):
+        self.pace, self.dt_s = PilotPace(kinds), 1 / rate_hz
         self.now_s, self.shift = 0.0, 0.0
         self.rng = np.random.default_rng(3)
 
@@ -63,6 +64,18 @@ def test_corrections_with_pauses_between_them_are_manoeuvres_of_their_own():
         pilot.drive(L, 2.0)
         pilot.now_s += 0.5  # the most that a pause counts in teaching time
     assert pilot.pace.longest_debt_s == pytest.approx(2.0, abs=0.3)
+
+
+@pytest.mark.parametrize("moves", [(F, L, BRAKE, GRIP), (BRAKE, GRIP)])
+@pytest.mark.parametrize("rate_hz", [5, 10, 30])
+def test_who_stands_with_a_move_that_nobody_knows_means_to(moves, rate_hz):
+    kinds = MoveKinds(moves)
+    pilot = Pilot(rate_hz, kinds).drive(moves[0], 3).drive(GRIP, 0.3, is_moving=False)
+    pilot.drive(BRAKE, 3).drive(GRIP, 1.5, is_moving=False).drive(BRAKE, 0.3, is_moving=False)
+    assert pilot.pace.stands == [GRIP]
+    other = PilotPace(kinds)
+    other.load(*pilot.pace.save(), names={str(move): move for move in moves})
+    assert other.stands == [GRIP]
 
 
 def test_its_state_goes_on_as_if_nothing_had_been():

@@ -3,18 +3,25 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.policy.stall_detector import AWAY_S, STUCK_S, StallDetector
+from robot.policy.move_kinds import MoveKinds
+from robot.policy.stall_detector import AWAY_S, STUCK_S, TURN_STUCK_S, StallDetector
 from robot.types import Action
 
-F, L = Action.FORWARD, Action.LEFT
+F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+BRAKE, GRIP = Action("brake"), Action("grip")
 
 
 class Drive:
     """Pictures at 20 Hz: of a stripe that moves, or of one that only has noise."""
 
     def __init__(self):
-        self.standstill, self.now_s, self.shift = StallDetector(), 100.0, 0
+        self.standstill = StallDetector(MoveKinds((F, L, R, BRAKE, GRIP)))
+        self.now_s, self.shift = 100.0, 0
         self.rng = np.random.default_rng(3)
+
+    @property
+    def barred(self):
+        return set(self.standstill.futile)
 
     def go(self, seconds, under_way, is_moving, bumped=False):
         """Drive on; return when the move was first barred, seconds after the start."""
@@ -25,9 +32,8 @@ class Drive:
             picture = np.full((30, 40), 60, np.uint8)
             picture[:, self.shift % 30 : self.shift % 30 + 10] = 180
             picture += self.rng.integers(0, 4, (30, 40), np.uint8)
-            barred = self.standstill.barred(picture, under_way, self.now_s, bumped=bumped)
-            if barred is not None and first_s is None:
-                assert barred is F
+            self.standstill.barred(picture, under_way, self.now_s, bumped=bumped, stands=(GRIP,))
+            if self.barred and first_s is None:
                 first_s = (i + 1) * 0.05
         return first_s
 
@@ -41,6 +47,7 @@ def test_pushing_is_noticed_in_half_a_second(drive):
     assert drive.go(3, F, is_moving=True) is None
     noticed_s = drive.go(3, F, is_moving=False)
     assert STUCK_S - 0.1 <= noticed_s <= STUCK_S + 0.2
+    assert drive.barred == {F}
 
 
 def test_the_move_is_free_again_once_the_robot_has_moved_away(drive):
@@ -58,9 +65,29 @@ def test_a_turn_goes_on_however_little_the_picture_changes(drive):
 def test_a_move_given_up_is_not_taken_up_before_the_picture_moves(drive):
     drive.go(3, F, is_moving=True)
     drive.go(STUCK_S + 0.2, F, is_moving=False)
-    assert drive.go(2 * AWAY_S, L, is_moving=False) is not None
+    drive.go(AWAY_S, L, is_moving=False)
+    assert drive.barred == {F}
     drive.go(0.2, L, is_moving=True)
     assert drive.go(2, F, is_moving=True) is None
+
+
+def test_what_does_not_help_either_is_given_up_too_until_all_is_tried_again(drive):
+    drive.go(3, F, is_moving=True)
+    for move, patience_s in ((BRAKE, STUCK_S), (F, STUCK_S), (R, TURN_STUCK_S)):
+        before = drive.barred
+        drive.go(patience_s - 0.2, move, is_moving=False)
+        assert drive.barred == before
+        drive.go(0.4, move, is_moving=False)
+        assert drive.barred == before | {move}
+    drive.standstill.lift()
+    assert drive.go(0.1, F, is_moving=False) is None
+
+
+def test_a_move_that_nobody_knows_is_given_up_unless_the_pilot_stood_with_it(drive):
+    drive.go(3, F, is_moving=True)
+    assert drive.go(5, GRIP, is_moving=False) is None
+    assert drive.go(5, BRAKE, is_moving=True, bumped=True) is None
+    assert drive.go(5, BRAKE, is_moving=False) is not None
 
 
 def test_standing_by_order_or_by_the_pilots_hand_is_no_pushing(drive):
