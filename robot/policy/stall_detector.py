@@ -2,6 +2,9 @@
 
 A pilot seldom lets it come to that, so no example shows the view from there, and votes alone would
 push on for ever, or brake. An image that does not change shows it, or a bumper where there is one.
+From one frame to the next a car that sets off changes it as little as one that stands; so in the
+end it must still be as it was when that began.
+
 Near a plain wall a turn changes the picture little, so it is watched only where another move had no
 effect, and has more time. A move that nobody knows is not watched if the pilot has stood with it
 himself: he may wait, or grip.
@@ -58,7 +61,7 @@ class ChangeMeter:
         self.before, self.before_s = picture, at_s
         if before is None or before.shape != picture.shape or step_s < 0.0:
             return None
-        return float(np.abs(picture.astype(np.int16) - before).mean())
+        return difference(picture, before)
 
     @property
     def is_known(self) -> bool:
@@ -79,6 +82,11 @@ class ChangeMeter:
         self.before = None
 
 
+def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
+    """Return by how much two pictures of one shape differ, in grey levels a pixel."""
+    return float(np.abs(picture.astype(np.int16) - other).mean())
+
+
 class StallDetector:
     """Bars a move that has no effect.
 
@@ -97,7 +105,7 @@ class StallDetector:
         self.is_stalled = False
         self._kinds = kinds or MoveKinds(DEFAULT_MOVES)
         self._meter = ChangeMeter()
-        self._stuck_since_s: float | None = None
+        self._stuck_since: tuple[float, NDArray[np.uint8]] | None = None
         self.futile: list[Action] = []
         self._barred_until_s = 0.0
 
@@ -135,27 +143,33 @@ class StallDetector:
                 self.is_stalled = is_still and bool(self.futile)
             else:
                 self.is_stalled = is_still and under_way in kinds.others and under_way not in stands
-            patience_s = TURN_STUCK_S if under_way in kinds.turns else self.patience_s
-            self._note(is_still or bumped, under_way, at_s, patience_s)
+            if not is_still and not bumped and at_s >= self._barred_until_s:
+                self.futile = []
+            self._note(picture, under_way, at_s, None if bumped else scale)
         return self.futile[-1] if self.futile else None
 
     def _note(
-        self, is_stuck: bool, under_way: Action | None, at_s: float, patience_s: float
+        self,
+        picture: NDArray[np.uint8],
+        under_way: Action | None,
+        at_s: float,
+        scale: ChangeMeter | None,
     ) -> None:
-        if not is_stuck and at_s >= self._barred_until_s:
-            self.futile = []
+        """Give a move up after its time, unless the picture crept on meanwhile as `scale` tells."""
+        patience_s = TURN_STUCK_S if under_way in self._kinds.turns else self.patience_s
         if under_way is None or not self.is_stalled:
-            self._stuck_since_s = None
-        elif self._stuck_since_s is None:
-            self._stuck_since_s = at_s
-        elif at_s - self._stuck_since_s >= patience_s - STEP_S:
-            self.futile = [*(move for move in self.futile if move is not under_way), under_way]
-            self._barred_until_s = at_s + AWAY_S
-            self._stuck_since_s = None
+            self._stuck_since = None
+        elif self._stuck_since is None:
+            self._stuck_since = at_s, picture
+        elif at_s - self._stuck_since[0] >= patience_s - STEP_S:
+            if scale is None or scale.is_still(difference(picture, self._stuck_since[1])):
+                self.futile = [*(move for move in self.futile if move is not under_way), under_way]
+                self._barred_until_s = at_s + AWAY_S
+            self._stuck_since = None
 
     def lift(self) -> None:
         """Bar nothing: what had no effect is tried again."""
-        self._stuck_since_s = None
+        self._stuck_since = None
         self.futile = []
 
     def reset(self) -> None:
