@@ -164,8 +164,6 @@ class ActionFilter(PolicyPart):
         urge = 0.0
         if self._gives_up:  # on an EV3 each comparison of pictures counts
             self._stall_detector.patience_s = pace.patience_s
-            if self.needs_help and at_s >= self._asks_until_s:
-                self._stall_detector.lift()
             self._stall_detector.barred(
                 seen.picture,
                 under_way,
@@ -202,6 +200,8 @@ class ActionFilter(PolicyPart):
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
         """Update the clock and `needs_help`; return what to subtract from the votes of turns."""
         if under_way is None or (self.needs_help and at_s >= self._asks_until_s):
+            if self.needs_help:
+                self._stall_detector.lift()
             self.needs_help = False  # the pilot drives, and knows the way out, or it tries again
             self._headway.reset()
             return 0.0
