@@ -33,7 +33,6 @@ _PATIENCE_S = 4.0
 _FILE_PATIENCE_S = 60.0
 _THREADS = 64
 _ENDS = (OSError, EOFError, UnicodeError, WebSocketException, http.client.HTTPException)
-_ENDS = (OSError, EOFError, UnicodeError, WebSocketException, http.client.HTTPException)
 
 
 class UnreachableError(RobotError, OSError):
