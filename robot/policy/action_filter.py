@@ -174,9 +174,7 @@ class ActionFilter(PolicyPart):
             )
             urge = self._watch(under_way, at_s, ALLOWANCE * pace.longest_debt_s)
         futile = self._stall_detector.futile
-        barred = (
-            self._barred_side(at_s, pace.to_and_fro_s) if turns.keys().isdisjoint(futile) else None
-        )
+        barred = self._barred_side(at_s, pace.to_and_fro_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:

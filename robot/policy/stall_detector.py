@@ -5,9 +5,8 @@ push on for ever, or brake. An image that does not change shows it, or a bumper 
 From one frame to the next a car that sets off changes it as little as one that stands; so in the
 end it must still be as it was when that began.
 
-Near a plain wall a turn changes the picture little, so it is watched only where another move had no
-effect, and has more time. A move that nobody knows is not watched if the pilot has stood with it
-himself: he may wait, or grip.
+A turn is not watched here: near a plain wall it changes the picture little (`Headway` watches it).
+Nor is a move that nobody knows, if the pilot has stood with it himself: he may wait, or grip.
 """
 
 from __future__ import annotations
@@ -24,8 +23,6 @@ from robot.types import DEFAULT_MOVES, Action
 
 STUCK_S = 0.5
 """After so long without effect a move is given up, if the pilot never meant to push,"""
-TURN_STUCK_S = 2.0
-"""and after so long a turn that was to help."""
 AWAY_S = 1.5
 """Nor is it taken up again for so long, nor before the robot moves: one after the other may be."""
 STEP_S = 0.1
@@ -139,8 +136,6 @@ class StallDetector:
             is_still = scale.is_still(change)
             if under_way in kinds.straight:
                 self.is_stalled = is_still or bumped
-            elif under_way in kinds.turns:
-                self.is_stalled = is_still and bool(self.futile)
             else:
                 self.is_stalled = is_still and under_way in kinds.others and under_way not in stands
             if not is_still and not bumped and at_s >= self._barred_until_s:
@@ -156,12 +151,11 @@ class StallDetector:
         scale: ChangeMeter | None,
     ) -> None:
         """Give a move up after its time, unless the picture crept on meanwhile as `scale` tells."""
-        patience_s = TURN_STUCK_S if under_way in self._kinds.turns else self.patience_s
         if under_way is None or not self.is_stalled:
             self._stuck_since = None
         elif self._stuck_since is None:
             self._stuck_since = at_s, picture
-        elif at_s - self._stuck_since[0] >= patience_s - STEP_S:
+        elif at_s - self._stuck_since[0] >= self.patience_s - STEP_S:
             if scale is None or scale.is_still(difference(picture, self._stuck_since[1])):
                 self.futile = [*(move for move in self.futile if move is not under_way), under_way]
                 self._barred_until_s = at_s + AWAY_S
