@@ -15,6 +15,7 @@ import time
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import BinaryIO
 
 from robot.errors import ConfigurationError, NotFoundError
@@ -36,7 +37,7 @@ All of it can be copied and moved while the program does not run.
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
 """Characters of a name (`check_name`), and of what is added to it in its folder."""
-_NAME = re.compile(r"[^\W_][\w .()+,-]{0,63}", re.UNICODE)
+_NAME = re.compile(rf"[^\W_][\w .()+,-]{{0,{_LONGEST_NAME - 1}}}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
 _BUSY = (5, 32)
 """Windows' numbers for a file that another program has open."""
@@ -65,8 +66,8 @@ def check_name(name: str) -> str:
     tidy = unicodedata.normalize("NFC", name).strip().rstrip(". ")
     if not _NAME.fullmatch(tidy) or _RESERVED.fullmatch(tidy) or len(tidy.encode()) > 200:
         raise ConfigurationError(
-            f"{name[:80]!r} cannot be a name: use up to 64 letters, digits, spaces and ( ) - + , . "
-            "and begin with a letter or digit"
+            f"{name[:80]!r} cannot be a name: use up to {_LONGEST_NAME} letters, digits, spaces "
+            "and ( ) - + , . and begin with a letter or digit"
         )
     return tidy
 
@@ -228,23 +229,18 @@ class Storage:
 
     def _try_longest(self) -> None:
         """Make a file with a path as long as any to come: Windows takes 260 characters in all."""
-        folder = self.trash / ("n" * _LONGEST_NAME)
-        file = folder / ("n" * (_LONGEST_NAME + _LONGEST_ENDING))
+        # A folder of its own: another program may be trying at the same time.
         try:
-            folder.mkdir(exist_ok=True)
-            file.touch()
-            file.unlink()
+            with TemporaryDirectory(prefix="n" * (_LONGEST_NAME - 8), dir=self.trash) as folder:
+                Path(folder, "n" * (_LONGEST_NAME + _LONGEST_ENDING)).touch()
         except OSError as error:
             if error.errno not in (errno.ENAMETOOLONG, errno.ENOENT, errno.EINVAL):
                 raise
-            n = len(str(file.absolute()))
+            n = len(str(self.trash.absolute())) + 2 + 2 * _LONGEST_NAME + _LONGEST_ENDING
             raise OSError(
                 error.errno,
                 f"a file in it can need a path of {n} characters, which is too long here",
             ) from error
-        finally:
-            with contextlib.suppress(OSError):
-                folder.rmdir()
 
     def sweep(self) -> None:
         """Remove what a power cut left half done a minute ago or more: `.part`, empty recordings.

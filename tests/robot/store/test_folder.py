@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import platformdirs
@@ -53,3 +54,10 @@ def test_a_folder_that_leads_to_too_long_paths_is_refused_at_once(
     Storage(root, must_be_usable=False)
     storage = Storage(deep)
     assert list(storage.trash.iterdir()) == []
+
+
+def test_programs_that_start_at_once_do_not_hinder_each_other(tmp_path: Path) -> None:
+    with ThreadPoolExecutor(4) as programs:
+        storages = list(programs.map(lambda _: Storage(tmp_path), range(400)))
+    assert len(storages) == 400
+    assert list(storages[0].trash.iterdir()) == []
