@@ -24,6 +24,8 @@ class MoveKinds(Stateful):
         turns: The moves that steer to one side, and which: -1 for left, 1 for right.
         straight: The moves that drive ahead or back without steering.
         others: The moves of which nobody knows what they do; never STOP.
+        measured: The moves by which the usual change of the picture is measured: the straight ones,
+            or the others where none is known to be straight.
         points: Steering and throttle of the moves that have them; told by the body, never kept.
     """
 
@@ -51,6 +53,7 @@ class MoveKinds(Stateful):
         self.straight = frozenset(map(Action, self._straight))
         known = {*self.turns, *self.straight, Action.STOP}
         self.others = frozenset(move for move in self._moves if move not in known)
+        self.measured = self.straight or self.others
 
     def faults(self) -> Iterator[str]:
         named = [*self._left, *self._right, *self._straight]

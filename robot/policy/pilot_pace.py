@@ -16,7 +16,7 @@ from robot.learner.part import Array, Arrays, Params, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
-from robot.policy.stall_detector import MEMORY, STEP_S, STUCK_S, ChangeMeter
+from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter
 from robot.types import DEFAULT_MOVES, Action
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
@@ -122,8 +122,7 @@ class PilotPace(PolicyPart):
 
     Attributes:
         longest_debt_s: Largest debt (`Headway`) of the pilot's own driving, within bounds.
-        scale: How much the picture changes as he drives straight, or as he makes any move where
-            none is known to be straight.
+        scale: How much the picture changes as he drives straight (`MoveKinds.measured`).
         stands: The moves by which he stood on purpose, among those that nobody knows.
     """
 
@@ -202,14 +201,17 @@ class PilotPace(PolicyPart):
             self._end_push()
         elif is_still or self._push_s > 0.0:  # None: too soon to tell
             self._push_s += step_s
-        if change is not None and label in (self.kinds.straight or self.kinds.others):
+        if change is not None and label in self.kinds.measured:
             self.scale.add(change)
-        if is_still is not None:
-            self._stand_s = self._stand_s + STEP_S if is_still and label is self._label else 0.0
-        if label in self.kinds.others and label not in self.stands and self._stand_s >= STUCK_S:
+        is_same = label is self._label and is_going_on
+        if label not in self.kinds.others or is_still is False or not is_same:
+            self._stand_s = 0.0
+        elif is_still or self._stand_s > 0.0:
+            self._stand_s += step_s
+        if self._stand_s >= STUCK_S and label not in self.stands:
             self.stands.append(label)
         self._run_s += step_s
-        if label is not self._label or not is_going_on:
+        if not is_same:
             if is_going_on and self._label is not None:
                 self._runs_s.append(self._run_s)
             self._label, self._run_s = label, 0.0

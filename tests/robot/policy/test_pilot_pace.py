@@ -78,6 +78,13 @@ def test_who_stands_with_a_move_that_nobody_knows_means_to(moves, rate_hz):
     assert other.stands == [GRIP]
 
 
+@pytest.mark.parametrize("stood_s", [1.5, 1.54, 1.57])
+@pytest.mark.parametrize("rate_hz", [5, 10, 30])
+def test_who_stood_with_another_move_has_not_stood_with_this_one(rate_hz, stood_s):
+    pilot = Pilot(rate_hz, MoveKinds((F, L, BRAKE))).drive(F, 3).drive(F, stood_s, is_moving=False)
+    assert pilot.drive(BRAKE, 0.2, is_moving=False).pace.stands == []
+
+
 def test_its_state_goes_on_as_if_nothing_had_been():
     one, other = Pilot().drive(F, 2).drive(L, 1.3), Pilot()
     other.pace.load(*one.pace.save())
