@@ -178,7 +178,7 @@ class ActionFilter(PolicyPart):
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
-            self._ask(at_s)  # it was taught no other move
+            self._ask(at_s)  # nothing else was taught, or all was tried
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
         return max(
             fruitful or allowed or shares,

@@ -130,7 +130,7 @@ class StallDetector:
         change = self._meter.note(picture, at_s)
         if change is not None:
             kinds = self._kinds
-            if under_way in (kinds.straight or kinds.others):
+            if under_way in kinds.measured:
                 self._meter.add(change)
             scale = taught if taught is not None and taught.is_known else self._meter
             is_still = scale.is_still(change)

@@ -30,12 +30,15 @@ LINKS: dict[str, dict[str, float]] = {
 """Milliseconds of a request, and bytes a second: 1.6 Mbit/s and 150 ms; and what DevTools takes for
 the same, which delays requests alone."""
 PHONE = 4
-_WATCH = """(function look() {
-  const sees = document.querySelector('video-view[data-frames]');
-  const teach = document.querySelector('mode-bar [data-mode=train][aria-disabled=false]');
-  if (sees && teach) window.usableMs = performance.now();
-  else requestAnimationFrame(look);
-})();"""
+_WATCH = """window.usableMs = new Promise((done, fail) => {
+  setTimeout(() => fail(new Error('a person cannot teach within 30 s')), 30000);
+  (function look() {
+    const sees = document.querySelector('video-view[data-frames]');
+    const teach = document.querySelector('mode-bar [data-mode=train][aria-disabled=false]');
+    if (sees && teach) done(performance.now());
+    else requestAnimationFrame(look);
+  })();
+});"""
 _BUSY = ("TaskDuration", "ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
 _PATIENCE_S = 30.0
 _STATE = "document.querySelector('drive-pad').page.store.state"
@@ -97,10 +100,9 @@ def _visit(subject: ServerUnderTest, link: str) -> tuple[float, float]:
         tools.send("Emulation.setCPUThrottlingRate", {"rate": PHONE})
         page.add_init_script(_WATCH)
         page.goto(f"http://127.0.0.1:{subject.port}/")
-        while not page.evaluate("window.usableMs > 0"):  # the page lets nobody else's script wait
-            page.wait_for_timeout(50)
+        usable_ms = page.evaluate("window.usableMs")
         seen_ms = page.evaluate("performance.getEntriesByName('first-frame')[0].startTime")
-        return seen_ms / 1000, page.evaluate("window.usableMs") / 1000
+        return seen_ms / 1000, usable_ms / 1000
 
 
 @contextlib.contextmanager

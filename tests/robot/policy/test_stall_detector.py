@@ -23,7 +23,7 @@ class Drive:
     def barred(self):
         return set(self.standstill.futile)
 
-    def go(self, seconds, under_way, is_moving, bumped=False):
+    def go(self, seconds, under_way, is_moving, bumped=False, gives_up=F):
         """Drive on; return when the move was first barred, seconds after the start."""
         first_s = None
         for i in range(round(seconds * 20)):
@@ -32,8 +32,11 @@ class Drive:
             picture = np.full((30, 40), 60, np.uint8)
             picture[:, self.shift % 30 : self.shift % 30 + 10] = 180
             picture += self.rng.integers(0, 4, (30, 40), np.uint8)
-            self.standstill.barred(picture, under_way, self.now_s, bumped=bumped, stands=(GRIP,))
-            if self.barred and first_s is None:
+            barred = self.standstill.barred(
+                picture, under_way, self.now_s, bumped=bumped, stands=(GRIP,)
+            )
+            if barred is not None and first_s is None:
+                assert barred is gives_up
                 first_s = (i + 1) * 0.05
         return first_s
 
@@ -65,7 +68,7 @@ def test_a_turn_goes_on_however_little_the_picture_changes(drive):
 def test_a_move_given_up_is_not_taken_up_before_the_picture_moves(drive):
     drive.go(3, F, is_moving=True)
     drive.go(STUCK_S + 0.2, F, is_moving=False)
-    drive.go(AWAY_S, L, is_moving=False)
+    assert drive.go(2 * AWAY_S, L, is_moving=False) is not None
     assert drive.barred == {F}
     drive.go(0.2, L, is_moving=True)
     assert drive.go(2, F, is_moving=True) is None
@@ -73,11 +76,11 @@ def test_a_move_given_up_is_not_taken_up_before_the_picture_moves(drive):
 
 def test_what_does_not_help_either_is_given_up_too_until_all_is_tried_again(drive):
     drive.go(3, F, is_moving=True)
-    for move, patience_s in ((BRAKE, STUCK_S), (F, STUCK_S)):
+    for move in (BRAKE, F):
         before = drive.barred
-        drive.go(patience_s - 0.2, move, is_moving=False)
+        drive.go(STUCK_S - 0.2, move, is_moving=False, gives_up=BRAKE)
         assert drive.barred == before
-        drive.go(0.4, move, is_moving=False)
+        drive.go(0.4, move, is_moving=False, gives_up=BRAKE)
         assert drive.barred == before | {move}
     drive.standstill.lift()
     assert drive.go(0.1, F, is_moving=False) is None
@@ -87,7 +90,7 @@ def test_a_move_that_nobody_knows_is_given_up_unless_the_pilot_stood_with_it(dri
     drive.go(3, F, is_moving=True)
     assert drive.go(5, GRIP, is_moving=False) is None
     assert drive.go(5, BRAKE, is_moving=True, bumped=True) is None
-    assert drive.go(5, BRAKE, is_moving=False) is not None
+    assert drive.go(5, BRAKE, is_moving=False, gives_up=BRAKE) is not None
 
 
 def test_standing_by_order_or_by_the_pilots_hand_is_no_pushing(drive):
