@@ -57,7 +57,7 @@ def test_a_folder_that_leads_to_too_long_paths_is_refused_at_once(
 
 
 def test_programs_that_start_at_once_do_not_hinder_each_other(tmp_path: Path) -> None:
+    storage = Storage(tmp_path)
     with ThreadPoolExecutor(4) as programs:
-        storages = list(programs.map(lambda _: Storage(tmp_path), range(400)))
-    assert len(storages) == 400
-    assert list(storages[0].trash.iterdir()) == []
+        assert len(list(programs.map(lambda _: Storage(tmp_path), range(400)))) == 400
+    assert list(storage.trash.iterdir()) == []
