@@ -62,7 +62,7 @@ def show_world(request: Request) -> WorldAnswer:
     body: object = services_of(request).robot.driver
     if not hasattr(body, "simulation"):
         return WorldAnswer(world=None, worlds=[])
-    world = body.simulation.next_world or body.simulation.world
+    world = body.simulation.shown_world
     things = [answer(ThingAnswer, thing) for thing in world.obstacles]
     return WorldAnswer(
         world=answer(WorldMap, world, things=things), worlds=sorted(getattr(body, "worlds", ()))

@@ -61,7 +61,7 @@ class SimDriver(ConnectedDriver[Simulation]):
             )
         world = self._load(self.worlds[name])
         with self._lock:
-            self.simulation.next_world = world
+            self.simulation.first_world = world
 
     def _load(self, name: str) -> World:
         world = load_world(name)

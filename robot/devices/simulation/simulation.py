@@ -58,13 +58,12 @@ class Simulation:
             of their speed: one turns faster, the other slower. 0: none.
         action: The move under way.
         point: The same by degrees; None: the move as it is.
-        next_world: Where the next step begins, from the start there; None: it goes on here. Any
-            thread may set it: world and renderer change on the thread that steps and renders.
+        first_world: The world at its start. Any thread may set another: the next step begins there,
+            since `world` and the renderer change only on the thread that steps and renders.
     """
 
     def __init__(self, world: World, seed: int = 0, noise: Noise | None = None) -> None:
-        self.world = self._first_world = world
-        self.next_world: World | None = None
+        self.world = self.first_world = self._entered = world
         self.noise = noise or Noise()
         self._seed = seed
         self._motion_rng, self._sonar_rng, self._pixel_rng = (
@@ -84,8 +83,7 @@ class Simulation:
 
     def step(self, dt_s: float) -> None:
         """Advance by `dt_s` seconds with the current action."""
-        if self.next_world is not None:
-            self._first_world, self.next_world = self.next_world, None
+        if self.first_world is not self._entered:
             self.close()
             self.restart()
         parts = max(1, math.ceil(dt_s / _LONGEST_STEP_S - 1e-9))
@@ -94,10 +92,18 @@ class Simulation:
 
     def restart(self) -> None:
         """Put robot and things back to their starts; the random state goes on, so starts vary."""
-        self.world = self._first_world
+        first_world = self.first_world
+        self.world = first_world
         self._contacts_rad = []
         self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
+        self._entered = first_world  # last: `shown_world` reads it on another thread
+
+    @property
+    def shown_world(self) -> World:
+        """The world as it is now, or the one in which the next step begins."""
+        chosen = self.first_world
+        return self.world if chosen is self._entered else chosen
 
     def sense(self) -> Sensors:
         """Return what the sensors read: sonar with noise, bumpers, and the true pose."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import random
+import sys
+from types import FrameType
 
 import numpy as np
 import pytest
@@ -106,3 +108,24 @@ def test_a_robot_that_is_carried_about_starts_and_sees_where_it_is_each_time() -
     simulation.close()
     with pytest.raises(ConfigurationError, match="there are: box, clutter"):
         driver.enter("nowhere")
+
+
+def test_another_thread_never_sees_the_place_that_the_robot_has_left() -> None:
+    """The page asks while the step is under way: after every line of it the new place is shown."""
+    simulation = Simulation(load_world("box"), seed=0)
+    simulation.step(0.1)
+    simulation.first_world = load_world("office")
+    shown = [simulation.shown_world.name]
+
+    def look(frame: FrameType, event: str, _: object) -> object:
+        if frame.f_code.co_filename == Simulation.step.__code__.co_filename:
+            sys.settrace(None)
+            shown.append(simulation.shown_world.name)
+            sys.settrace(look)
+        return look
+
+    sys.settrace(look)
+    simulation.step(0.1)
+    sys.settrace(None)
+    assert simulation.world.name == "office"
+    assert (set(shown), len(shown) > 10) == ({"office"}, True)
