@@ -5,13 +5,20 @@ from __future__ import annotations
 import argparse
 import secrets
 import shutil
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import server
 from robot.bodies.ev3 import installer
 from robot.bodies.ev3.agent.wire import PORT
-from robot.bodies.ev3.bundle import make_bundle
+from robot.bodies.ev3.archive import make_bundle
+from robot.bodies.ev3.doctor import Level, examine, write_report
+from robot.bodies.ev3.examination import measure
+from robot.bodies.ev3.fake_agent import SECRET, fake_agent
+from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.handshake import secret_path
+from robot.bodies.ev3.link import BrickLink
 from robot.bodies.ev3.rootfs import (
     DEFAULT_RELEASE,
     PYTHON_VERSIONS,
@@ -22,15 +29,16 @@ from robot.bodies.ev3.rootfs import (
 from robot.bodies.ev3.scripts import AGENT_SCRIPT, INSTALL_SCRIPT, START_SCRIPT, UNIT
 from robot.errors import ConfigurationError
 from robot.store.folder import default_root
-from server.bodies.doctor import examine_brick
 from server.cli.parser import whole
 from server.config import Config
 
+CONSENT = (
+    "The wheels will turn for ten seconds. Lift the robot; then Enter to turn them, n to not: "
+)
 PYTHON_FOLDERS = ("usr/lib/python3.*", "usr/lib/python3/dist-packages")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare what can be done, and where."""
     parser.add_argument(
         "what",
         choices=("agent", "install", "pack", "doctor"),
@@ -79,9 +87,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do it, or print the script."""
     if args.what == "doctor":
-        return examine_brick(args)
+        return _examine(args)
     if args.script:
         print(AGENT_SCRIPT if args.what == "agent" else INSTALL_SCRIPT)
         return 0
@@ -150,7 +157,6 @@ def _pack(args: argparse.Namespace) -> int:
 
 
 def _build(args: argparse.Namespace, *, with_userland: bool) -> installer.Files:
-    """Make what goes onto a brick; return it."""
     args.keep.mkdir(parents=True, exist_ok=True)
     userland = args.keep / f"root-{args.release}"
     compiled = _make_userland(userland, args) if with_userland else True
@@ -177,3 +183,42 @@ def _make_userland(folder: Path, args: argparse.Namespace) -> bool:
         build_userland(folder, args.release, args.mirror)
         stamp.write_text(wanted)
     return precompile(folder, PYTHON_FOLDERS, args.release)
+
+
+def _examine(args: argparse.Namespace) -> int:
+    """Examine a brick and print the report; return 1 if something is wrong."""
+    if args.fake:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            FakeBrick(Path(folder, "brick")) as brick,
+            fake_agent(brick) as address,
+        ):
+            furnish(brick)
+            return examine_at(address, SECRET, lambda: True)
+    if not args.address:
+        raise ConfigurationError("which brick? drivelesson brick doctor ADDRESS, or --fake")
+    host = args.address.rpartition("@")[2]
+    address = host if ":" in host else f"{host}:{args.port}"
+    return examine_at(address, "", lambda: args.yes or ask_consent())
+
+
+def examine_at(address: str, secret: str, may_turn_wheels: Callable[[], bool]) -> int:
+    """Examine the brick that listens there, and print the report; 1 if something is wrong."""
+    print(f"examining the brick at {address.partition(':')[0]}, about half a minute ...\n")
+    findings = examine(measure(BrickLink(address, secret), may_turn_wheels))
+    print(write_report(findings))
+    return int(any(finding.level is Level.WRONG for finding in findings))
+
+
+def ask_consent() -> bool:
+    """Ask whether the wheels may turn; the end of input means no."""
+    try:
+        return input(CONSENT).strip().lower() in ("", "y", "yes")
+    except EOFError:
+        return False
+
+
+def furnish(brick: FakeBrick) -> None:
+    brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
+    for port in ("in1", "in2"):
+        brick.add_sensor(port, "lego-ev3-touch", 0)

@@ -6,15 +6,13 @@ import argparse
 import math
 import os
 import re
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from robot.bodies.ev3.chassis import ChassisDriver
+from robot.bodies.ev3.driver import ChassisDriver
 from robot.devices.options import make_options, options_of
 from robot.devices.plugins import load_driver
-from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import ConfigurationError
 from robot.store.folder import write_whole
 from robot.types import Action
@@ -28,7 +26,6 @@ _TABLE = re.compile(r"^\s*\[", re.MULTILINE)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of every robot."""
     parser.add_argument("--robot", default="ev3", choices=ROBOTS, help="which (default: ev3)")
     parser.add_argument(
         "--config",
@@ -92,7 +89,7 @@ def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
         "Enter."
     )
     before_m = driver.sense().distance_m
-    wheels_cm = 50 * sum(drive(driver, Action.FORWARD, seconds))
+    wheels_cm = 50 * sum(driver.roll(Action.FORWARD, seconds))
     after_m = driver.sense().distance_m
     seen = before_m - after_m if before_m is not None and after_m is not None else None
     by_sonar = f"; by the ultrasonic sensor: {100 * seen:.1f}" if seen else ""
@@ -109,7 +106,7 @@ def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
         f"\nThe robot will turn left by about {angle_deg:.0f} degrees. Mark where it looks, and "
         "press Enter."
     )
-    left_m, right_m = drive(driver, Action.LEFT, seconds)
+    left_m, right_m = driver.roll(Action.LEFT, seconds)
     wheels_deg = math.degrees(wider * (right_m - left_m) / driver.options.track_m)
     measured_deg = ask(f"How far did it turn, in degrees? (by the wheels: {wheels_deg:.0f}) ")
     factor = correction(measured_deg, wheels_deg, "degrees")
@@ -134,30 +131,6 @@ def correction(measured: float, expected: float, unit: str) -> float:
             "measure again"
         )
     return measured / expected
-
-
-def drive(
-    driver: ChassisDriver,
-    action: Action,
-    seconds: float,
-    now_s: Callable[[], float] = time.monotonic,
-    sleep: Callable[[float], None] = time.sleep,
-) -> tuple[float, float]:
-    """Drive for some seconds; return how many metres each wheel rolled.
-
-    The command is sent again and again, so that the robot stops if this program does.
-    """
-    before = driver.rolled_m()
-    end_s = now_s() + seconds
-    try:
-        while (left_s := end_s - now_s()) > 0:
-            driver.send_action(action)
-            sleep(min(ACTION_TIMEOUT_S / 4, left_s))
-    finally:
-        driver.stop()
-    sleep(0.3)  # until it has rolled out
-    after = driver.rolled_m()
-    return after[0] - before[0], after[1] - before[1]
 
 
 def ask(question: str) -> float:

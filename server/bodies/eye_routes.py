@@ -120,7 +120,6 @@ class _Eye:
 
 @router.websocket("/ws/eye")
 async def eye(websocket: WebSocket) -> None:
-    """Receive one phone's pictures until it disconnects."""
     hub = services_of(websocket).hub
     camera = hub.robot.camera
     await websocket.accept()

@@ -28,7 +28,7 @@ from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
-from robot.bodies.gpio.driver import GpioDriver, GpioOptions
+from robot.bodies.gpio.driver import GpioOptions
 from robot.bodies.gymnasium.camera import GymnasiumCamera, GymnasiumCameraOptions
 from robot.bodies.gymnasium.driver import GymnasiumDriver, GymnasiumOptions
 from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
@@ -317,7 +317,7 @@ def gpio_driver(motor_board: str = "two-pwm") -> Iterator[DriverCase]:
 
     clock = VirtualClock()
     with MockPins(clock) as pins:
-        driver = GpioDriver(GpioOptions(motor_board=motor_board), clock, pins.open_line)
+        driver = pins.driver(GpioOptions(motor_board=motor_board))
         yield DriverCase(
             driver,
             pins.forward,

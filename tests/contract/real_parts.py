@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, contextmanager
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
 from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
 from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
-from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
+from robot.bodies.pybricks.driver import PybricksOptions
 from robot.bodies.remote.driver import RemoteOptions
 from robot.bodies.remote.udp import UdpDriver
 from robot.bodies.remote.ws import WsDriver
@@ -69,7 +69,7 @@ def ws_driver() -> Iterator[DriverCase]:
 @contextmanager
 def pybricks_driver() -> Iterator[DriverCase]:
     with FakeHub() as hub:
-        driver = PybricksDriver(PybricksOptions(), bluetooth=hub.bluetooth)
+        driver = hub.driver(PybricksOptions())
         yield on_a_busy_machine(driver, lambda: hub.is_moving, hub.cut)
         driver.disconnect()
 

@@ -15,15 +15,13 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot.bodies.ev3.chassis import ChassisBody
-from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
+from robot.bodies.ev3.driver import ChassisBody, Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions, StockBody
 from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
 from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
-from robot.bodies.remote.driver import RemoteDriver, RemoteOptions
-from robot.bodies.remote.line import MessageLine
+from robot.bodies.remote.driver import MessageLine, RemoteDriver, RemoteOptions
 from robot.bodies.remote.udp import UdpDriver
 from robot.bodies.remote.ws import WsDriver
 from robot.bodies.ros.driver import RosDriver, RosOptions
@@ -160,12 +158,12 @@ def _ev3_stock(seed: int) -> Iterator[TimedBody]:
 
 @contextmanager
 def _gpio(seed: int) -> Iterator[TimedBody]:
-    from robot.bodies.gpio.driver import GpioDriver, GpioOptions
+    from robot.bodies.gpio.driver import GpioOptions
     from tests.standins.gpio import MockPins
 
     clock = VirtualClock()
     with MockPins(clock) as pins:
-        driver = GpioDriver(GpioOptions(), clock, pins.open_line)
+        driver = pins.driver(GpioOptions())
         yield TimedBody(
             driver,
             clock,
@@ -203,7 +201,8 @@ def _ros(seed: int) -> Iterator[TimedBody]:
     clock = VirtualClock(100.0)
     bridge = WatchedBridge(clock, seed)
     options = RosOptions(address="robot", watchdog=True)
-    driver = RosDriver(options, clock, open_bridge=bridge.open)
+    driver = RosDriver(options, clock)
+    driver.bridge_type = bridge.open  # type: ignore[misc]
 
     def slow_down(slowest_s: float) -> None:
         bridge.slowest_s = slowest_s

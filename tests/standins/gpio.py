@@ -7,6 +7,7 @@ from typing import Any, Self
 from gpiozero import Device
 from gpiozero.pins.mock import MockFactory, MockPWMPin
 
+from robot.bodies.gpio.driver import GpioDriver, GpioOptions
 from robot.bodies.gpio.keeper import make_motors
 from robot.bodies.gpio.wheels import TimedMotors
 from robot.bodies.remote.plain import encode_plain_report
@@ -70,6 +71,12 @@ class MockPins:
         for _ in range(round(1000 * seconds)):
             self._clock.sleep(0.001)
             self.tick()
+
+    def driver(self, options: GpioOptions) -> GpioDriver:
+        """Return a driver whose keeper holds these pins."""
+        driver = GpioDriver(options, self._clock)
+        driver._open_line = lambda: self.open_line(options.settings())  # type: ignore[method-assign]
+        return driver
 
     def open_line(self, settings: dict[str, Any]) -> MockPins.Line:
         self.factory.reset()

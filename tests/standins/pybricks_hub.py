@@ -18,6 +18,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Self
 
+from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
+from robot.bodies.pybricks.hub_line import HubLine
+from robot.clock import RealClock
 from tests.standins.firmware import ROOT, find_micropython
 
 PROGRAM = ROOT / "docs/examples/firmware/hub.py"
@@ -66,6 +69,14 @@ class FakeHub:
     @property
     def is_moving(self) -> bool:
         return any(time.monotonic() < end_s for end_s in self.ends_s.values())
+
+    def driver(self, options: PybricksOptions) -> PybricksDriver:
+        """Return a driver that reaches this hub."""
+        driver = PybricksDriver(options)
+        driver._open_line = lambda: HubLine(  # type: ignore[method-assign]
+            self.bluetooth, options.hub, RealClock()
+        )
+        return driver
 
     def wait_until(self, happened: Callable[[], bool]) -> None:
         """Wait for something that the program makes happen."""

@@ -1,14 +1,20 @@
-"""The agent as one file: a zip that the Python 3.5 of a brick runs as it is (`agent.pyz`)."""
+"""What goes onto a brick: the agent as one file, or the program as one folder.
+
+The agent's file is a zip that the Python 3.5 of a brick runs as it is (`agent.pyz`).
+"""
 
 from __future__ import annotations
 
 import hashlib
+import importlib.metadata
+import importlib.util
 import io
+import shutil
 import zipfile
-from importlib.metadata import version
 from pathlib import Path
 
 import robot
+from robot.errors import MissingExtraError
 
 SOURCES = ("bodies/ev3/agent/*.py", "bodies/v4l2/*.py", "devices/freshness.py")
 LEFT_OUT = ("bodies/v4l2/camera.py",)
@@ -33,7 +39,7 @@ def release() -> str:
     digest = hashlib.sha256()
     for name, file in sorted(agent_sources().items()):
         digest.update(name.encode() + b"\0" + file.read_bytes())
-    return f"{version('drivelesson')} {digest.hexdigest()[:8]}"
+    return f"{importlib.metadata.version('drivelesson')} {digest.hexdigest()[:8]}"
 
 
 def make_agent() -> bytes:
@@ -49,3 +55,36 @@ def make_agent() -> bytes:
         for name, text in sorted(contents.items()):
             archive.writestr(zipfile.ZipInfo(name, EPOCH), text, zipfile.ZIP_DEFLATED)
     return buffer.getvalue()
+
+
+def make_bundle(folder: Path, server: Path, web: Path) -> None:
+    """Copy this very version, and python-ev3dev2, into `folder`, to be put on Python's path.
+
+    Args:
+        folder: Where to; made new.
+        server: Folder of the package `server`.
+        web: Folder of the page's files.
+
+    Raises:
+        MissingExtraError: If python-ev3dev2 is not installed here to be copied.
+    """
+    ev3dev2 = importlib.util.find_spec("ev3dev2")
+    if ev3dev2 is None or ev3dev2.origin is None:
+        raise MissingExtraError("putting the program on a brick", "ev3")
+    if folder.exists():
+        shutil.rmtree(folder)
+    leave_out = shutil.ignore_patterns("__pycache__", "*.pyc", "fonts", "web")
+    shutil.copytree(Path(robot.__path__[0]), folder / "robot", ignore=leave_out)
+    shutil.copytree(server, folder / "server", ignore=leave_out)
+    shutil.copytree(web, folder / "server/web", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(Path(ev3dev2.origin).parent, folder / "ev3dev2", ignore=leave_out)
+    _copy_metadata(folder)
+
+
+def _copy_metadata(folder: Path) -> None:
+    """Take the entry points along: drivers and cameras are found by them."""
+    about = importlib.metadata.distribution("drivelesson")
+    target = folder / f"drivelesson-{about.version}.dist-info"
+    target.mkdir(parents=True)
+    for name in ("METADATA", "entry_points.txt"):
+        (target / name).write_text(about.read_text(name) or "")

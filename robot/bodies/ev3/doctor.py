@@ -36,9 +36,9 @@ class Finding:
 class WheelTurn:
     """One part of the wheel test: what each wheel was told and what it did, in degrees a second."""
 
-    asked_dps: tuple[float, float]
-    turned_dps: tuple[float, float]
-    is_stalled: tuple[bool, bool] = (False, False)
+    asked_dps: Sequence[float]
+    turned_dps: Sequence[float]
+    is_stalled: Sequence[bool] = (False, False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,16 +1,226 @@
-"""The brick that this program runs on: its motors and sensors through python-ev3dev2."""
+"""Two wheels and what they make of an action, on whatever way to a brick; and the brick itself.
+
+The driver `ev3` is for the brick that this program runs on: python-ev3dev2 reaches its devices.
+"""
 
 from __future__ import annotations
 
 import importlib.util
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 from robot.bodies.ev3.agent.body import BrickBody
-from robot.bodies.ev3.chassis import ChassisBody, ChassisDriver, ChassisOptions
-from robot.devices.options import option
-from robot.errors import MissingExtraError
+from robot.clock import Clock
+from robot.devices.connected_driver import ConnectedDriver
+from robot.devices.options import Options, option
+from robot.devices.wheels import CLASSIC_POINTS, Pair, TwoWheels
+from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton
+from robot.errors import ConfigurationError, MissingExtraError
+from robot.types import Action, Mode, Point, Sensors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChassisOptions(Options):
+    """How the robot is built. The defaults are the paper's robot: forward turns both wheels at
+    360 degrees a second and makes 16 cm/s; a turn drives one wheel backward at 90."""
+
+    left_port: str = option("outB", "port of the left motor")
+    right_port: str = option("outC", "port of the right motor")
+    ultrasonic_port: str = option(
+        "auto", "port of the ultrasonic sensor; auto takes one if it is there, or none"
+    )
+    touch_port: str = option(
+        "auto",
+        "ports of the bumpers (touch sensors) from left to right, as in4,in1; "
+        "auto takes all that are there, by port; or none",
+    )
+    wheel_diameter_m: float = option(
+        0.0509, "wheel diameter in metres, as calibrate measures it", range=(0.005, 1.0)
+    )
+    track_m: float = option(0.124, "distance between the wheels in metres", range=(0.01, 2.0))
+    forward_speed_mps: float = option(0.16, "straight speed in metres a second", range=(0.005, 5.0))
+    turn_rate_deg_s: float = option(18.5, "turning rate in degrees a second", range=(0.5, 720.0))
+    turn_by: str = option(
+        "backward",
+        "a turn drives one wheel backward (as the paper's), one forward, or both",
+        choices=("backward", "forward", "both"),
+    )
+    reversed_motors: bool = option(False, "the motors are mounted the other way round")
+
+    @property
+    def degrees_per_m(self) -> float:
+        """How far a motor turns for a metre of the robot ahead."""
+        return (-360 if self.reversed_motors else 360) / (math.pi * self.wheel_diameter_m)
+
+    def ports(self) -> dict[str, str]:
+        """Return where motors and sensors are plugged in, as bodies take it."""
+        return {
+            "left": self.left_port,
+            "right": self.right_port,
+            "ultrasonic": self.ultrasonic_port,
+            "touch": self.touch_port,
+        }
+
+
+class ChassisBody(Protocol):
+    """What a chassis moves: the brick's own devices, or an agent's line to them."""
+
+    def open(self) -> Sequence[float]:
+        """See that nothing moves; return how fast each wheel can turn, in degrees a second."""
+
+    def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
+        """Turn the wheels for at most `time_ms`."""
+
+    def stop(self) -> None:
+        """Stop the motors; never raises."""
+
+    def positions(self) -> list[float]:
+        """How far each wheel has turned, in degrees."""
+
+    def sense(self) -> dict[str, Any]:
+        """Return the fields of `Sensors` that a body knows."""
+
+    def take_button(self) -> str | None:
+        """Return the button that was pressed since the last call."""
+
+    def show(self, mode: str, address: str) -> None:
+        """Show mode and address; never raises."""
+
+    def close(self) -> None:
+        """Stop the motors and let go; idempotent."""
+
+
+def wheels_of(options: ChassisOptions) -> TwoWheels:
+    """Return how fast the wheels turn, in degrees a second."""
+    straight = options.forward_speed_mps * options.degrees_per_m
+    # One wheel alone turns the robot about the other one, on a circle of radius track_m.
+    turn = math.radians(options.turn_rate_deg_s) * options.track_m * options.degrees_per_m
+    left = {"backward": (-turn, 0.0), "forward": (0.0, turn), "both": (-turn / 2, turn / 2)}
+    return TwoWheels(ahead=straight, back=straight, turn=left[options.turn_by], spin=turn / 2)
+
+
+class ChassisDriver(ConnectedDriver[ChassisBody]):
+    """A driver over a `ChassisBody`, which subclasses choose."""
+
+    default_camera: ClassVar[str] = "v4l2"
+    declared_moves = tuple(CLASSIC.values())
+    takes_points = True
+
+    options: ChassisOptions
+
+    def __init__(self, options: ChassisOptions, clock: Clock | None = None) -> None:
+        super().__init__(options, clock)
+        self._wheels = wheels_of(options)
+        self._address = ""
+        self._top_dps: Pair | None = None
+
+    @property
+    def track_m(self) -> float:  # type: ignore[override]
+        return self.options.track_m
+
+    def wheels_mps(self, action: Action, point: Point | None = None) -> Pair:
+        return self._in_m(*self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps))
+
+    def _in_m(self, left_deg: float, right_deg: float) -> Pair:
+        """Return how far the wheels roll ahead when their motors turn so far."""
+        return left_deg / self.options.degrees_per_m, right_deg / self.options.degrees_per_m
+
+    @abstractmethod
+    def _make_body(self) -> ChassisBody:
+        """Return the body, not yet open."""
+
+    def _open(self) -> ChassisBody:
+        body = self._make_body()
+        try:
+            left_dps, right_dps = body.open()
+            self._top_dps = left_dps, right_dps
+            self._check_speeds(self._top_dps)
+        except Exception:
+            body.close()
+            raise
+        return body
+
+    def _begin(self) -> None:
+        self.show(Mode.STOPPED)
+
+    def _close(self, connection: ChassisBody) -> None:
+        connection.close()
+
+    def _check_speeds(self, top_dps: Pair) -> None:
+        """Raise ConfigurationError if a move asks more of a motor than it can give."""
+        options = self.options
+        ports = (options.left_port, options.right_port)
+        for name, value, move in (
+            ("forward_speed_mps", options.forward_speed_mps, Action.FORWARD),
+            ("turn_rate_deg_s", options.turn_rate_deg_s, Action.LEFT),
+            ("turn_rate_deg_s", options.turn_rate_deg_s, Action.SPIN_LEFT),
+        ):
+            for port, asked, top in zip(
+                ports, self._wheels.at(CLASSIC_POINTS[move]), top_dps, strict=True
+            ):
+                if abs(asked) > top:
+                    most = math.floor(1000 * value * top / abs(asked)) / 1000
+                    raise ConfigurationError(
+                        f"--{name.replace('_', '-')} {value} asks the motor at {port} for "
+                        f"{abs(asked):.0f} degrees a second; it reaches {top:.0f} at most: "
+                        f"choose {most} or less"
+                    )
+
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
+        """Run the wheels for `ACTION_TIMEOUT_S`: the brick ends the move."""
+        connection = self._connected()
+        if action is Action.STOP:
+            connection.stop()
+            return
+        wheels_dps = self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps)
+        left, right = (speed_scale * dps for dps in wheels_dps)
+        connection.run(left, right, round(1000 * ACTION_TIMEOUT_S))
+
+    def sense(self) -> Sensors:
+        read = self._connected().sense()
+        turned_deg = read.pop("wheels_deg", None)  # an agent of another release sends none
+        wheels_m = self._in_m(*turned_deg) if turned_deg else None
+        bumpers = tuple(read.pop("bumpers", None) or ())
+        return Sensors(**read, bumpers=bumpers, wheels_m=wheels_m)
+
+    def stop(self) -> None:
+        if self._connection is not None:
+            self._connection.stop()
+
+    def rolled_m(self) -> Pair:
+        """How far the left and the right wheel have rolled, as the motors count it now."""
+        return self._in_m(*self._connected().positions())
+
+    def roll(self, action: Action, seconds: float) -> Pair:
+        """Drive for some seconds; return how far each wheel rolled.
+
+        The command is sent again and again, so that the robot stops if this program does.
+        """
+        before, end_s = self.rolled_m(), self._clock.now_s() + seconds
+        try:
+            while (left_s := end_s - self._clock.now_s()) > 0:
+                self.send_action(action)
+                self._clock.sleep(min(ACTION_TIMEOUT_S / 4, left_s))
+        finally:
+            self.stop()
+        self._clock.sleep(0.3)  # until it has rolled out
+        after = self.rolled_m()
+        return after[0] - before[0], after[1] - before[1]
+
+    def take_button(self) -> BodyButton | None:
+        pressed = self._connection.take_button() if self._connection is not None else None
+        return BodyButton(pressed) if pressed else None
+
+    def announce(self, address: str) -> None:
+        self._address = address
+
+    def show(self, mode: Mode) -> None:
+        if self._connection is not None:
+            self._connection.show(mode.value, self._address)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from robot.bodies.ev3.archive import release
-from robot.bodies.ev3.chassis import ChassisOptions
 from robot.bodies.ev3.doctor import BrickFacts, WheelTurn
+from robot.bodies.ev3.driver import ChassisOptions
 from robot.bodies.ev3.link import BrickLink, RemotePicture
 from robot.bodies.ev3.remote_driver import RemoteBody
 from robot.driver import ACTION_TIMEOUT_S
@@ -90,11 +90,11 @@ def _try_wheels(
 def _turn(link: BrickLink, body: RemoteBody, part: tuple[int, int]) -> WheelTurn:
     """Turn the wheels for one part of the test, by short moves, so that they end with us."""
     clock, stalled = link.clock, [False, False]
-    left_dps, right_dps = part[0] * WHEEL_DPS, part[1] * WHEEL_DPS
+    asked_dps = [way * WHEEL_DPS for way in part]
     before, began_s = body.positions(), clock.now_s()
     try:
         while clock.now_s() - began_s < WHEEL_PART_S:
-            body.run(left_dps, right_dps, round(1000 * ACTION_TIMEOUT_S))
+            body.run(asked_dps[0], asked_dps[1], round(1000 * ACTION_TIMEOUT_S))
             clock.sleep(ACTION_TIMEOUT_S / 4)
             link.send("states")
             for index, state in enumerate(link.answer("states")):
@@ -103,9 +103,5 @@ def _turn(link: BrickLink, body: RemoteBody, part: tuple[int, int]) -> WheelTurn
         body.stop()
     lasted_s = clock.now_s() - began_s
     clock.sleep(ROLL_OUT_S)
-    left, right = ((b - a) / lasted_s for a, b in zip(before, body.positions(), strict=True))
-    return WheelTurn(
-        asked_dps=(left_dps, right_dps),
-        turned_dps=(left, right),
-        is_stalled=(stalled[0], stalled[1]),
-    )
+    turned_dps = [(b - a) / lasted_s for a, b in zip(before, body.positions(), strict=True)]
+    return WheelTurn(asked_dps=asked_dps, turned_dps=turned_dps, is_stalled=stalled)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import socket
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from robot.bodies.ev3.agent.inspection import inspect_brick
@@ -12,7 +14,6 @@ from robot.bodies.ev3.agent.server import Agent
 from robot.bodies.ev3.archive import release
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.v4l2.device import VideoFrame
-from robot.types import StartStop
 
 SECRET = "the secret of a fake brick"
 PERIOD_S = 0.1
@@ -62,33 +63,28 @@ def inspect_as_ev3(root: str, late: int) -> dict[str, Any]:
     }
 
 
-class FakeAgent(StartStop):
-    """A context manager: the real agent on a thread; `address` is where it listens."""
+@contextmanager
+def fake_agent(brick: FakeBrick) -> Iterator[str]:
+    """Run the real agent on a thread; yields the address where it listens."""
+    listener, ending = socket.create_server(("127.0.0.1", 0)), threading.Event()
+    agent = Agent(
+        listener,
+        SECRET,
+        str(brick.root),
+        open_camera=FakeCameraReader,
+        inspect=inspect_as_ev3,
+        note=lambda text: None,
+    )
 
-    def __init__(self, brick: FakeBrick) -> None:
-        self._listener = socket.create_server(("127.0.0.1", 0))
-        self.address = f"127.0.0.1:{self._listener.getsockname()[1]}"
-        self._agent = Agent(
-            self._listener,
-            SECRET,
-            str(brick.root),
-            open_camera=FakeCameraReader,
-            inspect=inspect_as_ev3,
-            note=lambda text: None,
-        )
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._serve, name="fake-agent", daemon=True)
+    def serve() -> None:
+        while not ending.is_set():
+            agent.tick()
 
-    def _serve(self) -> None:
-        while not self._ending.is_set():
-            self._agent.tick()
-
-    def start(self) -> None:
-        if self._thread.ident is None:
-            self._thread.start()
-
-    def stop(self) -> None:
-        self._ending.set()
-        if self._thread.ident is not None:
-            self._thread.join()
-        self._agent.close()
+    thread = threading.Thread(target=serve, name="fake-agent", daemon=True)
+    thread.start()
+    try:
+        yield f"127.0.0.1:{listener.getsockname()[1]}"
+    finally:
+        ending.set()
+        thread.join()
+        agent.close()

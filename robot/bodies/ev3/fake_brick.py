@@ -162,7 +162,6 @@ class FakeBrick(StartStop):
         )
 
     def set_sensor(self, port: str, value: int) -> None:
-        """Set what a sensor reads."""
         (self._sensors[port] / "value0").write_text(f"{value}\n")
 
     def set_battery(self, volts: float) -> None:

@@ -68,9 +68,7 @@ class BrickConnection:
         data = self.line.recv(65536)
         if not data:
             raise OSError("the brick closed the connection")
-        self._unpacker.feed(data)
-        while (message := self._unpacker.next()) is not None:
-            yield message
+        yield from self._unpacker.take(data)
 
     def _next_message(self) -> dict[str, Any]:
         while True:

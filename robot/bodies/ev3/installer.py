@@ -6,7 +6,7 @@ import io
 import shutil
 import subprocess
 import tarfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -17,16 +17,6 @@ from robot.errors import ConfigurationError, DriveError
 
 Files = Sequence[tuple[str, Path | bytes]]
 """Names inside a tar, and what they are: a file or folder here, or bytes."""
-
-
-def run_on_brick(target: str, script: str, files: Files) -> str:
-    """Run a script on the brick, with files as a tar on its standard input; return its output.
-
-    Raises:
-        DriveError: If ssh or the script fails; carries their last line.
-    """
-
-    return _run(target, script, lambda stream: write_tar(stream, files))
 
 
 def write_tar(stream: IO[bytes], files: Files) -> None:
@@ -47,7 +37,12 @@ def _as_root(entry: tarfile.TarInfo) -> tarfile.TarInfo:
     return entry
 
 
-def _run(target: str, script: str, feed: Callable[[IO[bytes]], None]) -> str:
+def run_on_brick(target: str, script: str, files: Files | Path) -> str:
+    """Run a script on the brick, with files, or a tar, on its standard input; return its output.
+
+    Raises:
+        DriveError: If ssh or the script fails; carries their last line.
+    """
     process = subprocess.Popen(
         ["ssh", "-o", "ConnectTimeout=10", target, script],
         stdin=subprocess.PIPE,
@@ -57,7 +52,11 @@ def _run(target: str, script: str, feed: Callable[[IO[bytes]], None]) -> str:
     assert process.stdin is not None and process.stdout is not None
     # If ssh ends early, its output below has the reason.
     with suppress(BrokenPipeError), process.stdin as stream:
-        feed(stream)
+        if isinstance(files, Path):
+            with files.open("rb") as packed:
+                shutil.copyfileobj(packed, stream, 1 << 20)
+        else:
+            write_tar(stream, files)
     with process.stdout as output:
         output_text = output.read().decode(errors="replace").strip()
     if process.wait() != 0:
@@ -121,9 +120,4 @@ def install_packed(target: str, file: Path) -> str:
         raise ConfigurationError(f"cannot read {file}: {error}") from error
     if not script:
         raise ConfigurationError(f"{file} was not made by: drivelesson brick pack FILE")
-
-    def feed(stream: IO[bytes]) -> None:
-        with file.open("rb") as packed:
-            shutil.copyfileobj(packed, stream, 1 << 20)
-
-    return _run(target, script, feed)
+    return run_on_brick(target, script, file)

@@ -18,7 +18,9 @@ from typing import Any
 from robot.bodies.ev3.agent.wire import ENCODINGS, PICTURE
 from robot.bodies.ev3.handshake import PATIENCE_S, BrickConnection, dial, join
 from robot.clock import Clock, RealClock, Worker
+from robot.devices.pictures import Picture
 from robot.errors import ConfigurationError, DriveError
+from robot.types import Encoding
 
 SILENCE_S = 0.4
 """A brick that sends nothing for so long does not answer: it reports ten times a second, and its
@@ -31,15 +33,11 @@ REJOIN_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RemotePicture:
+class RemotePicture(Picture):
     """One frame from the brick; when it was taken and when it came, on the link's clock."""
 
-    data: bytes
     taken_s: float
     came_s: float
-    width: int
-    height: int
-    encoding: str
 
 
 class BrickLink:
@@ -53,6 +51,7 @@ class BrickLink:
 
     Attributes:
         report: The agent's newest; empty before the first.
+        buttons: Those that were pressed, until whoever takes them empties it.
     """
 
     def __init__(
@@ -77,7 +76,7 @@ class BrickLink:
         self._offset_s: float | None = None
         self._lost: str | None = None
         self.report: dict[str, Any] = {}
-        self._buttons: list[str] = []
+        self.buttons: list[str] = []
         self.on_picture: Callable[[RemotePicture], None] | None = None
 
     @property
@@ -156,11 +155,6 @@ class BrickLink:
             if name in message:
                 return message[name]
 
-    def take_button(self) -> str | None:
-        """Return the last button that was pressed since the last call."""
-        buttons, self._buttons = self._buttons, []
-        return "stop" if "stop" in buttons else buttons[-1] if buttons else None
-
     def _join(self) -> BrickConnection:
         connection = join(self.address, self._secret, self._dial)
         connection.line.settimeout(PING_S)
@@ -211,7 +205,7 @@ class BrickLink:
             self._measure_offset(message["t"])
             self.report = message
             if message.get("button"):
-                self._buttons.append(message["button"])
+                self.buttons.append(message["button"])
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
@@ -236,7 +230,7 @@ class BrickLink:
                     came_s=self._received_s,
                     width=width,
                     height=height,
-                    encoding=ENCODINGS[encoding],
+                    encoding=Encoding(ENCODINGS[encoding]),
                 )
             )
 

@@ -12,7 +12,6 @@ from robot.clock import Clock
 from robot.devices.watched_camera import WatchedCamera
 from robot.driver import Driver
 from robot.errors import CameraError, ConfigurationError, DriveError
-from robot.types import Encoding
 
 
 class Ev3RemoteCamera(WatchedCamera):
@@ -55,14 +54,9 @@ class Ev3RemoteCamera(WatchedCamera):
         age_s = self._link.report.get("picture_age_s")
         self.source_age_s = max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
         self._freshness.is_new(picture.data, self.clock.now_s())
-        self._publish(
-            picture.data,
-            width=picture.width,
-            height=picture.height,
-            encoding=Encoding(picture.encoding),
-            # Read first: whoever is held up in between makes it older than it is, never younger.
-            captured_s=self.clock.now_s() - max(0.0, self._link.clock.now_s() - picture.taken_s),
-        )
+        # Read first: whoever is held up in between makes it older than it is, never younger.
+        now_s = self.clock.now_s()
+        self._show_picture(picture, now_s - max(0.0, self._link.clock.now_s() - picture.taken_s))
 
     def _name_fault(self, wrong: str) -> str:
         return (

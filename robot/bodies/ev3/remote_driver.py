@@ -1,4 +1,4 @@
-"""A brick elsewhere: its motors and sensors through the agent that runs on it."""
+"""A brick elsewhere: its motors, sensors and camera through the agent that runs on it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.ev3.chassis import ChassisBody, ChassisDriver, ChassisOptions
+from robot.bodies.ev3.driver import ChassisBody, ChassisDriver, ChassisOptions
 from robot.bodies.ev3.link import BrickLink
 from robot.devices.options import option
 from robot.errors import DriveError
@@ -51,7 +51,8 @@ class RemoteBody:
         return dict(self._link.report.get("sensors") or {})
 
     def take_button(self) -> str | None:
-        return self._link.take_button()
+        buttons, self._link.buttons = self._link.buttons, []
+        return "stop" if "stop" in buttons else buttons[-1] if buttons else None
 
     def show(self, mode: str, address: str) -> None:
         with contextlib.suppress(DriveError):

@@ -40,7 +40,6 @@ LIBRARIES = "usr/lib/arm-linux-gnueabi"
 
 
 def userland_stamp(release: str) -> str:
-    """Return the stamp that identifies a userland: its release and packages."""
     return " ".join((release, *PACKAGES))
 
 

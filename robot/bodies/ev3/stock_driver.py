@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.ev3.chassis import ChassisBody, ChassisDriver, ChassisOptions
+from robot.bodies.ev3.driver import ChassisBody, ChassisDriver, ChassisOptions
 from robot.bodies.ev3.stock import codec
 from robot.bodies.ev3.stock.lines import BEACON_PORT, BrickLine, open_line
 from robot.devices.options import option
@@ -36,7 +36,7 @@ class StockBody:
         self._motors = [_known(port, _PORTS) for port in (ports["left"], ports["right"])]
         self._wanted = {codec.ULTRASONIC: ports["ultrasonic"], codec.TOUCH: ports["touch"]}
         self._top_dps = [0.0, 0.0]
-        self._ultrasonic: int | None = None
+        self._ultrasonic: list[int] = []
         self._touches: list[int] = []
 
     @property
@@ -57,8 +57,7 @@ class StockBody:
             if kind not in TOP_DPS:
                 raise DriveError(f"no motor answers at port out{'ABCD'[port]}; check its cable")
             self._top_dps[place] = TOP_DPS[kind]
-        found = self._choose(codec.ULTRASONIC, kinds)
-        self._ultrasonic = found[0] if found else None
+        self._ultrasonic = self._choose(codec.ULTRASONIC, kinds)[:1]
         self._touches = self._choose(codec.TOUCH, kinds)
         return self._top_dps
 
@@ -100,16 +99,15 @@ class StockBody:
         """Read distance, bumpers and battery in one question; first of all, find a lost brick."""
         if self._is_lost:
             self.open()
-        sensors = [(port, codec.TOUCH) for port in self._touches]
-        if self._ultrasonic is not None:
-            sensors.insert(0, (self._ultrasonic, codec.ULTRASONIC))
+        sensors = [(port, codec.ULTRASONIC) for port in self._ultrasonic]
+        sensors += [(port, codec.TOUCH) for port in self._touches]
         asked = b"".join(
             codec.sensor(port, kind, 4 * at) for at, (port, kind) in enumerate(sensors)
         )
         size = 4 * len(sensors)
         data = self._ask(asked + codec.battery(size), size + 1)
         values = list(struct.unpack_from(f"<{len(sensors)}f", data))
-        distance_m = values.pop(0) / 100 if self._ultrasonic is not None else None
+        distance_m = values.pop(0) / 100 if self._ultrasonic else None
         bumpers = tuple(value > 0.5 for value in values)
         return {
             "distance_m": distance_m if distance_m is None or 0 <= distance_m <= 2.55 else None,
@@ -123,7 +121,6 @@ class StockBody:
         return None
 
     def show(self, mode: str, address: str) -> None:
-        """Show the mode by the colour of the buttons."""
         with contextlib.suppress(DriveError):
             self._ask(codec.light(_LIGHTS.get(mode, 1)))
 
@@ -135,7 +132,6 @@ class StockBody:
             line.close()
 
     def _ask(self, codes: bytes, results: int = 0) -> bytes:
-        """Send bytecodes and return their results."""
         if self._line is None:
             raise DriveError("the brick is not connected")
         self._count = self._count % 0xFFFF + 1

@@ -5,13 +5,11 @@ from __future__ import annotations
 import importlib.util
 import json
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.gpio.keeper_line import KeeperLine
-from robot.bodies.remote.driver import ReportingDriver
-from robot.bodies.remote.line import MessageLine
+from robot.bodies.remote.driver import MessageLine, ReportingDriver
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.driver import CLASSIC
@@ -110,26 +108,17 @@ class GpioDriver(ReportingDriver):
     no_answer = "is another program using its pins?"
     no_obedience = "restart this program"
 
-    def __init__(
-        self,
-        options: GpioOptions,
-        clock: Clock | None = None,
-        open_line: Callable[[dict[str, Any]], MessageLine] | None = None,
-    ) -> None:
+    def __init__(self, options: GpioOptions, clock: Clock | None = None) -> None:
         super().__init__(options, clock)
         if options.is_car:
             self.declared_moves = tuple(move for move in CLASSIC.values() if move.throttle)
-        self._start = open_line or self._start_keeper
 
     @property
     def _where(self) -> str:
         return "the process that holds the pins"
 
     def _open_line(self) -> MessageLine:
-        return self._start(self.options.settings())
-
-    def _start_keeper(self, settings: dict[str, Any]) -> MessageLine:
         if importlib.util.find_spec("gpiozero") is None:
             raise MissingExtraError("the robot 'gpio'", "gpio")
-        command = [sys.executable, "-m", "robot.bodies.gpio.keeper", json.dumps(settings)]
-        return KeeperLine(command, self._clock)
+        settings = json.dumps(self.options.settings())
+        return KeeperLine([sys.executable, "-m", "robot.bodies.gpio.keeper", settings], self._clock)

@@ -70,7 +70,6 @@ def _ms(clock: Clock) -> int:
 
 
 def main() -> None:
-    """Run as a process of its own."""
     for quiet in (signal.SIGINT, signal.SIGHUP):  # they are meant for the robot's program
         signal.signal(quiet, signal.SIG_IGN)
     try:

@@ -97,7 +97,7 @@ class TimedMotors:
                 self._set(order.point or CLASSIC_POINTS[order.move], order.speed)
                 self._ends_ms = now_ms + left_ms
         bumped = self._bumped() if self._bumped is not None else None
-        return BodyReport(nonce="", seq=self._seq, ms=now_ms, sensors=Sensors(bumped=bumped))
+        return BodyReport(seq=self._seq, ms=now_ms, sensors=Sensors(bumped=bumped))
 
     def _set(self, point: Point, speed: float) -> None:
         for motor, value in zip(self._motors, self._build(point, speed), strict=True):

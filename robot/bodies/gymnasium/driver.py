@@ -7,8 +7,13 @@ import threading
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.gymnasium.environment import PICTURES, Environment, read_options
-from robot.bodies.gymnasium.moves import moves_of, steering_of
+from robot.bodies.gymnasium.environment import (
+    PICTURES,
+    Environment,
+    moves_of,
+    read_options,
+    steering_of,
+)
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 from urllib.parse import urlsplit
 
-from robot.bodies.mjpeg.finder import PictureFinder
+from robot.bodies.mjpeg.answer import PictureFinder
 from robot.bodies.mjpeg.line import CameraLine
 from robot.clock import Clock
 from robot.devices.freshness import LONGEST_PERIOD_S, REOPEN_S

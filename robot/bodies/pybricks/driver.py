@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.pybricks.hub_line import HubLine
-from robot.bodies.remote.driver import ReportingDriver
-from robot.bodies.remote.line import MessageLine
+from robot.bodies.remote.driver import MessageLine, ReportingDriver
 from robot.bodies.remote.orders import moves_option, parse_moves
 from robot.clock import Clock
 from robot.devices.options import Options, option
@@ -30,17 +29,14 @@ class PybricksDriver(ReportingDriver):
     no_answer = "does docs/examples/firmware/hub.py run on it?"
     no_obedience = "does it run docs/examples/firmware/hub.py of this version?"
 
-    def __init__(
-        self, options: PybricksOptions, clock: Clock | None = None, bluetooth: Any = None
-    ) -> None:
+    def __init__(self, options: PybricksOptions, clock: Clock | None = None) -> None:
         super().__init__(options, clock)
         self.declared_moves = parse_moves(options.body_moves)
-        self._bluetooth = bluetooth
 
     @property
     def _where(self) -> str:
         return f"the hub {self.options.hub!r}" if self.options.hub else "the hub"
 
     def _open_line(self) -> MessageLine:
-        bluetooth = self._bluetooth or need("bleak", "the robot 'pybricks'", "pybricks")
+        bluetooth = need("bleak", "the robot 'pybricks'", "pybricks")
         return HubLine(bluetooth, self.options.hub, self._clock)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
-from robot.bodies.remote.line import MessageLine, split_address
 from robot.bodies.remote.orders import (
     BodyReport,
+    Order,
     encode_order,
     moves_option,
     parse_moves,
     parse_report,
+    split_address,
 )
 from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
 from robot.clock import Clock
@@ -32,13 +33,24 @@ _CONNECT_TRIES = 20
 """A computer that stood still for a while has not asked often enough to call a robot silent."""
 
 
+class MessageLine(Protocol):
+    """Messages as bytes. Methods raise OSError when the line fails."""
+
+    def send(self, message: bytes) -> None: ...
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """Return the next message, or None after `timeout_s`."""
+
+    def close(self) -> None:
+        """Let go; idempotent."""
+
+
 class ReportingDriver(ConnectedDriver[MessageLine]):
     """Sends orders that end by themselves, and takes the reports that answer them."""
 
     default_camera: ClassVar[str] = "phone"
     is_remote: ClassVar[bool] = True
     hello: ClassVar[bytes] = HELLO
-    """Asks for a report."""
     no_answer: ClassVar[str]
     no_obedience: ClassVar[str]
     """Ends of the sentences about a robot that is silent at first, and about one that disobeys."""
@@ -65,12 +77,11 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         """True once the robot has said so."""
         return self._report is not None and self._report.takes_points
 
-    def _encode(self, action: Action, point: Point | None, **order: Any) -> bytes:
+    def _encode(self, order: Order, nonce: str) -> bytes:
         """Write one order, as words of one line where nobody else can send."""
-        return encode_plain_order(action, point, **order)
+        return encode_plain_order(order)
 
     def _parse(self, data: bytes) -> BodyReport | None:
-        """Read one report; None if it is none."""
         return parse_plain_report(data)
 
     def _open(self) -> MessageLine:
@@ -114,16 +125,9 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             raise DriveError("the robot has not reported yet")
         self._seq = max(self._seq, report.seq) + 1
         heard_s = self._heard_s
-        self._exchange(
-            self._encode(
-                action,
-                point,
-                for_ms=round(1000 * ACTION_TIMEOUT_S),
-                speed=speed_scale,
-                seq=self._seq,
-                report=report,
-            )
-        )
+        for_ms = round(1000 * ACTION_TIMEOUT_S)
+        order = Order(action, for_ms, speed_scale, self._seq, report.ms, point)
+        self._exchange(self._encode(order, report.nonce))
         if self._heard_s > heard_s:  # an answer may be to an earlier order: it still goes on
             is_obeyed = self._report is not None and self._report.seq > report.seq
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
@@ -174,6 +178,8 @@ class RemoteOptions(Options):
 class RemoteDriver(ReportingDriver):
     """A robot that uses the one-page protocol, at an address; subclasses provide the transport."""
 
+    line_type: ClassVar[type[Any]]
+    """A `MessageLine`, made of host and port."""
     options_type: ClassVar[type[Any]] = RemoteOptions
     hello: ClassVar[bytes] = b"{}"
     no_answer: ClassVar[str] = "is it on, in the same network, and is this its address?"
@@ -187,11 +193,12 @@ class RemoteDriver(ReportingDriver):
     def _where(self) -> str:
         return f"the robot at {self.options.address}"
 
-    def _place(self) -> tuple[str, int]:
-        return split_address(self.options.address, PORT)
+    def _open_line(self) -> MessageLine:
+        line: MessageLine = self.line_type(*split_address(self.options.address, PORT))
+        return line
 
-    def _encode(self, action: Action, point: Point | None, **order: Any) -> bytes:
-        return encode_order(action, point, secret=self.options.secret, **order)
+    def _encode(self, order: Order, nonce: str) -> bytes:
+        return encode_order(order, nonce, self.options.secret)
 
     def _parse(self, data: bytes) -> BodyReport | None:
         return parse_report(data)

@@ -103,7 +103,7 @@ class KeptConnection(ABC):
 
 
 class KeptLine(KeptConnection):
-    """A kept connection that receives messages, as `robot.bodies.remote.line.MessageLine` does."""
+    """A kept connection that receives messages, as a `MessageLine` does."""
 
     def __init__(self, name: str, clock: Clock) -> None:
         self._received: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
@@ -130,5 +130,4 @@ async def _or_connection_error(work: Coroutine[Any, Any, None]) -> None:
 
 
 def _said(error: Exception) -> str:
-    """Return what an error says, or else its name."""
     return str(error) or type(error).__name__

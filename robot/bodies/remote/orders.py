@@ -1,4 +1,7 @@
-"""The wire between Drivelesson and a robot of any kind: orders down, reports up. Pure."""
+"""The wire between Drivelesson and a robot of any kind: orders down, reports up. Pure.
+
+Besides, what a person says of such a robot: where it is, and what it can do.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,7 @@ import hmac
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from robot.devices.options import option
@@ -22,44 +25,44 @@ MAX_BYTES = 512
 class BodyReport:
     """What a robot says of itself: who it is since it was switched on, and what it senses.
 
-    `nonce` is new whenever the robot starts; `seq` is the last order that it obeyed, and `ms` what
-    its clock shows. `takes_points` is whether orders may say steering and throttle.
+    `nonce` is new whenever the robot starts, and empty where nobody else can send; `seq` is the
+    last order that it obeyed, and `ms` what its clock shows. `takes_points` is whether orders may
+    say steering and throttle.
     """
 
-    nonce: str
+    nonce: str = ""
     seq: int
     ms: int
     sensors: Sensors
     takes_points: bool = False
 
 
-def encode_order(
-    action: Action,
-    point: Point | None = None,
-    *,
-    for_ms: int,
-    speed: float,
-    seq: int,
-    report: BodyReport,
-    secret: str,
-) -> bytes:
+@dataclass(frozen=True, slots=True)
+class Order:
+    """One order: a move for so long, at a share of full speed, and what it was given upon.
+
+    `seq` counts the orders; `seen_ms` is what the body's clock showed in its newest report.
+    """
+
+    move: Action
+    for_ms: int
+    speed: float
+    seq: int
+    seen_ms: int
+    point: Point | None = None
+
+
+def encode_order(order: Order, nonce: str, secret: str) -> bytes:
     """Write one order, signed so that it holds for this robot since this start, and once."""
-    order: dict[str, Any] = {
-        "move": str(action),
-        "for_ms": for_ms,
-        "speed": round(speed, 4),
-        "seq": seq,
-        "seen_ms": report.ms,
-    }
-    if point is not None:
-        order |= {"steering": round(point.steering, 4), "throttle": round(point.throttle, 4)}
-    text = json.dumps(order, separators=(",", ":")).encode()
-    mac = hmac.new(secret.encode(), report.nonce.encode() + text, hashlib.sha256)
+    plain = asdict(order) | {"speed": round(order.speed, 4)}
+    if (point := plain.pop("point")) is not None:
+        plain |= {"steering": round(point.steering, 4), "throttle": round(point.throttle, 4)}
+    text = json.dumps(plain, separators=(",", ":")).encode()
+    mac = hmac.new(secret.encode(), nonce.encode() + text, hashlib.sha256)
     return text + b"\t" + mac.hexdigest()[:16].encode()
 
 
 def parse_report(data: bytes) -> BodyReport | None:
-    """Read one report; None if it is none."""
     try:
         plain = json.loads(data[:MAX_BYTES])
         nonce, seq, ms = plain["nonce"], plain["seq"], plain["ms"]
@@ -90,7 +93,6 @@ def _between(value: Any, most: float) -> float | None:
 
 
 def moves_option(default: str) -> Any:
-    """Declare the option that `parse_moves` reads."""
     return option(default, "what the body can do, as forward,left or fast:0:1 (steering:throttle)")
 
 
@@ -121,3 +123,18 @@ def parse_moves(text: str) -> tuple[Move, ...]:
     if len({move.name for move in moves}) != len(moves):
         raise ConfigurationError("--body-moves: a move is named twice")
     return tuple(moves)
+
+
+def split_address(address: str, default_port: int) -> tuple[str, int]:
+    """Return host and port of HOST or HOST:PORT.
+
+    Raises:
+        ConfigurationError: If it is neither.
+    """
+    host, _, port = address.strip().rpartition(":") if ":" in address else (address.strip(), "", "")
+    number = port or str(default_port)
+    if not host or "/" in host or not number.isdecimal() or not 0 < int(number) < 65536:
+        raise ConfigurationError(
+            f"--address must be the robot's HOST or HOST:PORT, not {address!r}"
+        )
+    return host, int(number)

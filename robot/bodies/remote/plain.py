@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container
-from dataclasses import dataclass
 
-from robot.bodies.remote.orders import BodyReport
+from robot.bodies.remote.orders import BodyReport, Order
 from robot.types import Action, Point, Sensors
 
 HELLO = b"?"
@@ -22,39 +21,19 @@ LATE_MS = 500
 LONGEST_MS = 500
 
 
-@dataclass(frozen=True, slots=True)
-class PlainOrder:
-    """One order, as a body of ours reads it."""
-
-    move: Action
-    for_ms: int
-    speed: float
-    seq: int
-    seen_ms: int
-    point: Point | None = None
-
-
-def encode_plain_order(
-    action: Action,
-    point: Point | None = None,
-    *,
-    for_ms: int,
-    speed: float,
-    seq: int,
-    report: BodyReport,
-) -> bytes:
+def encode_plain_order(order: Order) -> bytes:
     """Write one order, without the end of the line."""
-    words = [action, for_ms, round(speed, 3), seq, report.ms]
-    words += [f"{number:.4f}" for number in point or ()]
+    words = [order.move, order.for_ms, round(order.speed, 3), order.seq, order.seen_ms]
+    words += [f"{number:.4f}" for number in order.point or ()]
     return " ".join(map(str, words)).encode()
 
 
-def parse_plain_order(data: bytes, moves: Container[Action]) -> PlainOrder | None:
+def parse_plain_order(data: bytes, moves: Container[Action]) -> Order | None:
     """Read one order; None if it is none, or none of this body's."""
     try:
         name, for_ms, speed, seq, seen_ms, *numbers = data.decode("ascii").split()
         point = Point(*map(float, numbers)) if numbers else None
-        order = PlainOrder(Action(name), int(for_ms), float(speed), int(seq), int(seen_ms), point)
+        order = Order(Action(name), int(for_ms), float(speed), int(seq), int(seen_ms), point)
     except (ValueError, TypeError):
         return None
     is_known = order.move is Action.STOP or order.move in moves
@@ -74,14 +53,12 @@ def encode_plain_report(report: BodyReport) -> bytes:
 
 
 def parse_plain_report(data: bytes) -> BodyReport | None:
-    """Read one report; None if it is none."""
     words = data.split()
     takes_points = words[5:] == [b"points"]
     if len(words) != 5 + takes_points or not (words[0].isdigit() and words[1].isdigit()):
         return None
     distance_mm, bumped, battery = (_number(word) for word in words[2:5])
     return BodyReport(
-        nonce="",
         seq=int(words[0]),
         ms=int(words[1]),
         sensors=Sensors(

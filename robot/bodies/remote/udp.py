@@ -7,7 +7,6 @@ import socket
 from typing import ClassVar
 
 from robot.bodies.remote.driver import RemoteDriver
-from robot.bodies.remote.line import MessageLine
 
 
 class UdpLine:
@@ -38,6 +37,4 @@ class UdpDriver(RemoteDriver):
     """An ESP32, a Pico W, or whatever else answers on a UDP port."""
 
     name: ClassVar[str] = "udp"
-
-    def _open_line(self) -> MessageLine:
-        return UdpLine(*self._place())
+    line_type = UdpLine

@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 from robot.bodies.remote.driver import RemoteDriver
 from robot.bodies.remote.kept import KeptLine
-from robot.bodies.remote.line import MessageLine
 from robot.clock import RealClock
 from robot.errors import need
 
@@ -58,6 +57,4 @@ class WsDriver(RemoteDriver):
     """The same messages as `udp`, as text of a websocket."""
 
     name: ClassVar[str] = "ws"
-
-    def _open_line(self) -> MessageLine:
-        return WebsocketLine(*self._place())
+    line_type = WebsocketLine

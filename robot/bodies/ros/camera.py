@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.remote.line import split_address
+from robot.bodies.remote.orders import split_address
 from robot.bodies.ros.bridge import PORT, RosBridge
 from robot.bodies.ros.driver import check_topic
 from robot.clock import Clock

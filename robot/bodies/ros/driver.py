@@ -6,12 +6,10 @@ import contextlib
 import json
 import math
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.remote.line import split_address
-from robot.bodies.remote.orders import moves_option, parse_moves
+from robot.bodies.remote.orders import moves_option, parse_moves, split_address
 from robot.bodies.ros.bridge import GONE_S, PORT, Message, RosBridge
 from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
@@ -71,16 +69,11 @@ class RosDriver(ConnectedDriver[RosBridge]):
     default_camera: ClassVar[str] = "ros"
     options_type: ClassVar[type[Any]] = RosOptions
     is_remote: ClassVar[bool] = True
+    bridge_type: ClassVar[type[RosBridge]] = RosBridge
     takes_points = True
 
-    def __init__(
-        self,
-        options: RosOptions,
-        clock: Clock | None = None,
-        open_bridge: Callable[..., RosBridge] = RosBridge,
-    ) -> None:
+    def __init__(self, options: RosOptions, clock: Clock | None = None) -> None:
         super().__init__(options, clock)
-        self._open_bridge = open_bridge
         self.declared_moves = parse_moves(options.body_moves)
         without = [move.name for move in self.declared_moves if move.point is None]
         if without:
@@ -107,7 +100,7 @@ class RosDriver(ConnectedDriver[RosBridge]):
         if options.advice_topic:
             advertised[options.advice_topic] = _TEXT
         try:
-            return self._open_bridge(
+            return self.bridge_type(
                 host,
                 port,
                 self._clock,

@@ -51,7 +51,6 @@ class OpencvCamera(WatchedCamera):
         self._watch_over(lambda: self._read(capture))
 
     def _open(self) -> Any:
-        """Return an open capture, or None."""
         import cv2
 
         source = self.options.source

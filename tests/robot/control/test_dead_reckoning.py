@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robot.bodies.ev3.chassis import ChassisDriver, ChassisOptions, wheels_of
+from robot.bodies.ev3.driver import ChassisDriver, ChassisOptions, wheels_of
 from robot.control.dead_reckoning import DeadReckoning
 from robot.control.state import Tick
 from robot.devices.simulation.body import TRACK_M, WHEELS_MPS, move

@@ -32,7 +32,6 @@ def read_secret(path: str) -> str:
 
 
 def main() -> None:
-    """Start the agent."""
     parser = argparse.ArgumentParser(description="Lend this brick to a Drivelesson server.")
     parser.add_argument("--host", default="0.0.0.0", help="address to listen on")
     parser.add_argument("--port", type=int, default=PORT, help="port to listen on")

@@ -4,7 +4,7 @@ import json
 import os
 import socket
 import time
-from typing import Any, Callable, Dict, List, Optional
+from typing import Any, Callable, Dict, Iterator, List, Optional
 
 from robot.bodies.ev3.agent.wire import (
     BEFORE_JOINING,
@@ -43,22 +43,19 @@ class Caller:
         self._seal = None  # type: Optional[Seal]
         self.send({"hello": PROTOCOL, "nonce": self._nonce})
 
-    def receive(self) -> None:
-        """Take in what has arrived; EOFError when the other side closed the connection."""
+    def receive(self) -> Iterator[Dict[str, Any]]:
+        """Take in what has arrived; yield each message that is whole, ValueError on what is none.
+
+        EOFError when the other side closed the connection.
+        """
         data = self.line.recv(65536 if self.has_joined else max(BEFORE_JOINING.values()))
         if not data:
             raise EOFError("it closed the connection")
-        self._unpacker.feed(data)
-
-    def next_message(self) -> Optional[Dict[str, Any]]:
-        """Return the next message that is whole, or None; ValueError on what is none."""
-        found = self._unpacker.next()
-        if found is None:
-            return None
-        message = json.loads(found[1].decode())
-        if not isinstance(message, dict):
-            raise ValueError("not a message of this protocol")
-        return message
+        for _, body in self._unpacker.take(data):
+            message = json.loads(body.decode())
+            if not isinstance(message, dict):
+                raise ValueError("not a message of this protocol")
+            yield message
 
     def proves(self, message: Dict[str, Any], secret: str) -> bool:
         """True if a message asks to join, and proves that its sender knows the secret."""

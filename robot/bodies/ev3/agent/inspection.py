@@ -38,7 +38,6 @@ def describe(root: str, kind: str) -> List[Dict[str, str]]:
 
 
 def read_voltage(root: str) -> Any:
-    """Return the battery's voltage in volts, or None."""
     battery = find_battery(root)
     if battery is None:
         return None
@@ -51,7 +50,6 @@ def read_voltage(root: str) -> Any:
 
 
 def read_memory_mb(root: str) -> Any:
-    """Return how many MB programs can still have, or None."""
     try:
         with open(os.path.join(root, "proc/meminfo")) as file:
             for line in file:
@@ -63,7 +61,6 @@ def read_memory_mb(root: str) -> Any:
 
 
 def read_card_mb(root: str) -> float:
-    """Return how many MB are free on the card."""
     card = os.statvfs(root)
     return card.f_bavail * card.f_frsize / 1e6
 

@@ -36,7 +36,8 @@ class MotorPair:
         try:
             for side, address in zip(("left", "right"), self._addresses):
                 self._ports.append(self._find(side, address))
-        except DriveError:
+                self._reset(self._ports[-1])
+        except Exception:
             self.close()
             raise
         ports = self._ports
@@ -51,13 +52,6 @@ class MotorPair:
                 "no {} motor at port {}; plug it in there, or name its port with "
                 "--{}-port ({})".format(side, address, side, describe_ports(ports))
             )
-        try:
-            self._reset(motor)
-            motor.write("stop_action", "brake")
-            motor.write("command", "stop")
-        except Exception:
-            motor.close()
-            raise
         return motor
 
     def _reset(self, motor: DevicePort) -> None:
@@ -65,6 +59,8 @@ class MotorPair:
         for _ in range(RESET_TRIES):
             if all(int(motor.read(name)) == 0 for name in RESET_ZERO):
                 if motor.read("polarity") == "normal":
+                    motor.write("stop_action", "brake")
+                    motor.write("command", "stop")
                     return
             self._clock.sleep(0.01)
         raise DriveError(
@@ -77,7 +73,6 @@ class MotorPair:
         return [top / count for top, count in zip(self._top_counts, self._counts_per_deg)]
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
-        """Turn the wheels at so many degrees a second for at most `time_ms`."""
         try:
             if not self._ports:
                 self.open()

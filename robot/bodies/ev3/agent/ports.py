@@ -64,7 +64,6 @@ def list_ports(root: str, kind: str) -> List[DevicePort]:
 
 
 def find_battery(root: str) -> Optional[DevicePort]:
-    """Return the brick's battery, or None."""
     found = glob.glob(os.path.join(root, "sys/class/power_supply/*ev3-battery"))
     return DevicePort(found[0]) if found else None
 

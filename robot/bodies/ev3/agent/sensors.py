@@ -114,9 +114,8 @@ class RobotSensors:
         self._ultrasonic = SensorGroup("ultrasonic", ULTRASONIC, ultrasonic, root, 1, "US-DIST-CM")
         self._touch = SensorGroup("touch", TOUCH, touch, root)
         self._battery = None  # type: Optional[DevicePort]
-        self._battery_range = (0.0, 1.0)
         self._battery_share = None  # type: Optional[float]
-        self._battery_read_s = None  # type: Optional[float]
+        self._battery_read_s = float("-inf")
         self._searched_s = 0.0
 
     def open(self) -> None:
@@ -124,9 +123,6 @@ class RobotSensors:
         self._touch.find()
         self._searched_s = self._clock.monotonic()
         self._battery = find_battery(self._root)
-        if self._battery is not None:
-            ends = [self._battery.read("voltage_%s_design" % end) for end in ("min", "max")]
-            self._battery_range = (float(ends[0]), float(ends[1]))
 
     def read(self) -> Dict[str, Any]:
         """Return distance_m, bumped, bumpers and battery_share; None for what is not there.
@@ -157,13 +153,12 @@ class RobotSensors:
 
     def _read_battery(self, now_s: float) -> Optional[float]:
         """Charge between 0 and 1, estimated from the voltage; read every five seconds."""
-        is_due = self._battery_read_s is None or now_s - self._battery_read_s > BATTERY_S
-        if self._battery is not None and is_due:
+        if self._battery is not None and now_s - self._battery_read_s > BATTERY_S:
             self._battery_read_s = now_s
-            low, high = self._battery_range
+            names = ("voltage_min_design", "voltage_max_design", "voltage_now")
             try:
-                share = (float(self._battery.read("voltage_now")) - low) / (high - low)
+                low, high, volts = [float(self._battery.read(name)) for name in names]
+                self._battery_share = min(1.0, max(0.0, (volts - low) / (high - low)))
             except Exception:
                 return None
-            self._battery_share = min(1.0, max(0.0, share))
         return self._battery_share

@@ -102,12 +102,8 @@ class Agent:
                 self._drop(self._controller, str(error))
 
     def _receive(self, caller: Caller, now_s: float) -> None:
-        caller.receive()
         commands = []
-        while True:
-            message = caller.next_message()
-            if message is None:
-                break
+        for message in caller.receive():
             if caller.has_joined:
                 commands.append(message)
             else:

@@ -9,7 +9,7 @@ nobody else can send, replay, drop or reorder messages, on this connection or a 
 import hmac
 import json
 import struct
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, Iterator, Optional, Tuple
 
 PORT = 8765
 PROTOCOL = 2
@@ -68,7 +68,6 @@ def pack(kind: bytes, body: bytes, seal: Optional[Seal] = None) -> bytes:
 
 
 def pack_json(message: Dict[str, Any], seal: Optional[Seal] = None) -> bytes:
-    """Return a JSON message as it goes over the wire."""
     return pack(b"J", json.dumps(message).encode(), seal)
 
 
@@ -89,22 +88,19 @@ class Unpacker:
         self._seal = seal
         self._largest = largest
 
-    def feed(self, data: bytes) -> None:
+    def take(self, data: bytes) -> Iterator[Tuple[bytes, bytes]]:
+        """Take in some bytes; yield the kind and the body of each message that is whole."""
         self._waiting += data
-
-    def next(self) -> Optional[Tuple[bytes, bytes]]:
-        """Return the kind and the body of the next message that is whole, or None."""
-        if len(self._waiting) < HEAD.size:
-            return None
-        kind, size = HEAD.unpack_from(self._waiting)
-        if size > self._largest.get(kind, -1):
-            raise ValueError("not a message of this protocol")
-        end = HEAD.size + size + (MAC_SIZE if self._seal is not None else 0)
-        if len(self._waiting) < end:
-            return None
-        whole, rest = bytes(self._waiting[:end]), HEAD.size + size
-        del self._waiting[:end]
-        head, body, mac = whole[: HEAD.size], whole[HEAD.size : rest], whole[rest:]
-        if self._seal is not None and not hmac.compare_digest(mac, self._seal.mac(head, body)):
-            raise ValueError("a message that was changed, repeated or sent by somebody else")
-        return kind, body
+        while len(self._waiting) >= HEAD.size:
+            kind, size = HEAD.unpack_from(self._waiting)
+            if size > self._largest.get(kind, -1):
+                raise ValueError("not a message of this protocol")
+            end = HEAD.size + size + (MAC_SIZE if self._seal is not None else 0)
+            if len(self._waiting) < end:
+                return
+            whole, rest = bytes(self._waiting[:end]), HEAD.size + size
+            del self._waiting[:end]
+            head, body, mac = whole[: HEAD.size], whole[HEAD.size : rest], whole[rest:]
+            if self._seal is not None and not hmac.compare_digest(mac, self._seal.mac(head, body)):
+                raise ValueError("a message that was changed, repeated or sent by somebody else")
+            yield kind, body

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 import server
-from robot.bodies.ev3.bundle import make_bundle
+from robot.bodies.ev3.archive import make_bundle
 from robot.bodies.ev3.rootfs import DEFAULT_RELEASE, build_userland, precompile, userland_stamp
 from server.config import Config
 

@@ -132,9 +132,7 @@ def test_no_address_and_no_secret_are_one_clear_line(
 
 def test_something_else_that_answers_is_one_clear_line() -> None:
     with pytest.raises(ValueError, match="not a message"):
-        unpacker = wire.Unpacker(wire.BEFORE_JOINING)
-        unpacker.feed(b"HTTP/1.1 400 Bad Request\r\n\r\n")
-        unpacker.next()
+        list(wire.Unpacker(wire.BEFORE_JOINING).take(b"HTTP/1.1 400 Bad Request\r\n\r\n"))
 
 
 def test_a_missing_motor_is_named_through_the_line(agent: VirtualAgent) -> None:

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from robot.bodies.ev3.agent import console, sensors
-from robot.bodies.ev3.chassis import ChassisOptions, wheels_of
-from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
+from robot.bodies.ev3.driver import ChassisOptions, Ev3Driver, Ev3Options, wheels_of
 from robot.bodies.ev3.fake_brick import DEFAULTS, LEFTOVERS, POLL_S, FakeBrick
 from robot.devices.wheels import CLASSIC_POINTS
 from robot.driver import BodyButton

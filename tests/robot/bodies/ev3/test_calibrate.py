@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import io
 import math
 from collections.abc import Iterator
@@ -35,9 +34,9 @@ def test_wheels_roll_forwards_however_the_motors_are_mounted(
 ) -> None:
     options = Ev3Options(brick_root=str(brick.root), reversed_motors=reversed_motors)
     with Ev3Driver(options, brick.clock) as driver:
-        rolled_m = calibrate.drive(driver, Action.FORWARD, 1.0)
+        rolled_m = driver.roll(Action.FORWARD, 1.0)
         assert rolled_m == pytest.approx((0.16, 0.16), rel=0.05)
-        back_m, still_m = calibrate.drive(driver, Action.LEFT, 1.0)
+        back_m, still_m = driver.roll(Action.LEFT, 1.0)
         assert math.degrees((still_m - back_m) / options.track_m) == pytest.approx(18.5, rel=0.05)
 
 
@@ -60,8 +59,6 @@ def brick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeBrick
         def __init__(self, options: Ev3Options) -> None:
             super().__init__(options, clock)
 
-    timed = functools.partial(calibrate.drive, now_s=clock.now_s, sleep=clock.sleep)
-    monkeypatch.setattr(calibrate, "drive", timed)
     monkeypatch.setattr(calibrate, "load_driver", lambda name: TimedDriver)
     with FakeBrick(tmp_path / "brick", clock=clock) as fake:
         yield fake

@@ -21,13 +21,13 @@ from robot.bodies.ev3.doctor import (
     write_report,
 )
 from robot.bodies.ev3.examination import measure
-from robot.bodies.ev3.fake_agent import SECRET, FakeAgent, FakeCameraReader, inspect_as_ev3
+from robot.bodies.ev3.fake_agent import SECRET, FakeCameraReader, fake_agent, inspect_as_ev3
 from robot.bodies.ev3.fake_brick import FakeBrick
 from robot.bodies.ev3.link import BrickLink, RemotePicture
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.testing import VirtualClock
 from server.__main__ import main
-from server.bodies import doctor
+from server.bodies import brick as command
 from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
 
 ROOT = Path(__file__).parents[4]
@@ -239,10 +239,10 @@ def a_busy_brick_is_one_clear_line(
     monkeypatch.setenv("DRIVELESSON_BRICK_SECRET", SECRET)
     with (
         FakeBrick(tmp_path / "busy") as brick,
-        FakeAgent(brick) as agent,
-        Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address, brick_secret=SECRET)),
+        fake_agent(brick) as address,
+        Ev3RemoteDriver(Ev3RemoteOptions(brick=address, brick_secret=SECRET)),
     ):
-        assert main(["brick", "doctor", agent.address]) == 1
+        assert main(["brick", "doctor", address]) == 1
     error = capsys.readouterr().err
     assert "busy: 127.0.0.1 has the robot; stop the other server first" in error
     assert error.count("\n") == 1
@@ -262,7 +262,7 @@ def test_consent_is_asked_for(
         return answer
 
     monkeypatch.setattr("builtins.input", read)
-    assert doctor.ask_consent() is may
+    assert command.ask_consent() is may
 
 
 def masked(text: str) -> str:
@@ -276,9 +276,9 @@ def test_the_report_in_the_guide_is_what_it_prints(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    doctor.furnish(brick)
-    monkeypatch.setattr(doctor, "BrickLink", lambda *_: link)
-    assert doctor.examine_at("127.0.0.1:8765", SECRET, lambda: True) == 0
+    command.furnish(brick)
+    monkeypatch.setattr(command, "BrickLink", lambda *_: link)
+    assert command.examine_at("127.0.0.1:8765", SECRET, lambda: True) == 0
     printed = capsys.readouterr().out
     shown = "".join(f"    {line}".rstrip() + "\n" for line in printed.splitlines())
     assert masked(shown) in masked(GUIDE.read_text()), f"put this into {GUIDE}:\n{shown}"

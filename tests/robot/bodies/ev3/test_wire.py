@@ -21,11 +21,7 @@ def opened(data: bytes, secret: str = "a secret", sender: str = "controller") ->
     """Return the bodies that are accepted before the first refusal, and ValueError after them."""
     unpacker = wire.Unpacker(LIMITS)
     unpacker.expect_seal(wire.Seal(secret, sender, *NONCES), LIMITS)
-    unpacker.feed(data)
-    bodies = []
-    while (message := unpacker.next()) is not None:
-        bodies.append(message[1])
-    return bodies
+    return [body for _, body in unpacker.take(data)]
 
 
 def test_sealed_messages_come_through_in_order() -> None:
@@ -38,10 +34,8 @@ def test_any_cutting_gives_the_same_messages(bodies: list[bytes], cuts: list[int
     unpacker = wire.Unpacker(LIMITS)
     got = []
     for cut in [*cuts, len(stream)]:
-        unpacker.feed(stream[:cut])
+        got += [body for _, body in unpacker.take(stream[:cut])]
         stream = stream[cut:]
-        while (message := unpacker.next()) is not None:
-            got.append(message[1])
     assert got == bodies
 
 
@@ -97,6 +91,5 @@ def test_each_side_proves_itself_for_these_nonces_only() -> None:
 @pytest.mark.parametrize("kind", [b"J", b"F", b"G"])
 def test_too_much_is_refused_before_it_has_arrived(kind: bytes) -> None:
     unpacker = wire.Unpacker(wire.BEFORE_JOINING)
-    unpacker.feed(wire.HEAD.pack(kind, 1025))
     with pytest.raises(ValueError, match="not a message"):
-        unpacker.next()
+        list(unpacker.take(wire.HEAD.pack(kind, 1025)))

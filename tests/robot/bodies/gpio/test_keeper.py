@@ -36,10 +36,10 @@ with driver_for(Path(sys.argv[1])) as driver:
 
 def driver_for(notes: Path) -> GpioDriver:
     program = [sys.executable, "-m", "tests.standins.gpio_keeper", str(notes)]
-    return GpioDriver(
-        GpioOptions(),
-        open_line=lambda wires: KeeperLine([*program, json.dumps(wires)], RealClock()),
-    )
+    driver = GpioDriver(GpioOptions())
+    wires = json.dumps(driver.options.settings())
+    driver._open_line = lambda: KeeperLine([*program, wires], RealClock())  # type: ignore[method-assign]
+    return driver
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot.bodies.mjpeg.answer import MAX_PART_BYTES, PictureFinder
 from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
-from robot.bodies.mjpeg.finder import MAX_PART_BYTES, PictureFinder
 from robot.clock import RealClock
 from robot.errors import CameraError, ConfigurationError
 from tests.contract.real_parts import check_camera_on_its_real_line

@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 import pytest
 
-from robot.bodies.mjpeg.answer import Chunks, read_head
+from robot.bodies.mjpeg.answer import Chunks, PictureFinder, read_head
 from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
-from robot.bodies.mjpeg.finder import PictureFinder
 from robot.errors import CameraError
 from robot.testing import VirtualClock
 from robot.types import Encoding

@@ -31,7 +31,7 @@ def hub() -> Iterator[FakeHub]:
 
 
 def driver_for(hub: FakeHub, name: str = "") -> PybricksDriver:
-    return PybricksDriver(PybricksOptions(hub=name), bluetooth=hub.bluetooth)
+    return hub.driver(PybricksOptions(hub=name))
 
 
 def until(happens: Callable[[], object]) -> None:

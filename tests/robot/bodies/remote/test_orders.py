@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.bodies.remote.line import split_address
-from robot.bodies.remote.orders import encode_order, parse_moves, parse_report
+from robot.bodies.remote.orders import Order, encode_order, parse_moves, parse_report, split_address
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
 from robot.types import Action, Sensors
@@ -39,11 +38,10 @@ def test_an_order_holds_for_one_robot_one_start_and_one_secret() -> None:
     other = parse_report(b'{"nonce": "ab", "seq": 3, "ms": 99}')
     assert report is not None and other is not None
     assert report.sensors == Sensors(distance_m=1.0, battery_share=0.5)
-    how = {"for_ms": 400, "speed": 0.5, "seq": 4}
     orders = [
-        encode_order(Action.LEFT, report=r, secret=s, **how)  # type: ignore[arg-type]
+        encode_order(Order(Action.LEFT, 400, 0.5, 4, r.ms), r.nonce, secret)
         for r in (report, other)
-        for s in ("one", "two")
+        for secret in ("one", "two")
     ]
     assert len({order.partition(b"\t")[2] for order in orders}) == 4
     text, _, mac = orders[0].partition(b"\t")

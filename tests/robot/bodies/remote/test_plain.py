@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.bodies.remote.orders import BodyReport
+from robot.bodies.remote.orders import BodyReport, Order
 from robot.bodies.remote.plain import (
     encode_plain_order,
     encode_plain_report,
@@ -42,8 +42,7 @@ def test_whatever_comes_is_read_or_left(data: bytes) -> None:
 def test_an_order_is_read_as_it_was_written(
     move: Action, for_ms: int, speed: float, seq: int, ms: int, point: Point | None
 ) -> None:
-    report = BodyReport(nonce="", seq=0, ms=ms, sensors=Sensors())
-    text = encode_plain_order(move, point, for_ms=for_ms, speed=speed, seq=seq, report=report)
+    text = encode_plain_order(Order(move, for_ms, speed, seq, ms, point))
     order = parse_plain_order(text, CLASSIC)
     assert order is not None and abs(order.speed - speed) <= 0.0005
     assert (order.move, order.for_ms, order.seq, order.seen_ms) == (move, for_ms, seq, ms)

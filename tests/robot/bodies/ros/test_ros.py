@@ -96,7 +96,9 @@ def test_stamped_velocities_carry_the_time() -> None:
     clock, bridge = VirtualClock(), mock.Mock()
     bridge.return_value.silent_s = 0.0
     options = RosOptions(address="base", stamped=True)
-    with RosDriver(options, clock, open_bridge=bridge) as driver:
+    driver = RosDriver(options, clock)
+    driver.bridge_type = bridge  # type: ignore[misc]
+    with driver:
         driver.send_action(Action.FORWARD)
     assert bridge.call_args.kwargs["advertised"] == {"/cmd_vel": "geometry_msgs/msg/TwistStamped"}
     *_, (topic, message, (end, for_s)) = (

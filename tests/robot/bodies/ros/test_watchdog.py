@@ -115,7 +115,8 @@ def test_however_orders_are_held_up_it_stands_half_a_second_after_the_last_was_w
 def test_without_its_sign_of_life_nothing_moves() -> None:
     clock = VirtualClock(100.0)
     bridge = WatchedBridge(clock, 1)
-    driver = RosDriver(RosOptions(address="robot", watchdog=True), clock, open_bridge=bridge.open)
+    driver = RosDriver(RosOptions(address="robot", watchdog=True), clock)
+    driver.bridge_type = bridge.open  # type: ignore[misc]
     with driver:
         driver.send_action(Action.FORWARD)
         clock.sleep(0.1)
