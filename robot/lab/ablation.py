@@ -67,11 +67,8 @@ def _tables(runs: Runs) -> list[Table]:
     note = f"Not run: {', '.join(missing)}." if missing else ""
     title = "With one thing changed"
     details = ssd_tables(
-        lessons,
-        names=("trial", "learner"),
-        title_of=lambda trial, learner: f"Trial {trial} after retraining",
-        label_of=lambda trial, learner: str(learner),
-        phases=("after",),
+        (f"Trial {task.params['trial']} after retraining", task.params["learner"], result["after"])
+        for task, result in lessons
     )
     return [Table(title=title, columns=("", *columns), rows=rows, note=note), *details]
 

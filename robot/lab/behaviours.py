@@ -8,11 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog, DriveSample
-from robot.lab.tables import Columns, of, table_of
+from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial
 from robot.store.table import Table
@@ -56,14 +56,12 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 def _tables(runs: Runs) -> list[Table]:
     """Return one table a behaviour, with all its teachers above the learners."""
-    tables = []
-    for what in _TAUGHT:
-        mine = [run for run in runs if run[0].params["what"] == what]
-        rows = {"teacher": [result["teacher"] for _, result in mine]}
-        for (learner,), results in group(mine, "learner").items():
-            rows[learner] = [result["alone"] for result in results]
-        tables.append(table_of(what[0].upper() + what[1:], "who", rows, _COLUMNS))
-    return tables
+    own = [
+        (task.params["what"].capitalize(), task.params["learner"], result) for task, result in runs
+    ]
+    teachers = [(what, "teacher", result["teacher"]) for what, _, result in own]
+    robots = [(what, learner, result["alone"]) for what, learner, result in own]
+    return tables_of([*teachers, *robots], _COLUMNS, "who")
 
 
 def _mean(values: Sequence[float | None]) -> float | None:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable
+from itertools import product
 
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.habit_run import DRIFT_SHARE, beside_pilot, pilots_minutes
 from robot.lab.ideas import make_learner
 from robot.lab.simulated_pilots.habits import HABITS, STEERED
-from robot.lab.tables import mean_in_interval
+from robot.lab.tables import Columns, mean_in_interval, of, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial
-from robot.store.table import Cell, Table
+from robot.store.table import Table
 from robot.types import Mode
 
 PLACES = ("box", "office", "corridor")
@@ -23,13 +24,12 @@ _MINUTES = 2
 FIRST_SEED = 500
 
 
-def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    learner = settings.learners[0] if settings.learners else "default-32"
-    for seed in range(settings.n_seeds):
-        for world in PLACES[:1] if settings.quick else PLACES:
-            for way in WAYS:
-                params = {"world": world, "way": way, "learner": learner, "seed": FIRST_SEED + seed}
-                yield Task(run_degrees, params)
+def _plan(settings: ExperimentSettings) -> Iterable[Task]:
+    cases = (
+        {"world": world, "way": way, "learner": settings.learner}
+        for world, way in product(PLACES[:1] if settings.quick else PLACES, WAYS)
+    )
+    return seeded(run_degrees, cases, settings, first=FIRST_SEED)
 
 
 def run_degrees(params: Params) -> Result:
@@ -48,40 +48,25 @@ def run_degrees(params: Params) -> Result:
     return {**beside_pilot(alone, minutes, taught, habit.moves), "timing": timing}
 
 
-_COLUMNS = ("robots", "SSD, median", "SSD", "steering a second", "pilot's own", "metres")
-_PUSHES = ("pilot's own m", "longest push s", "stuck", "asked")
-
-
 def _tables(runs: Runs) -> list[Table]:
     """Return one table a place, and one of all."""
-    rows: dict[str, list[tuple[Cell, ...]]] = {}
-    for (world, way), results in group(runs, "world", "way").items():
-        rows.setdefault(world, []).append((way, *_cells(results)))
-    for (way,), results in group(runs, "way").items():
-        rows.setdefault("all places", []).append((way, *_cells(results)))
-    columns = ("", *_COLUMNS, *_PUSHES)
-    return [Table(title=title, columns=columns, rows=tuple(own)) for title, own in rows.items()]
+    places = [(task.params["world"], task.params["way"], result) for task, result in runs]
+    all_places = [("all places", way, result) for _, way, result in places]
+    return tables_of([*places, *all_places], _COLUMNS)
 
 
-def _cells(results: Sequence[Result]) -> tuple[Cell, ...]:
-    def of(name: str) -> list[float]:
-        return [float(result[name]) for result in results]
-
-    def own(name: str) -> float:
-        return statistics.fmean(result["teacher"][name] for result in results)
-
-    return (
-        len(results),
-        statistics.median(of("ssd_alike")),
-        mean_in_interval(of("ssd_alike")),
-        mean_in_interval(of("steering_per_s")),
-        own("steering_per_s"),
-        mean_in_interval(of("driven_m")),
-        own("driven_m"),
-        max(of("longest_push_s")),
-        sum(of("stuck")),
-        statistics.fmean(of("asking_share")),
-    )
+_COLUMNS: Columns = {
+    "robots": len,
+    "SSD, median": of("ssd_alike", statistics.median),
+    "SSD": of("ssd_alike", mean_in_interval),
+    "steering a second": of("steering_per_s", mean_in_interval),
+    "pilot's own": of("teacher.steering_per_s", statistics.fmean),
+    "metres": of("driven_m", mean_in_interval),
+    "pilot's own m": of("teacher.driven_m", statistics.fmean),
+    "longest push s": of("longest_push_s", max),
+    "stuck": of("stuck", sum),
+    "asked": of("asking_share", statistics.fmean),
+}
 
 
 BY_DEGREES = Experiment(

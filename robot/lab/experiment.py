@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pkgutil import resolve_name
 from typing import Any
 
 from robot.lab.task import Params, Result, Task
@@ -31,6 +32,11 @@ class ExperimentSettings:
         """How many runs of each kind; one with `--quick`."""
         return 1 if self.quick else self.seeds
 
+    @property
+    def learner(self) -> str:
+        """The learner of an experiment that is about one alone."""
+        return self.learners[0] if self.learners else "default-32"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
@@ -50,12 +56,15 @@ Runs = Sequence[tuple[Task, Result]]
 
 
 def seeded(
-    run: Callable[[Params], Result], cases: Iterable[Params], settings: ExperimentSettings
+    run: Callable[[Params], Result],
+    cases: Iterable[Params],
+    settings: ExperimentSettings,
+    first: int = 0,
 ) -> Iterator[Task]:
-    """Yield each case with every seed, from 0 on."""
+    """Yield each case with every seed, from `first` on."""
     for case in cases:
         for seed in range(settings.n_seeds):
-            yield Task(run, {**case, "seed": seed})
+            yield Task(run, {**case, "seed": first + seed})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,3 +94,27 @@ def group(runs: Runs, *names: str) -> dict[tuple[Any, ...], list[Result]]:
     for task, result in runs:
         groups.setdefault(tuple(task.params.get(name) for name in names), []).append(result)
     return groups
+
+
+EXPERIMENTS = {
+    "figure3": "robot.lab.figure3:FIGURE3",
+    "figure5": "robot.lab.figure5:FIGURE5",
+    "figure6": "robot.lab.lessons:FIGURE6",
+    "figure7": "robot.lab.lessons:FIGURE7",
+    "figure8": "robot.lab.lessons:FIGURE8",
+    "behaviours": "robot.lab.behaviours:BEHAVIOURS",
+    "ablation": "robot.lab.ablation:ABLATION",
+    "habits": "robot.lab.habits:GATE",
+    "ready": "robot.lab.ready:READY",
+    "mind": "robot.lab.mind:MIND",
+    "degrees": "robot.lab.by_degrees:BY_DEGREES",
+    "ground": "robot.lab.ground.ground:GROUND",
+    "streams": "robot.lab.streams:ONLINE",
+}
+"""Where each is, in the order in which `all` runs them; imported when it is asked for."""
+
+
+def load_experiment(name: str) -> Experiment:
+    """Return an experiment; raises MissingExtraError if it lacks its libraries."""
+    experiment: Experiment = resolve_name(EXPERIMENTS[name])
+    return experiment

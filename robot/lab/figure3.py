@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from itertools import product
 from pathlib import Path
 
 from robot.control.state import Tick
 from robot.lab.evaluation import Pair, evaluate, recorded_pairs, scores
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.lessons import TRIALS
 from robot.lab.published import FIGURE_3
-from robot.lab.tables import deviation
+from robot.lab.tables import Columns, deviation, of, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial
 from robot.policy.registry import make_policy
-from robot.store.table import Cell, Table
+from robot.store.table import Table
 from robot.types import Action, Frame, Mode
 
 LEARNERS = ("knn-3", "knn-9", "published-32", "published-64", "published-128", "default-32")
@@ -48,29 +48,31 @@ def recorded_tasks(settings: ExperimentSettings, learners: Iterable[str]) -> Ite
 
 
 def _tables(runs: Runs) -> list[Table]:
-    by_kind = {kind: [run for run in runs if run[0].kind == kind] for kind in KINDS}
-    return [
-        Table(
-            title=f"{KINDS[kind]} footage: correct of 700",
-            columns=(
-                *("learner", "pairs", "mean", "sd", "accuracy", "balanced"),
-                *("paper mean", "paper sd"),
-            ),
-            rows=tuple(_row(key[0], results) for key, results in group(mine, "learner").items()),
+    """Return one table a kind of footage."""
+    results = (
+        (
+            f"{KINDS[task.kind]} footage: correct of 700",
+            task.params["learner"],
+            {
+                **result,
+                "correct": 700 * result["accuracy"],
+                "paper": FIGURE_3.get(task.params["learner"], (None, None)),
+            },
         )
-        for kind, mine in by_kind.items()
-        if mine
-    ]
-
-
-def _row(learner: str, results: Sequence[Result]) -> tuple[Cell, ...]:
-    correct = [700 * result["accuracy"] for result in results]
-    paper: tuple[Cell, ...] = FIGURE_3.get(learner, (None, None))
-    shares = (
-        statistics.fmean(result[name] for result in results)
-        for name in ("accuracy", "balanced_accuracy")
+        for task, result in runs
     )
-    return (learner, len(correct), statistics.fmean(correct), deviation(correct), *shares, *paper)
+    return tables_of(results, _COLUMNS, "learner")
+
+
+_COLUMNS: Columns = {
+    "pairs": len,
+    "mean": of("correct", statistics.fmean),
+    "sd": of("correct", deviation),
+    "accuracy": of("accuracy", statistics.fmean),
+    "balanced": of("balanced_accuracy", statistics.fmean),
+    "paper mean": of("paper", lambda papers: papers[0][0]),
+    "paper sd": of("paper", lambda papers: papers[0][1]),
+}
 
 
 def run_simulated_footage(params: Params) -> Result:

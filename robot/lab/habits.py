@@ -10,7 +10,7 @@ from itertools import product
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.habit_run import run_habit
 from robot.lab.simulated_pilots.habits import HABITS
-from robot.lab.tables import Columns, mean_percent, of, percent, table_of
+from robot.lab.tables import Columns, mean_percent, of, percent, tables_of
 from robot.lab.task import Result, Task
 from robot.store.table import Cell, Table
 
@@ -45,7 +45,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
             "teach_s": teach_s,
             "correct_s": CORRECT_S if number % 4 == 0 and not settings.quick else 0.0,
             "alone_s": 60.0,
-            "learner": settings.learners[0] if settings.learners else "default-32",
+            "learner": settings.learner,
             "seed": FIRST_SEED + (0 if settings.quick else number),
         }
         yield Task(run_habit, params)
@@ -56,19 +56,16 @@ def _tables(runs: Runs) -> list[Table]:
 
     The tables are of lessons of 90 s, of which the quick form has none.
     """
-    long = [run for run in runs if run[0].params["teach_s"] > 60]
-    return [
-        _gate(runs),
-        *(
-            table_of(
-                f"After 90 s of teaching, by {name}",
-                name,
-                {key: _drives(results) for (key,), results in group(long, name).items()},
-                _COLUMNS,
-            )
-            for name in (("rate_hz", "habit", "world") if long else ())
-        ),
-    ]
+    tables = [_gate(runs)]
+    for name in ("rate_hz", "habit", "world"):
+        drives = (
+            (f"After 90 s of teaching, by {name}", str(task.params[name]), drive)
+            for task, result in runs
+            for drive in _drives([result])
+            if task.params["teach_s"] > 60
+        )
+        tables += tables_of(drives, _COLUMNS, name)
+    return tables
 
 
 def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after")) -> list[Result]:
@@ -91,9 +88,7 @@ _COLUMNS: Columns = {
     "floor": lambda drives: percent(_share(drives, "covered_m2")),
     "SSD, median": of("ssd_alike", statistics.median),
     "SSD 75 %": of("ssd_alike", lambda s: statistics.quantiles(s, n=4)[-1] if s[1:] else None),
-    "teacher's own SSD": of(
-        "teacher", lambda teachers: statistics.median(each["ssd_alike"] for each in teachers)
-    ),
+    "teacher's own SSD": of("teacher.ssd_alike", statistics.median),
     "SSD with sides, median": of("ssd_frequent", statistics.median),
 }
 

@@ -5,19 +5,17 @@ Figures 6, 7 and 8 of the paper.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
-from functools import partial
-from types import MappingProxyType
 from typing import Any
 
 from robot.control.profile import Profile, compare
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import driving
 from robot.lab.metrics.log import DriveLog
 from robot.lab.published import FIGURE_6, FIGURE_7, FIGURE_8
-from robot.lab.tables import SSD_COLUMNS, table_of
+from robot.lab.tables import SSD_COLUMNS, tables_of
 from robot.lab.task import Params, Result
 from robot.lab.trial import Trial
 from robot.store.table import Cell, Table
@@ -91,40 +89,17 @@ def _figures(
 
 
 def ssd_tables(
-    runs: Runs,
-    *,
-    names: tuple[str, ...],
-    title_of: Callable[..., str],
-    label_of: Callable[..., str],
-    published: Mapping[str, Sequence[tuple[Cell, ...]]] = MappingProxyType({}),
-    phases: tuple[str, ...] = ("before",),
-    with_teacher: bool = False,
+    results: Iterable[tuple[str, str, Result]], *published: tuple[str, str, tuple[Cell, ...]]
 ) -> list[Table]:
-    """Return tables of SSD: those of the lessons that belong together are a row.
-
-    Args:
-        runs: The lessons.
-        names: Parameters by which they are put together.
-        title_of: The table of such a group, of its parameters.
-        label_of: Its row.
-        published: Rows of the paper by table, put before ours.
-        phases: Which minutes alone are shown, each in a row of its own.
-        with_teacher: Whether each table ends with the teachers' own last minutes.
-    """
-    tables: dict[str, dict[str, list[Result]]] = {}
-    teachers: dict[str, list[Result]] = {}
-    for key, results in group(runs, *names).items():
-        title = title_of(*key)
-        for phase in phases:
-            label = ", ".join((label_of(*key), *([phase] if phases[1:] else [])))
-            tables.setdefault(title, {})[label] = [result[phase] for result in results]
-        teachers.setdefault(title, []).extend(result["teacher"] for result in results)
+    """Return tables of SSD, each with the paper's rows (title, name, figures) before ours."""
     made = []
-    for title, rows in tables.items():
-        more = {"teacher": teachers[title]} if with_teacher else {}
-        table = table_of(title, "SSD", rows | more, SSD_COLUMNS)
-        missing = (None,) * len(table.columns)
-        paper = [(*row, *missing[len(row) :]) for row in published.get(title, ())]
+    for table in tables_of(results, SSD_COLUMNS, "SSD"):
+        missing = (None,) * len(SSD_COLUMNS)
+        paper = [
+            (f"paper, {name}", None, *figures, *missing[1 + len(figures) :])
+            for title, name, figures in published
+            if title == table.title
+        ]
         made.append(replace(table, rows=(*paper, *table.rows)))
     return made
 
@@ -143,22 +118,21 @@ def _by_nodes(settings: ExperimentSettings) -> Iterable[Params]:
         yield {**case, "teach_s": 90.0}
 
 
+def _tables_by_nodes(runs: Runs) -> list[Table]:
+    title = "SSD by nodes"
+    rows = [
+        (title, f"{p['kind']}, {p['nodes']} nodes" if p["nodes"] else p["kind"], result["before"])
+        for p, result in ((task.params, result) for task, result in runs)
+    ]
+    return ssd_tables(rows, *((title, f"{n} nodes", paper) for n, paper in FIGURE_6.items()))
+
+
 FIGURE6 = Experiment(
     title="Figure 6: nodes",
     text="In the box, the sonar controller (below 20 cm or bumped: left for two seconds, else "
     "forward) drives for 90 s, then the robot drives 60 s alone; nobody corrects it.",
     plan=lambda settings: seeded(run_lesson, _by_nodes(settings), settings),
-    tables=partial(
-        ssd_tables,
-        names=("kind", "nodes"),
-        title_of=lambda kind, nodes: "SSD by nodes",
-        label_of=lambda kind, nodes: f"{kind}, {nodes} nodes" if nodes else str(kind),
-        published={
-            "SSD by nodes": [
-                (f"paper, {nodes} nodes", None, *figures) for nodes, figures in FIGURE_6.items()
-            ]
-        },
-    ),
+    tables=_tables_by_nodes,
     drawn=("mean",),
 )
 
@@ -181,8 +155,25 @@ def _trials(settings: ExperimentSettings) -> Iterable[Params]:
         yield from trial_cases(trial, learners, settings)
 
 
-def _title_of_trial(trial: int, *_: object) -> str:
-    return f"Trial {trial}: {TRIALS[trial]['world']}, {', '.join(TRIALS[trial]['moves'])}"
+def _tables_by_trial(runs: Runs) -> list[Table]:
+    """Return a table a trial, of the minutes before and after retraining and of the teachers'."""
+    titles = {
+        trial: f"Trial {trial}: {setting['world']}, {', '.join(setting['moves'])}"
+        for trial, setting in TRIALS.items()
+    }
+    own = [(titles[task.params["trial"]], task.params["learner"], result) for task, result in runs]
+    rows = [
+        (title, f"{learner}, {phase}", result[phase])
+        for title, learner, result in own
+        for phase in ("before", "after")
+    ]
+    teachers = [(title, "teacher", result["teacher"]) for title, _, result in own]
+    paper = (
+        (titles[trial], phase, (mean, sd, None, largest))
+        for trial, phases in FIGURE_7.items()
+        for phase, (mean, sd, largest) in phases.items()
+    )
+    return ssd_tables([*rows, *teachers], *paper)
 
 
 FIGURE7 = Experiment(
@@ -194,21 +185,7 @@ FIGURE7 = Experiment(
     "'against lesson' holds it against the 90 s of teaching alone. The row 'teacher' is the "
     "teacher's own last minute: less than that is chance.",
     plan=lambda settings: seeded(run_lesson, _trials(settings), settings),
-    tables=partial(
-        ssd_tables,
-        names=("trial", "learner"),
-        title_of=_title_of_trial,
-        label_of=lambda trial, learner: str(learner),
-        published={
-            _title_of_trial(trial): [
-                (f"paper, {phase}", None, mean, sd, None, largest)
-                for phase, (mean, sd, largest) in phases.items()
-            ]
-            for trial, phases in FIGURE_7.items()
-        },
-        phases=("before", "after"),
-        with_teacher=True,
-    ),
+    tables=_tables_by_trial,
     drawn=("median", "mean"),
 )
 
@@ -225,21 +202,18 @@ def _by_time(settings: ExperimentSettings) -> Iterable[Params]:
                 yield {**place, "who": who, "learner": learner, "teach_s": float(seconds)}
 
 
+def _tables_by_time(runs: Runs) -> list[Table]:
+    title, name = "SSD by training time", "{learner}, {who}, {teach_s:.0f} s".format_map
+    rows = ((title, name(task.params), result["before"]) for task, result in runs)
+    paper = ((title, f"{who}, {s} s", (mean,)) for (who, s), mean in FIGURE_8.items())
+    return ssd_tables(rows, *paper)
+
+
 FIGURE8 = Experiment(
     title="Figure 8: training time",
     text="60 s alone straight after 90 s or 180 s of teaching. 'robot': the sonar controller in "
     "the box. 'human': simulated people in the three trials of figure 7, before any correction.",
     plan=lambda settings: seeded(run_lesson, _by_time(settings), settings),
-    tables=partial(
-        ssd_tables,
-        names=("learner", "who", "teach_s"),
-        title_of=lambda *_: "SSD by training time",
-        label_of=lambda learner, who, seconds: f"{learner}, {who}, {seconds:.0f} s",
-        published={
-            "SSD by training time": [
-                (f"paper, {who}, {s} s", None, mean) for (who, s), mean in FIGURE_8.items()
-            ]
-        },
-    ),
+    tables=_tables_by_time,
     drawn=("mean",),
 )

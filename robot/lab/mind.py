@@ -9,11 +9,11 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator, Sequence
 
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs
 from robot.lab.ideas import make_learner
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS
-from robot.lab.tables import Columns, percent, table_of
+from robot.lab.tables import Columns, percent, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial, drive_by_hand
 from robot.policy.policy import Policy
@@ -46,14 +46,12 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    rows: dict[str, list[Result]] = {}
-    for (learner, old_s), results in group(runs, "learner", "old_s").items():
-        name = f"{learner}{'' if old_s else NEVER_LEFT}"
-        rows[f"{name}, after 30 s"] = [result["first"] for result in results]
-        rows[f"{name}, after 60 s"] = [
-            {**result["second"], "alone": result["alone"]} for result in results
-        ]
-    return [table_of("Where the pilot turns right", "", rows, _COLUMNS)]
+    rows = []
+    for task, result in runs:
+        name = f"{task.params['learner']}{'' if task.params['old_s'] else NEVER_LEFT}"
+        last = {**result["second"], "alone": result["alone"]}
+        rows += [(f"{name}, after 30 s", result["first"]), (f"{name}, after 60 s", last)]
+    return tables_of((("Where the pilot turns right", *row) for row in rows), _COLUMNS)
 
 
 def _rights(views: Sequence[Result]) -> list[float]:

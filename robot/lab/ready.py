@@ -12,7 +12,7 @@ from robot.lab.habits import RATES_HZ, WORLDS
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import driving
 from robot.lab.simulated_pilots.habits import HABITS
-from robot.lab.tables import Columns, mean_percent, of, percent, table_of
+from robot.lab.tables import Columns, mean_percent, of, percent, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial
 from robot.store.table import Table
@@ -33,7 +33,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
             "habit": habits[number % len(habits)],
             "world": WORLDS[turn % len(WORLDS)],
             "rate_hz": RATES_HZ[turn % len(RATES_HZ)],
-            "learner": settings.learners[0] if settings.learners else "default-32",
+            "learner": settings.learner,
             "seed": FIRST_SEED + number,
             "in_time_s": IN_TIME_S,
             "limit_s": LIMIT_S,
@@ -43,11 +43,9 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 def _tables(runs: Runs) -> list[Table]:
     """Return one table: those called ready in time, those called ready later, the others."""
-    groups: dict[str, list[Result]] = {"within four minutes": [], "later": [], "never": []}
-    for _, result in runs:
-        groups[_when(result)].append(result)
-    called = {when: results for when, results in groups.items() if results}
-    return [table_of("The minute after", "called ready", called, _COLUMNS)]
+    called = [("The minute after", _when(result), result) for _, result in runs]
+    called.sort(key=lambda each: ("within four minutes", "later", "never").index(each[1]))
+    return tables_of(called, _COLUMNS, "called ready")
 
 
 _COLUMNS: Columns = {

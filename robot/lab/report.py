@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import platform
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -30,33 +29,16 @@ pre { background: #f2f4f5; padding: .8rem; overflow-x: auto }
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
-    """One experiment's part of the report."""
-
-    title: str
-    text: str
-    tables: Sequence[Table]
-    svgs: Sequence[str]
-
-
-def write_html(sections: Sequence[Section], command: str, notes: Sequence[str] = ()) -> str:
-    """Return the whole report as HTML.
-
-    Args:
-        sections: The experiments.
-        command: The command line that made it.
-        notes: Sentences for the top of the report.
-    """
+def write_html(made: Iterable[tuple[Experiment, Runs]], command: str) -> str:
+    """Return the report on some experiments as HTML, given the command line that made them."""
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8>",
         "<meta name=viewport content='width=device-width, initial-scale=1'>",
         f"<title>Drivelesson: experiments</title><style>{_STYLE}</style>",
         "<h1>The paper's experiments, repeated in simulation</h1>",
-        *(f"<p>{escape(note)}</p>" for note in notes),
         f"<h2>How it was made</h2><pre>{escape(command)}</pre>",
         f"<p>{escape('; '.join(machine()))}</p>",
-        *(html for section in sections for html in _section(section)),
+        *(html for experiment, runs in made for html in _section(experiment, runs)),
     ]
     return "\n".join(parts) + "\n"
 
@@ -87,10 +69,13 @@ def _version(name: str) -> str:
         return "missing"
 
 
-def _section(section: Section) -> Iterator[str]:
-    yield f"<h2>{escape(section.title)}</h2><p>{escape(section.text)}</p>"
-    yield from (f"<figure>{svg}</figure>" for svg in section.svgs)
-    for table in section.tables:
+def _section(experiment: Experiment, runs: Runs) -> Iterator[str]:
+    tables = experiment.tables(runs)
+    plots = [_of_columns(table, experiment.drawn) for table in tables if experiment.drawn]
+    yield f"<h2>{escape(experiment.title)}</h2><p>{escape(experiment.text)}</p>"
+    for plot in (*plots, *experiment.plots(runs)):
+        yield f"<figure>{draw_svg(plot)}</figure>"
+    for table in tables:
         yield f"<h3>{escape(table.title)}</h3><table><thead><tr>"
         yield "".join(f"<th>{escape(column)}" for column in table.columns) + "</thead><tbody>"
         for row in table.rows:
@@ -100,18 +85,6 @@ def _section(section: Section) -> Iterator[str]:
         yield "</tbody></table>"
         if table.note:
             yield f"<p>{escape(table.note)}</p>"
-
-
-def make_section(experiment: Experiment, runs: Runs) -> Section:
-    """Make tables and plots of an experiment's results."""
-    tables = experiment.tables(runs)
-    plots = [_of_columns(table, experiment.drawn) for table in tables if experiment.drawn]
-    return Section(
-        title=experiment.title,
-        text=experiment.text,
-        tables=tables,
-        svgs=[draw_svg(plot) for plot in [*plots, *experiment.plots(runs)]],
-    )
 
 
 def _of_columns(table: Table, columns: Sequence[str]) -> Plot:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import reduce
+from operator import getitem
 from typing import Any
 
 import numpy as np
@@ -43,22 +45,34 @@ Columns = Mapping[str, Callable[[Sequence[Result]], Cell]]
 
 
 def of(name: str, join: Callable[[list[Any]], Cell]) -> Callable[[Sequence[Result]], Cell]:
-    """Return how a cell is made of one figure of all results."""
-    return lambda results: join([result[name] for result in results])
+    """Return how a cell is made of one figure of all results, such as `ssd` or `teacher.ssd`."""
+    return lambda results: join([reduce(getitem, name.split("."), each) for each in results])
 
 
 def mean_percent(shares: Sequence[float]) -> str:
     return percent(statistics.fmean(shares), 1)
 
 
-def table_of(
-    title: str, head: str, rows: Mapping[Any, Sequence[Result]], columns: Columns
-) -> Table:
-    """Return a table with a row for each name and its results; the names stand below `head`."""
-    lines = (
-        (str(name), *(cell(results) for cell in columns.values())) for name, results in rows.items()
-    )
-    return Table(title=title, columns=(head, *columns), rows=tuple(lines))
+def tables_of(
+    results: Iterable[tuple[str, str, Result]], columns: Columns, head: str = ""
+) -> list[Table]:
+    """Return the tables that results stand in, given the title and the row of each.
+
+    Tables and rows are in the order in which they came; the names of rows stand below `head`.
+    """
+    tables: dict[str, dict[str, list[Result]]] = {}
+    for title, row, result in results:
+        tables.setdefault(title, {}).setdefault(row, []).append(result)
+    return [
+        Table(
+            title=title,
+            columns=(head, *columns),
+            rows=tuple(
+                (row, *(cell(own) for cell in columns.values())) for row, own in rows.items()
+            ),
+        )
+        for title, rows in tables.items()
+    ]
 
 
 SSD_COLUMNS: Columns = {

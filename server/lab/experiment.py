@@ -7,16 +7,17 @@ import os
 import shlex
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from robot.errors import ConfigurationError
-from robot.lab.catalogue import EXPERIMENTS, load_experiment
+from robot.lab.experiment import (
+    EXPERIMENTS,
+    Experiment,
+    ExperimentSettings,
+    Runs,
+    load_experiment,
+)
 from server.cli.output import progress, write_json, write_text
 from server.cli.parser import whole
-
-if TYPE_CHECKING:
-    from robot.lab.experiment import Experiment, ExperimentSettings, Runs
-    from robot.lab.report import Section
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -74,31 +75,30 @@ def run(args: argparse.Namespace) -> int:
     # One thread each: sums in another order would differ in the last digit, and be no faster.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
-    from robot.lab.report import make_section, write_html
+    from robot.lab.report import write_html
 
     settings = _settings(args)
-    sections: list[Section] = []
+    made: list[tuple[Experiment, Runs]] = []
     everything = {}
     for name in EXPERIMENTS if "all" in args.names else dict.fromkeys(args.names):
         experiment = load_experiment(name)
         runs = _run_one(name, experiment, settings, args)
+        made.append((experiment, runs))
         everything[name] = [
             {"kind": task.kind, "params": dict(task.params), "result": result}
             for task, result in runs
         ]
-        sections.append(make_section(experiment, runs))
-        for table in sections[-1].tables:
+        for table in experiment.tables(runs):
             print(f"\n{table.as_text()}", flush=True)
         _print_speed(runs)
     report = args.report or args.folder / "report.html"
-    write_text(report, write_html(sections, shlex.join(["drivelesson", *sys.argv[1:]])))
+    write_text(report, write_html(made, shlex.join(["drivelesson", *sys.argv[1:]])))
     print(f"\nThe report is in {report}")
     write_json(args.json, everything)
     return 0
 
 
 def _settings(args: argparse.Namespace) -> ExperimentSettings:
-    from robot.lab.experiment import ExperimentSettings
     from robot.lab.ideas import make_learner, make_teacher
     from robot.types import DEFAULT_MOVES
 
@@ -126,8 +126,7 @@ def _recordings(given: str | None) -> str | None:
 def _run_one(
     name: str, experiment: Experiment, settings: ExperimentSettings, args: argparse.Namespace
 ) -> Runs:
-    from robot.lab.runner import run_all
-    from robot.lab.store import Store
+    from robot.lab.runner import Store, run_all
 
     tasks = list(experiment.plan(settings))
     is_alone = experiment.times_machine

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from robot.lab.catalogue import load_experiment
+from robot.lab.experiment import load_experiment
 from robot.store.table import Table, format_cell
 
 FOLDER = Path(__file__).parents[2] / "docs/results"

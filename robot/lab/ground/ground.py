@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import product
+from typing import Any
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group
 from robot.lab.ground.run import TEACHER, run_ground
 from robot.lab.ground.worlds import WORLDS
-from robot.lab.tables import mean_in_interval
+from robot.lab.tables import Columns, mean_in_interval, tables_of
 from robot.lab.task import Result, Task
-from robot.store.table import Cell, Table
+from robot.store.table import Table
 
 LEARNERS = (
     *("default-32", "published-32", "linear-alone-32", "fair-knn-9", "eyes-32"),
@@ -54,27 +55,17 @@ def ground_task(
     return Task(run_ground, params)
 
 
-def _by_world(runs: Runs) -> dict[str, dict[tuple[str, str], list[Result]]]:
-    """Return the runs of each learner and way, by world."""
-    worlds: dict[str, dict[tuple[str, str], list[Result]]] = {}
-    for (world, learner, way), results in group(runs, "world", "learner", "way").items():
-        worlds.setdefault(world, {})[learner, way] = results
-    return worlds
-
-
 def _tables(runs: Runs) -> list[Table]:
-    columns = ("", "runs", *(f"after {count}" for count in COUNTS), "taken over", "examples")
-    return [
-        Table(
-            title=world,
-            columns=columns,
-            rows=tuple(
-                _row(f"{learner}, {way}" if way else learner, results)
-                for (learner, way), results in ways.items()
-            ),
-        )
-        for world, ways in _by_world(runs).items()
-    ]
+    results = (
+        (world, f"{learner}, {way}" if way else learner, result)
+        for (world, learner, way), own in _by_way(runs).items()
+        for result in own
+    )
+    return tables_of(results, _COLUMNS)
+
+
+def _by_way(runs: Runs) -> dict[tuple[Any, ...], list[Result]]:
+    return group(runs, "world", "learner", "way")
 
 
 def _plots(runs: Runs) -> list[Plot]:
@@ -85,40 +76,48 @@ def _plots(runs: Runs) -> list[Plot]:
             x_label=x_label,
             y_label="score",
             series=[
-                (f"{learner}, {way}", _means(results, x_label), _mean_scores(results))
-                for (learner, way), results in ways.items()
-                if way and (x_label == "examples" or way != "demonstration")
+                (
+                    f"{learner}, {way}",
+                    [statistics.fmean(values) for values in by_stage(results, x_label)],
+                    [statistics.fmean(values) for values in scores_by_stage(results)],
+                )
+                for (own, learner, way), results in _by_way(runs).items()
+                if own == world and way and (x_label == "examples" or way != "demonstration")
             ],
         )
-        for world, ways in _by_world(runs).items()
+        for (world,), _ in group(runs, "world").items()
         for x_label in ("examples", "takeovers")
     ]
 
 
+def by_stage(results: Sequence[Result], name: str) -> list[list[Any]]:
+    """Return a figure of each run, by number of examples."""
+    stages = zip(*(result["stages"] for result in results), strict=True)
+    return [[stage[name] for stage in own] for own in stages]
+
+
 def scores_by_stage(results: Sequence[Result]) -> list[list[float]]:
     """Return the mean score of each run, by number of examples."""
-    return [
-        [statistics.fmean(stage["scores"]) for stage in stages]
-        for stages in zip(*(result["stages"] for result in results), strict=True)
-    ]
+    return [list(map(statistics.fmean, scores)) for scores in by_stage(results, "scores")]
 
 
-def _row(name: str, results: Sequence[Result]) -> tuple[Cell, ...]:
-    cells = map(mean_in_interval, scores_by_stage(results))
-    has_examples = "examples" in results[0]["stages"][-1]
-    last = [_means(results, key)[-1] if has_examples else None for key in ("takeovers", "examples")]
-    return (name, len(results), *cells, *last)
+def _score(stage: int) -> Callable[[Sequence[Result]], str]:
+    return lambda results: mean_in_interval(scores_by_stage(results)[stage])
 
 
-def _mean_scores(results: Sequence[Result]) -> tuple[float, ...]:
-    return tuple(map(statistics.fmean, scores_by_stage(results)))
-
-
-def _means(results: Sequence[Result], key: str) -> tuple[float, ...]:
-    return tuple(
-        statistics.fmean(stage[key] for stage in stages)
-        for stages in zip(*(result["stages"] for result in results), strict=True)
+def _last(name: str) -> Callable[[Sequence[Result]], float | None]:
+    """Return how a cell is made of a figure of the last stage, which teachers have not."""
+    return lambda results: (
+        statistics.fmean(by_stage(results, name)[-1]) if name in results[0]["stages"][-1] else None
     )
+
+
+_COLUMNS: Columns = {
+    "runs": len,
+    **{f"after {count}": _score(stage) for stage, count in enumerate(COUNTS)},
+    "taken over": _last("takeovers"),
+    "examples": _last("examples"),
+}
 
 
 GROUND = Experiment(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,34 +24,15 @@ _HALF_WIDTH_M = 0.45
 """Of a lane that MiniWorld's agent, 80 cm wide, fits through."""
 
 
-class ForeignWorld(Protocol):
-    """One world: episodes of pictures and moves, a score, and a teacher who knows the truth."""
+class ForeignWorld:
+    """One world: episodes of pictures and moves, a score, and a teacher who knows the truth.
 
-    moves: tuple[str, ...]
-    longest: int
-    """Decisions in an episode at most."""
-    score: float
-    """Of the episode so far."""
-    point: Point | None
-    """What the teacher meant by what it `wanted`, where the world is driven by degrees."""
-
-    def reset(self, seed: int) -> Picture:
-        """Begin an episode, and return its first picture."""
-        ...
-
-    def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
-        """Make a move, perhaps by degrees; return the next picture, and whether it was the last."""
-        ...
-
-    def wanted(self) -> str:
-        """Return what the teacher would do now."""
-        ...
-
-    def close(self) -> None: ...
-
-
-class _Gymnasium:
-    """What all have in common. `codes` are the numbers of the world's moves."""
+    Attributes:
+        codes: The world's own numbers of its moves.
+        longest: Decisions in an episode at most.
+        score: Of the episode so far.
+        point: What the teacher meant by what it `wanted`, where the world is driven by degrees.
+    """
 
     codes: Mapping[str, int]
     longest: int
@@ -70,15 +52,21 @@ class _Gymnasium:
         self._n_steps = 0
 
     def reset(self, seed: int) -> Picture:
+        """Begin an episode, and return its first picture."""
         seen, _ = self._env.reset(seed=seed)
         self.score, self._n_steps = 0.0, 0
         return self._picture(self._begin(seen))
 
     def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
+        """Make a move, perhaps by degrees; return the next picture, and whether it was the last."""
         seen, reward, *is_over, _ = self._env.step(self._code(move, point))
         self._n_steps += 1
         self._note(float(reward))
         return self._picture(seen), any(is_over) or self._n_steps >= self.longest
+
+    def wanted(self) -> str:
+        """Return what the teacher would do now."""
+        raise NotImplementedError
 
     def close(self) -> None:
         self._env.close()
@@ -97,7 +85,7 @@ class _Gymnasium:
         self.score += reward
 
 
-class MiniWorld(_Gymnasium):
+class MiniWorld(ForeignWorld):
     """Rooms with a red box to be reached; the score is 1 if it was.
 
     The teacher goes to the box if it is in sight; otherwise it goes straight, and turns left
@@ -158,7 +146,7 @@ class MiniWorld(_Gymnasium):
         return bool(inside) and street not in inside
 
 
-class CarRacing(_Gymnasium):
+class CarRacing(ForeignWorld):
     """A car on a race track; the score is the share of its tiles, in percent.
 
     The five moves of the world's own discrete form. The teacher knows the track: it steers to a
@@ -270,7 +258,7 @@ class CarRacingByDegrees(CarRacing):
         return move_at(self.point, self._moves) or "coast"
 
 
-class VizDoom(_Gymnasium):
+class VizDoom(ForeignWorld):
     """Gathering health on a floor of acid; the score is the tics survived, of 2,100.
 
     The teacher goes to the medikit that looks largest, and turns left where there is none.
@@ -316,12 +304,12 @@ class VizDoom(_Gymnasium):
 
 WORLDS: dict[str, Callable[[], ForeignWorld]] = {
     **{
-        name: (lambda name=name: MiniWorld(name))  # type: ignore[misc]
+        name: partial(MiniWorld, name)
         for name in ("Sidewalk", "Hallway", "OneRoom", "TMaze", "YMaze")
     },
-    "CarRacing": lambda: CarRacing(("left", "right", "forward", "brake", "coast")),
+    "CarRacing": partial(CarRacing, ("left", "right", "forward", "brake", "coast")),
     "CarRacing, by degrees": CarRacingByDegrees,
-    "CarRacing, own names": lambda: CarRacing(("port", "starboard", "gas", "drag", "roll")),
+    "CarRacing, own names": partial(CarRacing, ("port", "starboard", "gas", "drag", "roll")),
     "ViZDoom": VizDoom,
 }
 

@@ -14,8 +14,7 @@ import pytest
 
 from robot.errors import ConfigurationError
 from robot.lab.lessons import run_lesson
-from robot.lab.runner import run_all
-from robot.lab.store import Store
+from robot.lab.runner import Store, run_all
 from robot.lab.task import Task
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
@@ -105,8 +104,7 @@ def test_an_interrupted_call_loses_no_finished_run(tmp_path: Path) -> None:
         "import signal, sys; from pathlib import Path\n"
         # A test run in the background has SIGINT ignored, and its children inherit that.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from robot.lab.runner import run_all\n"
-        "from robot.lab.store import Store\n"
+        "from robot.lab.runner import Store, run_all\n"
         "from tests.robot.lab.test_runner import tasks\n"
         "run_all(tasks(40), Store(Path(sys.argv[1])), jobs=1,"
         " on_done=lambda task: print('done', flush=True))\n"

@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from robot.errors import MissingExtraError
-from robot.lab.catalogue import EXPERIMENTS, load_experiment
-from robot.lab.experiment import ExperimentSettings
-from robot.lab.report import make_section, write_html
+from robot.lab.experiment import EXPERIMENTS, ExperimentSettings, load_experiment
+from robot.lab.report import write_html
 from robot.lab.tables import deviation
 from robot.lab.task import Task
 from robot.lab.variants import VARIANTS
@@ -79,10 +78,10 @@ def test_every_experiment_makes_tables_and_a_report(name: str) -> None:
         pytest.skip(f"NOT TESTED: {error}")
     tasks = list(experiment.plan(QUICK))
     assert len({task.key() for task in tasks}) == len(tasks), "no run twice"
-    section = make_section(experiment, [(task, made_up(task)) for task in tasks])
-    assert section.tables
-    html = write_html([section], "drivelesson experiment x", ["A note <here>."])
-    assert "A note &lt;here&gt;." in html
+    runs = [(task, made_up(task)) for task in tasks]
+    assert experiment.tables(runs)
+    html = write_html([(experiment, runs)], "drivelesson experiment <x>")
+    assert "experiment &lt;x&gt;" in html
     for loads in ("<script", "<link", "<img", "src=", 'href="http', "url(http"):
         assert loads not in html, "the report needs nothing from elsewhere"
     assert experiment.title in html
