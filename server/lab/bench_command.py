@@ -10,17 +10,12 @@ from types import ModuleType
 
 from robot.errors import ConfigurationError
 
-BENCHMARKS = {
-    "crowd": "server.lab.bench.crowd",
-    "learner": "server.lab.bench.learner",
-    "link": "server.lab.bench.link",
-    "page": "server.lab.bench.page",
-}
-"""Name to module; each has `configure(parser)` and `run(args) -> int`, as a command has."""
+BENCHMARKS = ("crowd", "learner", "link", "page")
+"""Modules of `server.lab.bench`; each has `configure(parser)` and `run(args) -> int`."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("benchmark", choices=sorted(BENCHMARKS))
+    parser.add_argument("benchmark", choices=BENCHMARKS)
 
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
@@ -39,4 +34,4 @@ def _load(name: str) -> ModuleType:
             "the benchmarks measure the source code and are not part of an installed drivelesson; "
             f"run them in a clone of the repository, with: .venv/bin/drivelesson bench {name}"
         )
-    return importlib.import_module(BENCHMARKS[name])
+    return importlib.import_module(f"server.lab.bench.{name}")

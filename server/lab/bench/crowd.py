@@ -10,20 +10,18 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
-import json
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import AsyncIterator
 from itertools import pairwise
 from typing import Any
 
 from robot.store.table import Table
-from server.cli.parser import number, whole
+from server.cli.parser import whole
 from server.lab.bench import link
 from server.lab.bench.process import ServerUnderTest
-from server.lab.bench.report import add_json, percentile, report
+from server.lab.bench.report import add_usual, percentiles, report
 
 _TURNS = 4
 """With and without greedy viewers, each so often."""
@@ -33,13 +31,7 @@ _ASKED_RATIO = 1.5
 def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--greedy", type=whole(1, 60), default=8, help="how many (%(default)s)")
     parser.add_argument("--viewers", type=whole(1, 150), default=50, help="who watch (%(default)s)")
-    parser.add_argument(
-        "--seconds", type=number(above=0), default=5.0, help="for each turn (%(default)s)"
-    )
-    parser.add_argument(
-        "--rate", type=number(above=0), default=30.0, help="frames a second (%(default)s)"
-    )
-    add_json(parser)
+    add_usual(parser, seconds=5.0)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -50,10 +42,7 @@ def run(args: argparse.Namespace) -> int:
     loop = Table(
         title=f"The loop's period, ms; p99 {ratio}",
         columns=("who reads", *alone),
-        rows=(
-            ("nobody", *alone.values()),
-            (f"{args.greedy} greedy viewers", *together.values()),
-        ),
+        rows=(("nobody", *alone.values()), (f"{args.greedy} greedy viewers", *together.values())),
     )
     crowd = Table(
         title=f"{args.viewers} viewers and a pilot",
@@ -77,22 +66,19 @@ async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[st
                     for viewer in viewers:
                         viewer.send_signal(signal.SIGCONT if reads else signal.SIGSTOP)
                     await asyncio.sleep(0.5)
-                    before, start_s = subject.ask(), time.monotonic()
-                    await asyncio.sleep(seconds)
-                    after = subject.ask()
-                    ticked_s = [at_s for at_s in after["ticked_s"] if at_s >= start_s]
-                    periods_s[reads] += [b - a for a, b in pairwise(ticked_s)]
-                    stops += after["stops"] - before["stops"]
-                    serving_s[reads] += after["serving_s"] - before["serving_s"]
+                    seen = await subject.watch(seconds)
+                    periods_s[reads] += [b - a for a, b in pairwise(seen["ticked_s"])]
+                    stops += seen["stops"]
+                    serving_s[reads] += seen["serving_s"]
             finally:
                 for viewer in viewers:
                     viewer.kill()
                     viewer.wait()
-    alone_s, together_s = (percentile(periods, 99) for periods in periods_s)
+    alone, together = map(percentiles, periods_s)
     return {
-        "without": link.percentiles(periods_s[0]),
-        "with": link.percentiles(periods_s[1]),
-        "ratio": round(together_s / alone_s, 2),
+        "without": alone,
+        "with": together,
+        "ratio": round(together["p99"] / alone["p99"], 2),
         "stops": stops,
         "serving_share": round((serving_s[1] - serving_s[0]) / _TURNS / seconds, 3),
     }
@@ -105,30 +91,27 @@ async def _measure_watched(count: int, seconds: float, rate_hz: float) -> dict[s
             link.watching(subject, count) as viewers,
         ):
             await asyncio.sleep(2.0)
-            before, start_s = subject.ask(), time.monotonic()
-            await asyncio.sleep(seconds)
-            after, lasted_s = subject.ask(), time.monotonic() - start_s
-            ages_s = [viewer.since(start_s) for viewer in viewers]
-    rates = [len(seen) / lasted_s for seen in ages_s]
+            busy = await subject.watch(seconds)
+            ages_s = [link.ages_since(busy["start_s"], viewer) for viewer in viewers]
+    rates = [len(seen) / busy["lasted_s"] for seen in ages_s]
     return {
         "slowest_hz": round(min(rates), 1),
         "mean_hz": round(sum(rates) / count, 1),
-        "age_p99_ms": link.percentiles([age for seen in ages_s for age in seen])["p99"],
-        "cpu": round((after["process_s"] - before["process_s"]) / lasted_s, 3),
-        "loop_hz": round((after["frames"] - before["frames"]) / lasted_s, 1),
-        "stops": after["stops"] - before["stops"],
+        "age_p99_ms": percentiles([age for seen in ages_s for age in seen])["p99"],
+        "cpu": round(busy["process_s"] / busy["lasted_s"], 3),
+        "loop_hz": round(busy["frames"] / busy["lasted_s"], 1),
+        "stops": busy["stops"],
     }
 
 
 @contextlib.asynccontextmanager
 async def _held_forward(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[None]:
     """Drive forward inside the block, as a finger on the pad does."""
-    async with link.driving(subject, cookie) as (pilot, seen, seqs):
+    async with link.driving(subject, cookie) as send:
 
         async def hold() -> None:
             while True:
-                words = {"type": "drive", "held": "forward", "seq": next(seqs), **seen}
-                await pilot.send(json.dumps(words))
+                await send(type="drive", held="forward")
                 await asyncio.sleep(0.1)
 
         holding = asyncio.create_task(hold())

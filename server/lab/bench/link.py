@@ -9,15 +9,13 @@ import itertools
 import json
 import sys
 import time
-from collections.abc import AsyncIterator, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from typing import Any
 
 from robot.store.table import Cell, Table
 from server.cli.output import numbers_in
-from server.cli.parser import number
 from server.lab.bench.process import ServerUnderTest
-from server.lab.bench.report import add_json, percentile, report
+from server.lab.bench.report import add_usual, percentiles, report
 from server.protocol import encode_acknowledgement, parse_picture
 
 _SETTLE_S = 0.7
@@ -26,13 +24,7 @@ _COMMANDS, _COMMAND_EVERY_S = 100, 0.047
 
 def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--viewers", default="1,4,16", help="numbers of viewers (%(default)s)")
-    parser.add_argument(
-        "--seconds", type=number(above=0), default=5.0, help="for each (%(default)s)"
-    )
-    parser.add_argument(
-        "--rate", type=number(above=0), default=30.0, help="frames a second (%(default)s)"
-    )
-    add_json(parser)
+    add_usual(parser, seconds=5.0)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -51,41 +43,29 @@ async def _measure_all(counts: Sequence[int], seconds: float, rate_hz: float) ->
     return result
 
 
-async def _cpu_share(subject: ServerUnderTest, seconds: float) -> float:
-    """Share of one core that the serving thread uses."""
-    before, start_s = subject.ask(), time.monotonic()
-    await asyncio.sleep(seconds)
-    used_s = subject.ask()["serving_s"] - before["serving_s"]
-    return float(used_s / (time.monotonic() - start_s))
-
-
 async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[str, Any]:
     with ServerUnderTest("drivelesson", rate_hz) as subject:
         await asyncio.sleep(_SETTLE_S)
-        idle = await _cpu_share(subject, min(seconds, 2.0))
+        idle = await subject.watch(min(seconds, 2.0))
         async with watching(subject, count) as viewers:
             await asyncio.sleep(_SETTLE_S)
-            before, start_s = subject.ask(), time.monotonic()
-            await asyncio.sleep(seconds)
-            after, lasted_s = subject.ask(), time.monotonic() - start_s
-            ages_s = [age for viewer in viewers for age in viewer.since(start_s)]
+            busy = await subject.watch(seconds)
+            ages_s = [age for viewer in viewers for age in ages_since(busy["start_s"], viewer)]
         await asyncio.sleep(_SETTLE_S)
-        idle_after = await _cpu_share(subject, min(seconds, 2.0))
-    serving_s = after["serving_s"] - before["serving_s"]
-    process_s = after["process_s"] - before["process_s"]
+        idle_after = await subject.watch(min(seconds, 2.0))
+    shares = [spent["serving_s"] / spent["lasted_s"] for spent in (idle, busy, idle_after)]
+    framed_s = busy["serving_s"] - min(shares[0], shares[2]) * busy["lasted_s"]
     return {
         "viewers": count,
-        "frames_per_second": round(len(ages_s) / lasted_s / count, 2),
+        "frames_per_second": round(len(ages_s) / busy["lasted_s"] / count, 2),
         "latency_ms": percentiles(ages_s),
-        "cpu_us_per_frame": round(
-            1e6 * (serving_s - min(idle, idle_after) * lasted_s) / len(ages_s), 1
-        ),
-        "process_cpu_us_per_frame": round(1e6 * process_s / len(ages_s), 1),
-        "serving_cpu_share": round(serving_s / lasted_s, 4),
-        "serving_cpu_share_idle_before": round(idle, 4),
-        "serving_cpu_share_idle_after": round(idle_after, 4),
-        "loop_hz": round((after["frames"] - before["frames"]) / lasted_s, 2),
-        "late_cycles": after["late_cycles"] - before["late_cycles"],
+        "cpu_us_per_frame": round(1e6 * framed_s / len(ages_s), 1),
+        "process_cpu_us_per_frame": round(1e6 * busy["process_s"] / len(ages_s), 1),
+        "serving_cpu_share": round(shares[1], 4),
+        "serving_cpu_share_idle_before": round(shares[0], 4),
+        "serving_cpu_share_idle_after": round(shares[2], 4),
+        "loop_hz": round(busy["frames"] / busy["lasted_s"], 2),
+        "late_cycles": busy["late_cycles"],
     }
 
 
@@ -95,14 +75,13 @@ async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
     with ServerUnderTest("drivelesson", rate_hz) as subject:
         async with (
             watching(subject, count),
-            driving(subject) as (pilot, seen, seqs),
+            driving(subject) as send,
         ):
             sent: list[tuple[float, str]] = []
             for number in range(_COMMANDS):
                 held = ("forward", "left")[number % 2]
                 sent.append((time.monotonic(), held))
-                command = {"type": "drive", "held": held, "seq": next(seqs), **seen}
-                await pilot.send(json.dumps(command))
+                await send(type="drive", held=held)
                 await asyncio.sleep(_COMMAND_EVERY_S)
             notes = subject.ask()
     took_s = _pair_up(sent, notes["changes"])
@@ -127,27 +106,29 @@ def _pair_up(
     return took_s
 
 
-@contextlib.asynccontextmanager
-async def driving(
-    subject: ServerUnderTest, cookie: str = ""
-) -> AsyncIterator[tuple[Any, dict[str, int], Iterator[int]]]:
-    """Have the wheel of a robot that may move, inside the block.
+Send = Callable[..., Awaitable[None]]
+"""Sends a message with what it must carry back."""
 
-    Yields the socket, what a command must carry back, and the numbers of commands.
-    """
+
+@contextlib.asynccontextmanager
+async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[Send]:
+    """Have the wheel of a robot that may move, inside the block."""
     from websockets.asyncio.client import connect
 
     url, headers = f"ws://127.0.0.1:{subject.port}/ws/drive", {"Cookie": cookie}
     async with connect(url, compression=None, additional_headers=headers) as pilot:
         seen: dict[str, int] = {}
         seqs = itertools.count(1)
+
+        async def send(**words: str) -> None:
+            await pilot.send(json.dumps({**words, "seq": next(seqs), **seen}))
+
         reading = asyncio.create_task(_read_all(pilot, seen))
         await asyncio.sleep(_SETTLE_S)
         while subject.ask()["mode"] != "train":  # a start on an old picture is refused
-            start = {"type": "mode", "mode": "train", "seq": next(seqs), **seen}
-            await pilot.send(json.dumps(start))
+            await send(type="mode", mode="train")
             await asyncio.sleep(0.1)
-        yield pilot, seen, seqs
+        yield send
         reading.cancel()
 
 
@@ -159,36 +140,34 @@ async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
             seen.update(frame=message["frame"], nonce=message["nonce"])
 
 
-@dataclass(slots=True)
-class Watched:
-    """What one viewer saw: when each frame came, and how old it then was, in seconds."""
+Watched = list[tuple[float, float]]
+"""When each frame came to a viewer, and how old it then was, in seconds."""
 
-    frames: list[tuple[float, float]] = field(default_factory=list)
 
-    def since(self, start_s: float) -> list[float]:
-        """Return the ages of the frames that came after `start_s`."""
-        return [age_s for at_s, age_s in self.frames if at_s >= start_s]
+def ages_since(start_s: float, watched: Watched) -> list[float]:
+    return [age_s for at_s, age_s in watched if at_s >= start_s]
 
-    async def watch(self, port: int) -> None:
-        """Take frames and acknowledge them until cancelled."""
-        from websockets.asyncio.client import connect
 
-        url = f"ws://127.0.0.1:{port}/ws/video"
-        # Browsers always offer to compress; whether they are taken up on it is the server's choice.
-        async with connect(url, compression="deflate", max_size=None, ping_interval=None) as socket:
-            async for message in socket:
-                assert isinstance(message, bytes)
-                picture, now_s = parse_picture(message), time.monotonic()
-                self.frames.append((now_s, now_s - picture.captured_ms / 1000))
-                if not picture.quiet:
-                    await socket.send(encode_acknowledgement(picture.frame_id))
+async def _watch(port: int, watched: Watched) -> None:
+    """Take frames and acknowledge them until cancelled."""
+    from websockets.asyncio.client import connect
+
+    url = f"ws://127.0.0.1:{port}/ws/video"
+    # Browsers always offer to compress; whether they are taken up on it is the server's choice.
+    async with connect(url, compression="deflate", max_size=None, ping_interval=None) as socket:
+        async for message in socket:
+            assert isinstance(message, bytes)
+            picture, now_s = parse_picture(message), time.monotonic()
+            watched.append((now_s, now_s - picture.captured_ms / 1000))
+            if not picture.quiet:
+                await socket.send(encode_acknowledgement(picture.frame_id))
 
 
 @contextlib.asynccontextmanager
 async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[Watched]]:
     """Have so many viewers watch inside the block; yields what each saw."""
-    viewers = [Watched() for _ in range(count)]
-    tasks = [asyncio.create_task(viewer.watch(subject.port)) for viewer in viewers]
+    viewers: list[Watched] = [[] for _ in range(count)]
+    tasks = [asyncio.create_task(_watch(subject.port, viewer)) for viewer in viewers]
     try:
         yield viewers
     finally:
@@ -197,10 +176,6 @@ async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[W
         for ended in await asyncio.gather(*tasks, return_exceptions=True):
             if isinstance(ended, Exception):
                 print(f"a viewer failed: {ended!r}", file=sys.stderr)
-
-
-def percentiles(seconds: Sequence[float]) -> dict[str, float]:
-    return {f"p{p}": round(1000 * percentile(seconds, p), 2) for p in (50, 95, 99)}
 
 
 def _progress(what: str) -> None:

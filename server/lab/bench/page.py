@@ -19,7 +19,7 @@ from robot.store.table import Table
 from server.cli.output import numbers_in
 from server.cli.parser import whole
 from server.lab.bench.process import ServerUnderTest
-from server.lab.bench.report import add_json, report
+from server.lab.bench.report import add_usual, report
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--mute-audio")
@@ -46,13 +46,11 @@ _STATE = "document.querySelector('drive-pad').page.store.state"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--seconds", type=float, default=10.0, help="for each (%(default)s)")
     parser.add_argument(
         "--throttle", default="1,4,6", help="how many times slower the phone is (%(default)s)"
     )
-    parser.add_argument("--rate", type=float, default=30.0, help="pictures a second (%(default)s)")
     parser.add_argument("--visits", type=whole(0), default=3, help="first ones (%(default)s)")
-    add_json(parser)
+    add_usual(parser, seconds=10.0)
 
 
 def run(args: argparse.Namespace) -> int:

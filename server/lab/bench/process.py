@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import http.client
 import json
 import subprocess
 import sys
+import time
 from typing import Any, Self
 
 from robot.errors import ConfigurationError
+
+_COUNTED = ("serving_s", "process_s", "frames", "late_cycles", "stops")
 
 
 class ServerUnderTest:
@@ -33,6 +37,15 @@ class ServerUnderTest:
         self._process.stdin.write(f"{word}\n")
         self._process.stdin.flush()
         return self._read()
+
+    async def watch(self, seconds: float) -> dict[str, Any]:
+        """Let it serve for so long; return what it used and noted meanwhile, and since when."""
+        before, start_s = self.ask(), time.monotonic()
+        await asyncio.sleep(seconds)
+        after, lasted_s = self.ask(), time.monotonic() - start_s
+        spent = {name: after[name] - before[name] for name in _COUNTED}
+        ticked_s = [at_s for at_s in after["ticked_s"] if at_s >= start_s]
+        return {**spent, "start_s": start_s, "lasted_s": lasted_s, "ticked_s": ticked_s}
 
     def pair(self, role: str) -> str:
         """Pair a browser with a `paired` server; return its cookie."""

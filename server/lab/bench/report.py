@@ -9,8 +9,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from robot.store.table import Table
 from server.cli.output import write_json
+from server.cli.parser import number
+
+
+def add_usual(parser: argparse.ArgumentParser, seconds: float) -> None:
+    """Declare for how long each is measured, and at which rate."""
+    positive = number(above=0)
+    parser.add_argument("--seconds", type=positive, default=seconds, help="for each (%(default)s)")
+    parser.add_argument(
+        "--rate", type=positive, default=30.0, help="pictures a second (%(default)s)"
+    )
+    add_json(parser)
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
@@ -33,8 +46,8 @@ def report(args: argparse.Namespace, figures: Any, *tables: Table) -> int:
     return 0
 
 
-def percentile(values: Sequence[float], percent: float) -> float:
-    """Return the least value that so many percent do not exceed; nan if there are none."""
-    if not values:  # a machine that was too busy to show a single picture
-        return math.nan
-    return sorted(values)[max(0, math.ceil(len(values) * percent / 100) - 1)]
+def percentiles(seconds: Sequence[float]) -> dict[str, float]:
+    """Return the times, in milliseconds, that 50, 95 and 99 percent of some do not exceed."""
+    known = seconds or [math.nan]  # a machine that was too busy to show a single picture
+    found = 1000 * np.percentile(known, (50, 95, 99), method="inverted_cdf")
+    return dict(zip(("p50", "p95", "p99"), found.round(2).tolist(), strict=True))
