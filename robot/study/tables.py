@@ -70,9 +70,10 @@ def _conditions(plan: StudyPlan, rows: Sequence[Row]) -> Table:
 def _summary(values: Sequence[float]) -> tuple[Cell, ...]:
     if not values:
         return (0, None, None, None, None, None)
-    spread = _round(statistics.stdev(values)) if len(values) > 1 else None
-    middle = (_round(statistics.fmean(values)), spread, _round(statistics.median(values)))
-    return (len(values), *middle, _round(min(values)), _round(max(values)))
+    spread = statistics.stdev(values) if values[1:] else None
+    ends = (statistics.median(values), min(values), max(values))
+    figures = (statistics.fmean(values), spread, *ends)
+    return (len(values), *(x if x is None else round(x, _DIGITS) for x in figures))
 
 
 def _differences(plan: StudyPlan, rows: Sequence[Row]) -> Table:
@@ -122,7 +123,3 @@ def _count_answers(plan: StudyPlan, rows: Sequence[Row]) -> Iterator[tuple[Cell,
             given = values_of(rows, condition.name, (QUESTIONS, question.name))
             for answer, n in sorted(Counter(given.values()).items()):
                 yield question.name, condition.name, int(answer), n
-
-
-def _round(value: float) -> float:
-    return round(value, _DIGITS)

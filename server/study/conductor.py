@@ -147,7 +147,13 @@ class Conductor(StartStop):
             if session.step is SessionStep.DONE:
                 raise ConfigurationError(f"{participant} has finished; take the next code")
         else:
-            session = StudySession(plan, participant, self._free_slot(study, plan.participants))
+            free = self.folder.free_slots(study, plan)
+            if not free:
+                raise ConfigurationError(
+                    f"all {plan.participants} places of the study are taken; withdraw a "
+                    "participant, or plan more"
+                )
+            session = StudySession(plan, participant, free[0])
         session.pace = self.pace
         event_log = EventLog(path, self._clock)
         event_log.start()
@@ -162,22 +168,13 @@ class Conductor(StartStop):
         session = self.session
         return session is not None and (study, participant) == (self.study, session.participant)
 
-    def _free_slot(self, study: str, places: int) -> int:
-        taken = {summary.slot for summary in self.folder.summaries(study)}
-        free = sorted(set(range(places)) - taken)
-        if not free:
-            raise ConfigurationError(
-                f"all {places} places of the study are taken; withdraw a participant, or plan more"
-            )
-        return free[0]
-
     def consent(self, language: str) -> None:
         """Note that the participant confirmed the text.
 
         Raises:
             ConfigurationError: If it is not what the session waits for.
         """
-        self._require(SessionStep.CONSENT)
+        self._session().require(SessionStep.CONSENT)
         self._happen("consent", name=language[:2])
         self._flush()
 
@@ -195,7 +192,7 @@ class Conductor(StartStop):
         """
         session = self._session()
         if session.step is not SessionStep.DRIVE:
-            self._require(SessionStep.READY)
+            session.require(SessionStep.READY)
         elif self.is_driving and not anew:
             return
         condition = session.condition
@@ -224,7 +221,7 @@ class Conductor(StartStop):
             ConfigurationError: If one is none, or one is missing.
         """
         session = self._session()
-        self._require(SessionStep.QUESTIONS)
+        session.require(SessionStep.QUESTIONS)
         questions = {question.name: question for question in session.questions}
         checked = {}
         for name, answer in answers.items():
@@ -308,20 +305,14 @@ class Conductor(StartStop):
         """Have every page ask where the session stands."""
         self._announce("session", step=self.session.step.value if self.session else None)
 
-    def _require(self, step: SessionStep) -> None:
-        self._session().require(step)
-
     def _happen(self, event: str, **fields: Any) -> None:
         """Have an event happen on the loop's thread, between two ticks."""
         session, event_log = self._session(), self._log
         assert event_log is not None
         wall_s = self._clock.wall_s()
-        made = self._wait(self._loop.submit(lambda: session.make(event, wall_s, **fields)))
-        event_log.add([made])
+        making = self._loop.submit(lambda: session.make(event, wall_s, **fields))
+        event_log.add([self._clock.result(making, PATIENCE_S)])
 
     def _flush(self) -> None:
         if self._log is not None:
             self._log.flush()
-
-    def _wait(self, future: Any) -> Any:
-        return self._clock.result(future, PATIENCE_S)

@@ -172,6 +172,10 @@ class StudyFolder:
             found.append(known[1])
         return found
 
+    def free_slots(self, name: str, plan: StudyPlan) -> list[int]:
+        """List the places of the plan that no participant has, in order."""
+        return sorted(set(range(plan.participants)) - {s.slot for s in self.summaries(name)})
+
     def _summarize(self, name: str, plan: StudyPlan, code: str) -> SessionSummary:
         try:
             events = self.events(name, code)

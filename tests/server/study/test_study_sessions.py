@@ -21,8 +21,7 @@ from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Mode, Sensors
 from server.persistence import Persistence
-from server.study.described import describe_place, describe_session
-from server.study.extension import StudyExtension
+from server.study.extension import StudyExtension, describe_place, describe_session
 from tests.server.test_teaching_routes import _teach, ask
 from tests.server.virtual_server import VirtualServer
 
