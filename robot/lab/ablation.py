@@ -9,7 +9,8 @@ from itertools import product
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
 from robot.lab.figure3 import recorded_tasks
-from robot.lab.ground.ground import ground_task, scores_by_stage
+from robot.lab.ground.ground import FIRST_SEED, scores_by_stage
+from robot.lab.ground.run import run_ground
 from robot.lab.lessons import run_lesson, ssd_tables, trial_cases
 from robot.lab.tables import mean_in_interval
 from robot.lab.task import Task
@@ -34,9 +35,12 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     learners = [f"{kind}-32" for kind in KINDS]
     here = tuple(world for world, package in WORLDS.items() if find_spec(package))
     counts, drives = ([100], 2) if settings.quick else ([EXAMPLES], 10)
-    for world, learner in product(settings.worlds or here, learners):
-        for seed in range(settings.n_seeds):
-            yield ground_task(world, learner, "corrections", seed, counts=counts, drives=drives)
+    way = {"way": "corrections", "counts": counts, "drives": drives}
+    cases = (
+        {"world": world, "learner": learner, **way}
+        for world, learner in product(settings.worlds or here, learners)
+    )
+    yield from seeded(run_ground, cases, settings, first=FIRST_SEED)
     yield from recorded_tasks(settings, learners)
 
 

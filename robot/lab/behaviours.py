@@ -8,10 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
+from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
-from robot.lab.metrics import driving
-from robot.lab.metrics.log import DriveLog, DriveSample
+from robot.lab.metrics import DriveLog, DriveSample
 from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial
@@ -100,14 +100,8 @@ def run_episodes(params: Params) -> Result:
             drives = []
             for _ in range(count):
                 trial.driver.simulation.restart()
-                drives.append(
-                    trial.drive(
-                        mode,
-                        params["episode_s"],
-                        supervised=supervised,
-                        until=_is_at_wall if can_end else lambda moment: False,
-                    )
-                )
+                seconds, until = params["episode_s"], _is_at_wall if can_end else None
+                drives.append(trial.drive(mode, seconds, supervised=supervised, until=until))
             return drives
 
         taught = episodes(Mode.TRAIN, params["teach"])
@@ -122,19 +116,19 @@ def _is_at_wall(moment: DriveSample) -> bool:
 
 
 def _figures(drives: Sequence[DriveLog]) -> dict[str, float | None]:
-    moments = [moment for drive in drives for moment in drive.moments]
+    moments = [moment for drive in drives for moment in drive]
     views = [moment.situation for moment in moments if moment.situation is not None]
     targets = [view.target for view in views if view.target is not None]
-    ends = [drive.moments[-1] for drive in drives]
+    ends = [drive[-1] for drive in drives]
     is_seen = [
         abs(target.bearing_rad) < _IN_VIEW_RAD and target.distance_m < _IN_REACH_M
         for target in targets
     ]
     return {
         "seconds": statistics.fmean(drive.seconds for drive in drives),
-        "longest_push_s": max(driving.longest_push_s(drive) for drive in drives),
+        "longest_push_s": max(metrics.longest_push_s(drive) for drive in drives),
         "right_m": statistics.median(view.range_at_m(-math.pi / 2) for view in views),
-        "driven_m_per_min": sum(map(driving.driven_m, drives))
+        "driven_m_per_min": sum(map(metrics.driven_m, drives))
         / sum(drive.seconds for drive in drives)
         * 60,
         "in_view": sum(is_seen) / len(is_seen) if targets else None,

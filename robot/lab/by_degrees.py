@@ -7,12 +7,10 @@ from collections.abc import Iterable
 from itertools import product
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
-from robot.lab.habit_run import DRIFT_SHARE, beside_pilot, pilots_minutes
-from robot.lab.ideas import make_learner
+from robot.lab.habits import beside_pilot, taught_by
 from robot.lab.simulated_pilots.habits import HABITS, STEERED
 from robot.lab.tables import Columns, mean_in_interval, of, tables_of
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Trial
 from robot.store.table import Table
 from robot.types import Mode
 
@@ -34,18 +32,14 @@ def _plan(settings: ExperimentSettings) -> Iterable[Task]:
 
 def run_degrees(params: Params) -> Result:
     """Teach, correct, and drive alone. Parameters: `world`, `way`, `learner`, `seed`."""
-    habit = {**HABITS, **STEERED}[params["way"]]
-    world, seed = params["world"], params["seed"]
-    name, learner = f"degrees {seed}", make_learner(params["learner"], habit.moves)
-    with Trial(
-        world, seed, learner, habit.pilot(name), rate_hz=RATE_HZ, drift=DRIFT_SHARE
-    ) as trial:
+    habit, name = {**HABITS, **STEERED}[params["way"]], f"degrees {params['seed']}"
+    params = {**params, "rate_hz": RATE_HZ}
+    with taught_by(habit, name, params) as trial:
         taught = trial.drive(Mode.TRAIN, TEACH_S)
         trial.drive(Mode.AUTONOMOUS, CORRECT_S)
         alone = trial.drive(Mode.AUTONOMOUS, ALONE_S, supervised=False)
         timing = trial.timing()
-    minutes = pilots_minutes(habit, name, world, seed, RATE_HZ, _MINUTES, alone)
-    return {**beside_pilot(alone, minutes, taught, habit.moves), "timing": timing}
+    return {**beside_pilot(alone, taught, habit, name, params, _MINUTES), "timing": timing}
 
 
 def _tables(runs: Runs) -> list[Table]:

@@ -143,34 +143,12 @@ def darkened(frame: Frame, light: float) -> Frame:
 
 def judge(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
     """Teach a new policy one drive and test it on the other; `vectors` caches the features."""
-    _vectors(policy, pair.train, vectors)
+    first, *_ = _vectors(policy, pair.train, vectors)
+    test = _vectors(policy, pair.test, vectors, pair.light)
     started_s = time.perf_counter()
     n_taught = teach(policy, pair.train, vectors, pair.examples)
-    policy.propose(0, _vectors(policy, pair.train, vectors)[0])  # some are fitted only when asked
+    policy.propose(0, first)  # some are fitted only when asked
     learned_s = time.perf_counter() - started_s
-    result = examine(policy, pair, vectors)
-    return replace(result, learn_ms=1000 * learned_s / n_taught)
-
-
-def teach(
-    policy: Policy, recording: Recording, vectors: Vectors, examples: int | None = None
-) -> int:
-    """Teach a policy one more drive, perhaps of another place than the last.
-
-    Of a drive with more frames than `examples` only so many are learned, spread evenly over it.
-    Returns how many were.
-    """
-    policy.reset()
-    xs, labels, points = _vectors(policy, recording, vectors), recording.labels, recording.points
-    n_taught = min(examples or len(xs), len(xs))
-    for i in np.linspace(0, len(xs) - 1, n_taught).round().astype(int):
-        policy.learn(xs[i], labels[i], None, points[i])
-    return n_taught
-
-
-def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
-    """Test a policy that was taught on `pair.train`, and perhaps on more, on `pair.test`."""
-    test = _vectors(policy, pair.test, vectors, pair.light)
     policy.reset()
     started_s = time.perf_counter()
     proposed = [policy.propose(i + 1, x) for i, x in enumerate(test)]
@@ -194,8 +172,25 @@ def examine(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
         angle_error=error,
         angle_correlation=correlation,
         angle_step=step,
+        learn_ms=1000 * learned_s / n_taught,
         predict_ms=1000 * predicted_s / max(len(test), 1),
     )
+
+
+def teach(
+    policy: Policy, recording: Recording, vectors: Vectors, examples: int | None = None
+) -> int:
+    """Teach a policy one more drive, perhaps of another place than the last.
+
+    Of a drive with more frames than `examples` only so many are learned, spread evenly over it.
+    Returns how many were.
+    """
+    policy.reset()
+    xs, labels, points = _vectors(policy, recording, vectors), recording.labels, recording.points
+    n_taught = min(examples or len(xs), len(xs))
+    for i in np.linspace(0, len(xs) - 1, n_taught).round().astype(int):
+        policy.learn(xs[i], labels[i], None, points[i])
+    return n_taught
 
 
 def _angles(

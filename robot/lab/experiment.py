@@ -17,12 +17,12 @@ class ExperimentSettings:
 
     seeds: int = 10
     quick: bool = False
-    learners: tuple[str, ...] = ()
+    learners: Sequence[str] = ()
     """Empty: those of the experiment."""
     teacher: str | None = None
     """None: those of the experiment."""
     recordings: str | None = None
-    worlds: tuple[str, ...] = ()
+    worlds: Sequence[str] = ()
     """Foreign worlds; empty: those of the experiment."""
     robot: str = "sim"
     """Whose cycles figure 5 times."""
@@ -60,10 +60,11 @@ def seeded(
     cases: Iterable[Params],
     settings: ExperimentSettings,
     first: int = 0,
+    least: int = 1,
 ) -> Iterator[Task]:
-    """Yield each case with every seed, from `first` on."""
+    """Yield each case with every seed from `first` on, with so many at least."""
     for case in cases:
-        for seed in range(settings.n_seeds):
+        for seed in range(max(least, settings.n_seeds)):
             yield Task(run, {**case, "seed": first + seed})
 
 

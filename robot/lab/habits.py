@@ -6,13 +6,19 @@ import random
 import statistics
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import product
+from typing import Any
 
+from robot.control.profile import behavior_profile, compare
+from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
-from robot.lab.habit_run import run_habit
-from robot.lab.simulated_pilots.habits import HABITS
+from robot.lab.ideas import make_learner
+from robot.lab.metrics import DriveLog
+from robot.lab.simulated_pilots.habits import HABITS, Habit
 from robot.lab.tables import Columns, mean_percent, of, percent, tables_of
-from robot.lab.task import Result, Task
+from robot.lab.task import Params, Result, Task
+from robot.lab.trial import Trial, drive_by_hand
 from robot.store.table import Cell, Table
+from robot.types import Action, Mode
 
 WORLDS = ("box", "office", "corridor", "fork", "clutter")
 RATES_HZ = (10.0, 15.0, 30.0)
@@ -140,6 +146,92 @@ def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tu
     )
     rare = _DRAWS // 20
     return differences[rare], differences[-rare]
+
+
+_MEANS = ("driven_m", "covered_m2", "ssd", "ssd_frequent", "ssd_alike", "steering_per_s")
+DRIFT_SHARE = 0.15
+"""Drift of the wheels while a simulated pilot teaches. In a second of driving straight the heading
+changes by 17 degrees (standard deviation)."""
+
+
+def run_habit(params: Params) -> Result:
+    """Teach, drive alone, correct, drive alone again; and the pilot from where the robot began.
+
+    In a minute neither sees all of a place, and from another corner the difference would be that of
+    the corners. The pilot's minutes have the lesson's frame rate, too: with ten pictures a second a
+    hand moves later than with thirty, and who follows a wall drives it otherwise.
+
+    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
+    `reference_s`.
+    """
+    habit, name = HABITS[params["habit"]], f"{params['habit']} {params['seed']}"
+    with taught_by(habit, name, params) as trial:
+        alone_s = params["alone_s"]
+        taught = trial.drive(Mode.TRAIN, params["teach_s"])
+        drives = {"before": trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
+        if params.get("correct_s"):
+            trial.drive(Mode.AUTONOMOUS, params["correct_s"])
+            drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
+        timing, lessons = trial.timing(), dict(trial.loop.state.taught)
+    result: Result = {}
+    for phase, drive in drives.items():
+        n_minutes = round(params.get("reference_s", 180.0) / 60.0)
+        result[phase] = beside_pilot(drive, taught, habit, name, params, n_minutes)
+    result["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
+    result["timing"] = timing
+    return result
+
+
+def taught_by(habit: Habit, name: str, params: Params) -> Trial:
+    """Return a trial with such a pilot, of the name that its chances follow from."""
+    policy, rate_hz = make_learner(params["learner"], habit.moves), params["rate_hz"]
+    world, seed, pilot = params["world"], params["seed"], habit.pilot(name)
+    return Trial(world, seed, policy, pilot, rate_hz=rate_hz, drift=DRIFT_SHARE)
+
+
+def beside_pilot(
+    drive: DriveLog, taught: DriveLog, habit: Habit, name: str, params: Params, n_minutes: int
+) -> dict[str, Any]:
+    """Return the figures of a robot's minute, and of its pilot's own from where it began.
+
+    A push counts as the pilot's in the lesson, too: there the robot learned it.
+    """
+    minutes = [
+        drive_by_hand(
+            params["world"],
+            params["seed"] + 1000 * i,
+            habit.pilot(f"{name} {i}"),
+            60.0,
+            params["rate_hz"],
+            start=drive[0].pose,
+        )
+        for i in range(n_minutes)
+    ]
+    pilot = DriveLog([moment for minute in minutes for moment in minute])
+    own, *each = (
+        {
+            **metrics.against(log, pilot, habit.moves),
+            "ssd_alike": _ssd_of_turns_alike(log, pilot),
+        }
+        for log in (drive, *minutes)
+    )
+    teacher = {
+        key: statistics.fmean(float(figures[key]) for figures in each) for key in (*_MEANS, "stuck")
+    }
+    teacher["longest_push_s"] = max(metrics.longest_push_s(log) for log in (taught, *minutes))
+    return {**own, "teacher": teacher}
+
+
+def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
+    """Return the SSD with left and right as one move: which side it is, is often chance."""
+    taught, driven = (
+        behavior_profile(
+            [Action.LEFT if action is Action.RIGHT else action for action in log.actions()],
+            [moment.distance_m for moment in log],
+        )
+        for log in (teacher, drive)
+    )
+    return compare(taught, driven, (Action.FORWARD, Action.LEFT)).ssd
 
 
 GATE = Experiment(

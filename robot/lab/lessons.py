@@ -10,10 +10,10 @@ from dataclasses import replace
 from typing import Any
 
 from robot.control.profile import Profile, compare
+from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
-from robot.lab.metrics import driving
-from robot.lab.metrics.log import DriveLog
+from robot.lab.metrics import DriveLog
 from robot.lab.published import FIGURE_6, FIGURE_7, FIGURE_8
 from robot.lab.tables import SSD_COLUMNS, tables_of
 from robot.lab.task import Params, Result
@@ -54,16 +54,16 @@ def run_lesson(params: Params) -> Result:
         n_nodes, lessons = trial.policy.n_nodes, dict(trial.loop.state.taught)
         again = trial.drive(Mode.TRAIN, params.get("reference_s", 240.0))
         timing = trial.timing()
-    teacher = DriveLog([*taught.moments, *again.moments])
+    teacher = DriveLog([*taught, *again])
     result: Result = {
         name: _figures(drive, teacher, taught.profile(), moves) for name, drive in drives.items()
     }
     result["teacher"] = _figures(again.last(alone_s), teacher, taught.profile(), moves)
     result["corrections"] = {
-        "interventions_per_min": driving.interventions_per_minute(corrected),
+        "interventions_per_min": metrics.interventions_per_minute(corrected),
         "pilot_share": len(corrected.driven_by(DrivenBy.PILOT)) / max(len(corrected), 1),
     }
-    result["taught"] = {"agreement": driving.agreement(taught), "nodes": n_nodes}
+    result["taught"] = {"agreement": metrics.agreement(taught), "nodes": n_nodes}
     result["taught"]["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
     result["timing"] = timing
     return result
@@ -81,10 +81,10 @@ def _figures(
         moves: The possible moves.
     """
     return {
-        **driving.against(drive, teacher, moves),
+        **metrics.against(drive, teacher, moves),
         "ssd_against_lesson": compare(taught, drive.profile(), moves).ssd,
-        "collisions_per_min": driving.collisions_per_minute(drive),
-        "pushing_s_per_min": driving.pushing_s_per_minute(drive),
+        "collisions_per_min": metrics.collisions_per_minute(drive),
+        "pushing_s_per_min": metrics.pushing_s_per_minute(drive),
     }
 
 

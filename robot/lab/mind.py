@@ -115,7 +115,7 @@ def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]
     pilot = HABITS["right"].pilot(f"asked {seed}")
     drive = drive_by_hand(world, seed + 1000, pilot, seconds, LOOKS_HZ, watching=policy)
     policy.reset()
-    turning = [moment for moment in drive.moments if moment.wanted is Action.RIGHT]
+    turning = [moment for moment in drive if moment.wanted is Action.RIGHT]
     blocked = [
         moment.proposed
         for moment in turning

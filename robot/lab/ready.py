@@ -6,15 +6,12 @@ import statistics
 from collections.abc import Iterator
 
 from robot.control.readiness import NOVEL_SHARE, Readiness, Stage
+from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs
-from robot.lab.habit_run import DRIFT_SHARE
-from robot.lab.habits import RATES_HZ, WORLDS
-from robot.lab.ideas import make_learner
-from robot.lab.metrics import driving
+from robot.lab.habits import RATES_HZ, WORLDS, taught_by
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.tables import Columns, mean_percent, of, percent, tables_of
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Trial
 from robot.store.table import Table
 from robot.types import Mode
 
@@ -77,21 +74,13 @@ TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
 def run_ready(params: Params) -> Result:
     """Teach, try and teach again as `Readiness` advises, then let it drive alone for a minute.
 
-    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`, `drift`. The
+    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. The
     result's `missing` is what the page says after `in_time_s`, or in the end.
     """
-    habit = HABITS[params["habit"]]
-    limit_s = params["limit_s"]
-    in_time_s = params.get("in_time_s", limit_s)
-    readiness = Readiness()
-    with Trial(
-        params["world"],
-        params["seed"],
-        make_learner(params["learner"], habit.moves),
-        habit.pilot(f"ready {params['habit']} {params['seed']}"),
-        rate_hz=params["rate_hz"],
-        drift=params.get("drift", DRIFT_SHARE),
-    ) as trial:
+    habit, readiness = HABITS[params["habit"]], Readiness()
+    limit_s, in_time_s = params["limit_s"], params["in_time_s"]
+    name = f"ready {params['habit']} {params['seed']}"
+    with taught_by(habit, name, params) as trial:
         trial.loop.subscribe(readiness.note)
         taught_s = tried_s = 0.0
         missing: list[str] = []
@@ -119,7 +108,7 @@ def run_ready(params: Params) -> Result:
         "missing": missing,
         "agreement": agreement,
         "foreseen": dict(readiness.foreseen),
-        **driving.figures(alone),
+        **metrics.figures(alone),
         "timing": timing,
     }
 

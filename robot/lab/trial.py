@@ -15,7 +15,7 @@ from robot.control.loop import ControlLoop, LoopConfig
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.errors import RobotError
-from robot.lab.metrics.log import DriveLog, DriveSample
+from robot.lab.metrics import DriveLog, DriveSample
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.simulated_pilots.situation import Situation, observe
 from robot.policy.policy import Policy
@@ -70,7 +70,7 @@ class Trial(StartStop):
         seconds: float,
         *,
         supervised: bool = True,
-        until: Callable[[DriveSample], bool] = lambda moment: False,
+        until: Callable[[DriveSample], bool] | None = None,
     ) -> DriveLog:
         """Drive for a while in one mode, and return what happened.
 
@@ -90,10 +90,12 @@ class Trial(StartStop):
         self._turn()
         self.loop.set_mode(mode)
         for _ in range(round(seconds * self.rate_hz)):
-            log.add(self._turn())
-            if self.loop.state.decision.mode is Mode.STOPPED:
-                raise RobotError(f"the robot stopped at {self.clock.now_s():.1f} s: {self._why()}")
-            if until(log.moments[-1]):
+            log.append(self._turn())
+            state = self.loop.state
+            if state.decision.mode is Mode.STOPPED:
+                why = state.fault or state.decision.stop_reason
+                raise RobotError(f"the robot stopped at {self.clock.now_s():.1f} s: {why}")
+            if until is not None and until(log[-1]):
                 break
         return log
 
@@ -110,10 +112,7 @@ class Trial(StartStop):
         self._frames += 1
         now_s = self.clock.now_s()
         situation = observe(self.driver.simulation, frame.frame_id, now_s)
-        self.pilot.see(situation, _action_of(self.loop.state.prediction))
-        command = self.pilot.act(now_s)
-        if command is not None:
-            self.loop.command(command)
+        self.loop.command(self.pilot.act(situation, _action_of(self.loop.state.prediction)))
         tick = self.loop.tick(now_s)
         said = tick.commands[-1] if tick.commands else None
         return _sample(
@@ -130,10 +129,6 @@ class Trial(StartStop):
             proposed=_action_of(tick.prediction),
             wanted=said.held if said is not None else None,
         )
-
-    def _why(self) -> str:
-        state = self.loop.state
-        return state.fault or str(state.decision.stop_reason)
 
     def start(self) -> None:
         self.driver.connect()
@@ -173,14 +168,12 @@ def drive_by_hand(
         if watching is not None:
             x = watching.extract(camera.capture())
             would = watching.propose(frame_id, x, at_s=now_s).action
-        pilot.see(situation, would)
-        command = pilot.act(now_s)
-        held = command.held if command is not None else None
-        if command is not None and command.point is not None:
+        command = pilot.act(situation, would)
+        if command.point is not None:
             driver.send_point(command.point)
         else:
-            driver.send_action(held or Action.STOP)
-        log.add(
+            driver.send_action(command.held or Action.STOP)
+        log.append(
             _sample(
                 driver,
                 situation,
@@ -189,7 +182,7 @@ def drive_by_hand(
                 point=driver.simulation.point,
                 driven_by=DrivenBy.PILOT,
                 proposed=would,
-                wanted=held,
+                wanted=command.held,
             )
         )
     driver.disconnect()

@@ -6,6 +6,7 @@ import argparse
 import os
 import shlex
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 from robot.errors import ConfigurationError
@@ -38,6 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--learner",
+        dest="learners",
         action="append",
         default=[],
         metavar="NAME",
@@ -47,6 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--teacher", metavar="NAME", help="usual, early, late, path.py:Name ...")
     parser.add_argument(
         "--world",
+        dest="worlds",
         action="append",
         default=[],
         metavar="NAME",
@@ -102,25 +105,15 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
     from robot.lab.ideas import make_learner, make_teacher
     from robot.types import DEFAULT_MOVES
 
-    for learner in args.learner:
+    for learner in args.learners:
         make_learner(learner, DEFAULT_MOVES)
     if args.teacher:
         make_teacher(args.teacher, DEFAULT_MOVES)
-    return ExperimentSettings(
-        seeds=args.seeds,
-        quick=args.quick,
-        learners=tuple(args.learner),
-        teacher=args.teacher,
-        recordings=_recordings(args.recordings),
-        robot=args.robot,
-        worlds=tuple(args.world),
-    )
-
-
-def _recordings(given: str | None) -> str | None:
-    if given is not None and not Path(given).is_dir():
-        raise ConfigurationError(f"--recordings: there is no folder {given}")
-    return given or os.environ.get("DRIVELESSON_RECORDINGS")
+    if args.recordings is not None and not Path(args.recordings).is_dir():
+        raise ConfigurationError(f"--recordings: there is no folder {args.recordings}")
+    args.recordings = args.recordings or os.environ.get("DRIVELESSON_RECORDINGS")
+    names = (field.name for field in fields(ExperimentSettings))
+    return ExperimentSettings(**{name: getattr(args, name) for name in names})
 
 
 def _run_one(

@@ -176,12 +176,9 @@ class Newcomer:
         simulation = self.world.rig.driver.simulation  # type: ignore[attr-defined]
         now_s, frame_id = self.now_s, state.frame_id or 0
         prediction = state.prediction
-        self._pilot.see(
-            observe(simulation, frame_id, now_s), prediction.action if prediction else None
-        )
-        command = self._pilot.act(now_s)
-        if command is not None:
-            self._hold(command.held if mode is not Mode.STOPPED else None)
+        situation = observe(simulation, frame_id, now_s)
+        command = self._pilot.act(situation, prediction.action if prediction else None)
+        self._hold(command.held if mode is not Mode.STOPPED else None)
 
     def _hold(self, move: Action | None) -> None:
         if move is self._held:

@@ -158,10 +158,11 @@ class ConvolutionalNetwork:
     def _begin(self, n_classes: int) -> None:
         rng = np.random.default_rng(0)
         height, width, depth = self._shape
-        sizes = []
+        sizes, self._shapes = [], [self._shape]
         for side, n_filters in self._kernels:
             sizes.append((side * side * depth, n_filters))
             height, width, depth = (height - side) // 2 + 1, (width - side) // 2 + 1, n_filters
+            self._shapes.append((height, width, depth))
         sizes += [(height * width * depth, self._n_hidden), (self._n_hidden, n_classes)]
         for n_in, n_out in sizes:
             spread = rng.normal(0.0, np.sqrt(2.0 / n_in), (n_in, n_out))
@@ -194,12 +195,8 @@ class ConvolutionalNetwork:
         """Add up the slopes of a layer's windows over the picture that they were cut from."""
         side = self._kernels[layer][0]
         n, rows, columns, _ = slopes.shape
-        depth = self._kernels[layer - 1][1]
-        height, width = self._shape[:2]
-        for before, _ in self._kernels[:layer]:
-            height, width = (height - before) // 2 + 1, (width - before) // 2 + 1
-        whole = np.zeros((n, height, width, depth), slopes.dtype)
-        windows = slopes.reshape(n, rows, columns, depth, side, side)
+        whole = np.zeros((n, *self._shapes[layer]), slopes.dtype)
+        windows = slopes.reshape(n, rows, columns, -1, side, side)
         for y in range(side):
             for x in range(side):
                 whole[:, y : y + 2 * rows : 2, x : x + 2 * columns : 2][:, :rows, :columns] += (

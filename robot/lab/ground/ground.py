@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from typing import Any
 
-from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group
+from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group, seeded
 from robot.lab.ground.run import TEACHER, run_ground
 from robot.lab.ground.worlds import WORLDS
 from robot.lab.tables import Columns, mean_in_interval, tables_of
@@ -25,34 +25,22 @@ _QUICK_WORLDS = ("Sidewalk", "ViZDoom")
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan every world, learner, way and seed; the teacher once a world and seed."""
+    """Plan every world, learner and way, in the quick form twice; the teacher once a world."""
     learners = settings.learners or (LEARNERS[:2] if settings.quick else LEARNERS)
-    ways = WAYS[:1] if settings.quick else WAYS
-    for world in settings.worlds or (_QUICK_WORLDS if settings.quick else tuple(WORLDS)):
-        for learner, way in ((TEACHER, ""), *product(learners, ways)):
-            for seed in range(2 if settings.quick else settings.n_seeds):
-                yield ground_task(world, learner, way, seed, drives=5 if settings.quick else 10)
-
-
-def ground_task(
-    world: str,
-    learner: str,
-    way: str,
-    seed: int,
-    *,
-    counts: Sequence[int] = COUNTS,
-    drives: int = 10,
-) -> Task:
-    """Return one run: how a learner was taught, and how often it then drives alone."""
-    params = {
-        "world": world,
-        "learner": learner,
-        "way": way,
-        "seed": FIRST_SEED + seed,
-        "counts": list(counts),
-        "drives": drives,
-    }
-    return Task(run_ground, params)
+    ways = product(learners, WAYS[:1] if settings.quick else WAYS)
+    worlds = settings.worlds or (_QUICK_WORLDS if settings.quick else tuple(WORLDS))
+    drivers = [(TEACHER, ""), *ways]
+    cases = (
+        {
+            "world": world,
+            "learner": learner,
+            "way": way,
+            "counts": list(COUNTS),
+            "drives": 5 if settings.quick else 10,
+        }
+        for world, (learner, way) in product(worlds, drivers)
+    )
+    return seeded(run_ground, cases, settings, first=FIRST_SEED, least=1 + settings.quick)
 
 
 def _tables(runs: Runs) -> list[Table]:

@@ -286,11 +286,8 @@ class VizDoom(ForeignWorld):
     def wanted(self) -> str:
         """Go to the nearest medikit in sight."""
         state = self.inner.game.get_state()
-        kits = (
-            []
-            if state is None
-            else [label for label in state.labels if label.object_name == "Medikit"]
-        )
+        labels = () if state is None else state.labels
+        kits = [label for label in labels if label.object_name == "Medikit"]
         if not kits:
             return "left"
         aside, width = max(

@@ -16,8 +16,13 @@ from robot.lab.simulated_pilots.behaviours import WallFollower
 from robot.lab.simulated_pilots.hand import PRACTISED, HumanDelayConfig
 from robot.lab.simulated_pilots.pilot import LENIENT, SimulatedPilot, TakeoverPolicy
 from robot.lab.simulated_pilots.situation import Situation
-from robot.lab.simulated_pilots.steering import Steerer
-from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS, Teacher, TeacherParams, Wanderer
+from robot.lab.simulated_pilots.teachers import (
+    TEACHER_PARAMS,
+    Steerer,
+    Teacher,
+    TeacherParams,
+    Wanderer,
+)
 from robot.types import Action
 
 BOTH = (Action.LEFT, Action.RIGHT)

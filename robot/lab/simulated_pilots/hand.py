@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from robot.types import Action, PilotCommand, Point
 
-_EPSILON_S = 1e-6
+EPSILON_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +90,7 @@ class HumanDelayModel:
         self._last_s = now_s
         self._begin_by_chance(now_s, dt_s)
         if now_s >= self._away_until_s:
-            while self._wishes and self._wishes[0][0] <= now_s + _EPSILON_S:
+            while self._wishes and self._wishes[0][0] <= now_s + EPSILON_S:
                 _, self._held, self._point = self._wishes.popleft()
         if now_s < self._pauses_until_s:
             return None

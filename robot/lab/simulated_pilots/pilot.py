@@ -5,12 +5,10 @@ from __future__ import annotations
 import random
 from dataclasses import dataclass
 
-from robot.lab.simulated_pilots.hand import PRACTISED, HumanDelayConfig, HumanDelayModel
+from robot.lab.simulated_pilots.hand import EPSILON_S, PRACTISED, HumanDelayConfig, HumanDelayModel
 from robot.lab.simulated_pilots.situation import Situation
 from robot.lab.simulated_pilots.teachers import Teacher
 from robot.types import Action, Mode, PilotCommand
-
-_EPSILON_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,20 +68,14 @@ class SimulatedPilot:
         self._hand.release()
         self._holds_since_s = self._annoyed_since_s = self._content_since_s = None
 
-    def see(self, situation: Situation, proposed: Action | None) -> None:
-        """Show a frame on the screen, with what the page says the robot would do."""
-        self._look_until(situation.at_s - _EPSILON_S)
+    def act(self, situation: Situation, proposed: Action | None) -> PilotCommand:
+        """See a frame, with what the robot would do; return the command of this heartbeat."""
+        self._look_until(situation.at_s - EPSILON_S)
         self._screen = (situation, proposed)
         if self._looks_at_s is None:
             self._looks_at_s = situation.at_s
-
-    def act(self, now_s: float) -> PilotCommand | None:
-        """Look at the screen, and return the command of this heartbeat; None with no picture."""
-        self._look_until(now_s + _EPSILON_S)
-        if self._screen is None:
-            return None
-        situation, _ = self._screen
-        return self._hand.send(situation.frame_id, now_s - situation.at_s, now_s)
+        self._look_until(situation.at_s + EPSILON_S)
+        return self._hand.send(situation.frame_id, 0.0, situation.at_s)
 
     def _look_until(self, end_s: float) -> None:
         """Look at the screen whenever it is time to, at the picture that is there at that time.
@@ -122,7 +114,7 @@ class SimulatedPilot:
             self._patience_s = (
                 self.takeover.lenient_patience_s if is_lenient else self.takeover.patience_s
             )
-        if now_s - self._annoyed_since_s >= self._patience_s - _EPSILON_S:
+        if now_s - self._annoyed_since_s >= self._patience_s - EPSILON_S:
             self._holds_since_s, self._content_since_s = now_s, None
 
     def _consider_giving_back(self, wanted: Action, proposed: Action | None, now_s: float) -> None:
@@ -135,6 +127,6 @@ class SimulatedPilot:
         content_s = now_s - self._content_since_s if self._content_since_s is not None else 0.0
         takeover = self.takeover
         if held_s >= takeover.longest_hold_s or (
-            held_s >= takeover.shortest_hold_s and content_s >= takeover.contented_s - _EPSILON_S
+            held_s >= takeover.shortest_hold_s and content_s >= takeover.contented_s - EPSILON_S
         ):
             self._holds_since_s = self._annoyed_since_s = None

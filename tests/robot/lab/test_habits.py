@@ -119,7 +119,7 @@ def test_the_quick_form_has_no_table_without_rows() -> None:
 
 def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
-    from robot.lab.habit_run import run_habit
+    from robot.lab.habits import run_habit
 
     params = {
         "habit": "irregular",
@@ -151,8 +151,8 @@ def test_a_pilot_is_measured_where_the_robot_began_and_at_its_rate(rate_hz: floa
     start = Pose(x_m=3.4, y_m=2.2, heading_rad=2.0)
     pilot = HABITS["irregular"].pilot("1")
     drive = drive_by_hand("fork", 2001, pilot, 60.0, rate_hz, start=start)
-    first = drive.moments[0].pose
-    assert len(drive.moments) == 60 * rate_hz
+    first = drive[0].pose
+    assert len(drive) == 60 * rate_hz
     assert math.dist((first.x_m, first.y_m), (start.x_m, start.y_m)) < 0.05
 
 

@@ -23,7 +23,7 @@ F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 MOVES = (F, L, R)
 KINDS = MoveKinds(MOVES)
 WHOLE_CIRCLE_S = 19.5
-"""What a turn about one wheel through 360 degrees takes (`robot.lab.metrics.driving`)."""
+"""What a turn about one wheel through 360 degrees takes (`robot.lab.metrics`)."""
 
 
 class Pace(PilotPace):

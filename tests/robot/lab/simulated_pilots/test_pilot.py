@@ -36,9 +36,8 @@ def drive(who: SimulatedPilot, doing: str, proposed: str, start: int = 0) -> str
     held = ""
     for tick, (now, next_) in enumerate(zip(doing, proposed, strict=True), start):
         seen = replace(situation(at_s=tick / 10, doing=names[now]), frame_id=tick)
-        who.see(seen, names[next_])
-        command = who.act(tick / 10)
-        assert command is not None and command.frame_id == tick
+        command = who.act(seen, names[next_])
+        assert command.frame_id == tick
         held += command.held.value[0] if command.held else "."
     return held
 
@@ -104,8 +103,7 @@ def test_it_looks_as_often_whatever_the_camera_s_rate(rate_hz: int, looks_hz: fl
     who = SimulatedPilot(teacher, (F, L), hand=HumanDelayConfig(looks_hz=looks_hz))
     who.change_mode(Mode.TRAIN)
     for tick in range(20 * rate_hz):
-        who.see(replace(situation(at_s=tick / rate_hz), frame_id=tick), L)
-        who.act(tick / rate_hz)
+        who.act(replace(situation(at_s=tick / rate_hz), frame_id=tick), L)
     assert len(teacher.seen_s) == pytest.approx(20 * looks_hz, abs=2)
     ages_s = [i / looks_hz - at_s for i, at_s in enumerate(teacher.seen_s)]
     assert all(-1e-3 <= age_s < 1 / rate_hz + 1e-3 for age_s in ages_s), "the picture of then"
@@ -116,6 +114,5 @@ def test_a_program_looks_at_each_picture_once() -> None:
     who = SimulatedPilot(teacher, (F, L), hand=STEADY)
     who.change_mode(Mode.TRAIN)
     for tick in range(90):
-        who.see(replace(situation(at_s=tick / 30), frame_id=tick), L)
-        who.act(tick / 30)
+        who.act(replace(situation(at_s=tick / 30), frame_id=tick), L)
     assert teacher.seen_s == [tick / 30 for tick in range(90)]

@@ -13,10 +13,10 @@ from robot.devices.simulation.body import RADIUS_M
 from robot.devices.simulation.simulation import NO_NOISE, Simulation
 from robot.devices.simulation.world import load_world
 from robot.lab.simulated_pilots.situation import FAN_RAD, Situation, observe
-from robot.lab.simulated_pilots.steering import Steerer
 from robot.lab.simulated_pilots.teachers import (
     TEACHER_PARAMS,
     SonarController,
+    Steerer,
     TeacherParams,
     Wanderer,
 )

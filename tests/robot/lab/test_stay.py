@@ -5,8 +5,7 @@ import math
 import pytest
 
 from robot.control.profile import RARE_SHARE, move_shares, rare_moves
-from robot.lab.metrics.driving import STUCK_S, is_stuck, longest_stay_s
-from robot.lab.metrics.log import DriveLog, DriveSample
+from robot.lab.metrics import STUCK_S, DriveLog, DriveSample, is_stuck, longest_stay_s
 from robot.types import Action, DrivenBy, Pose
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -29,9 +28,9 @@ def drive(places, dt_s=0.1):
 
 def brute_force_s(log):
     longest_s = 0.0
-    for i, first in enumerate(log.moments):
+    for i, first in enumerate(log):
         xs, ys = [], []
-        for moment in log.moments[i:]:
+        for moment in log[i:]:
             xs.append(moment.pose.x_m)
             ys.append(moment.pose.y_m)
             if max(xs) - min(xs) > 0.15 or max(ys) - min(ys) > 0.15:

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from robot.lab.metrics import driving
-from robot.lab.metrics.log import DriveLog, DriveSample
+from robot.lab import metrics
+from robot.lab.metrics import DriveLog, DriveSample
 from robot.types import Action, DrivenBy, Pose
 
 
@@ -37,28 +37,28 @@ def test_the_last_tick_lasts_as_long_as_the_others() -> None:
 
 def test_a_touch_that_lasts_is_one_collision() -> None:
     # Two in 3 s are forty a minute.
-    assert driving.collisions_per_minute(drive(is_touching="x.xx..")) == pytest.approx(40)
+    assert metrics.collisions_per_minute(drive(is_touching="x.xx..")) == pytest.approx(40)
 
 
 def test_pushing() -> None:
     log = drive(is_pushing=".xx.x.")
-    assert driving.pushing_s_per_minute(log) == pytest.approx(60 * 1.5 / 3)
-    assert driving.longest_push_s(log) == pytest.approx(1.0)
-    assert driving.longest_push_s(drive(is_pushing="..xx")) == pytest.approx(1.0)
+    assert metrics.pushing_s_per_minute(log) == pytest.approx(60 * 1.5 / 3)
+    assert metrics.longest_push_s(log) == pytest.approx(1.0)
+    assert metrics.longest_push_s(drive(is_pushing="..xx")) == pytest.approx(1.0)
 
 
 def test_way_and_floor() -> None:
     log = drive(is_touching="....")
-    assert driving.driven_m(log) == pytest.approx(0.3)
-    assert driving.covered_m2(log) == pytest.approx(4 * 0.01)
-    there_and_back = DriveLog([*log.moments, *log.moments[::-1]])
-    assert driving.covered_m2(there_and_back) == pytest.approx(4 * 0.01)
+    assert metrics.driven_m(log) == pytest.approx(0.3)
+    assert metrics.covered_m2(log) == pytest.approx(4 * 0.01)
+    there_and_back = DriveLog([*log, *log[::-1]])
+    assert metrics.covered_m2(there_and_back) == pytest.approx(4 * 0.01)
 
 
 def test_interventions_and_asking() -> None:
     log = drive(is_intervention=".xx..x", asks_pilot="xxx...")
-    assert driving.interventions_per_minute(log) == pytest.approx(2 * 60 / 3)
-    assert driving.asking_share(log) == pytest.approx(0.5)
+    assert metrics.interventions_per_minute(log) == pytest.approx(2 * 60 / 3)
+    assert metrics.asking_share(log) == pytest.approx(0.5)
 
 
 def test_agreement_counts_ticks_with_both() -> None:
@@ -66,24 +66,21 @@ def test_agreement_counts_ticks_with_both() -> None:
     proposed = [Action.LEFT, Action.FORWARD, Action.FORWARD, None]
     wanted = [Action.LEFT, Action.FORWARD, Action.LEFT, Action.LEFT]
     log = DriveLog(
-        [
-            replace(m, proposed=p, wanted=w)
-            for m, p, w in zip(log.moments, proposed, wanted, strict=True)
-        ]
+        [replace(m, proposed=p, wanted=w) for m, p, w in zip(log, proposed, wanted, strict=True)]
     )
-    assert driving.agreement(log) == pytest.approx(2 / 3)
-    assert driving.agreement(drive(is_touching="..")) is None
+    assert metrics.agreement(log) == pytest.approx(2 / 3)
+    assert metrics.agreement(drive(is_touching="..")) is None
 
 
 def test_parts_of_a_drive() -> None:
     log = drive(is_touching="......")
-    assert [m.now_s for m in log.last(1.0).moments] == [9.0, 9.5]
+    assert [m.now_s for m in log.last(1.0)] == [9.0, 9.5]
     assert len(log.driven_by(DrivenBy.PILOT)) == 0
-    assert log.driven_by(DrivenBy.ROBOT).moments == log.moments
+    assert log.driven_by(DrivenBy.ROBOT) == log
 
 
 def test_an_empty_drive_has_no_figures() -> None:
     log = DriveLog()
-    assert driving.collisions_per_minute(log) == driving.pushing_s_per_minute(log) == 0
-    assert driving.asking_share(log) == log.seconds == 0
+    assert metrics.collisions_per_minute(log) == metrics.pushing_s_per_minute(log) == 0
+    assert metrics.asking_share(log) == log.seconds == 0
     assert len(log.last(5)) == 0

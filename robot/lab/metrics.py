@@ -1,17 +1,29 @@
-"""Measures of a drive: collisions, pushing, distance, floor covered, interventions, agreement."""
+"""How a robot drives: the log of a drive, tick by tick, and its measures.
+
+Collisions, pushing, distance, floor covered, interventions, agreement. Pure: logs in, numbers out.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from robot.control.profile import compare, move_shares, rare_moves, steering_per_s
-from robot.lab.metrics.log import DriveLog, DriveSample
-from robot.types import Action
+from robot.control.profile import (
+    Profile,
+    behavior_profile,
+    compare,
+    move_shares,
+    rare_moves,
+    steering_per_s,
+)
+from robot.driver import point_of
+from robot.lab.simulated_pilots.situation import Situation
+from robot.types import Action, DrivenBy, Point, Pose
 
 STAY_M, STUCK_S = 0.15, 20.0
 """A robot is stuck that stays within so little for so long: a full turn about one wheel takes
@@ -20,9 +32,59 @@ CELL_M = 0.1
 """Side of the squares in which covered floor is counted."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveSample:
+    """One tick of a drive. `distance_m` is what the sonar read before the action was chosen."""
+
+    now_s: float
+    action: Action
+    driven_by: DrivenBy
+    distance_m: float
+    pose: Pose
+    is_touching: bool = False
+    is_pushing: bool = False
+    point: Point | None = None
+    """What was driven, by degrees; None if a move was."""
+    asks_pilot: bool = False
+    is_intervention: bool = False
+    proposed: Action | None = None
+    wanted: Action | None = None
+    situation: Situation | None = None
+    """What there was to see."""
+
+
+class DriveLog(list[DriveSample]):
+    """The moments of one drive, in time order."""
+
+    @property
+    def seconds(self) -> float:
+        """How long the drive was, the last tick included."""
+        if len(self) < 2:
+            return 0.0
+        return (self[-1].now_s - self[0].now_s) * len(self) / (len(self) - 1)
+
+    def driven_by(self, who: DrivenBy) -> DriveLog:
+        """Return the part in which `who` drove. Its ticks need not be consecutive."""
+        return DriveLog(moment for moment in self if moment.driven_by is who)
+
+    def last(self, seconds: float) -> DriveLog:
+        return DriveLog(m for m in self if m.now_s > self[-1].now_s - seconds + 1e-9)
+
+    def actions(self) -> list[Action]:
+        return [moment.action for moment in self]
+
+    def steering(self) -> list[float]:
+        """Return where each tick steered, from -1 to 1; a move steers as it is declared."""
+        points = [moment.point or point_of(moment.action) for moment in self]
+        return [point.steering if point else 0.0 for point in points]
+
+    def profile(self) -> Profile:
+        return behavior_profile(self.actions(), [moment.distance_m for moment in self])
+
+
 def collisions_per_minute(log: DriveLog) -> float:
     """Return how often a minute the body touched something anew; a lasting contact counts once."""
-    return _begun_per_minute([moment.is_touching for moment in log.moments], log)
+    return _begun_per_minute([moment.is_touching for moment in log], log)
 
 
 def pushing_s_per_minute(log: DriveLog) -> float:
@@ -41,8 +103,7 @@ def longest_push_s(log: DriveLog) -> float:
 
 def driven_m(log: DriveLog) -> float:
     return sum(
-        math.hypot(b.pose.x_m - a.pose.x_m, b.pose.y_m - a.pose.y_m)
-        for a, b in pairwise(log.moments)
+        math.hypot(b.pose.x_m - a.pose.x_m, b.pose.y_m - a.pose.y_m) for a, b in pairwise(log)
     )
 
 
@@ -50,7 +111,7 @@ def covered_m2(log: DriveLog) -> float:
     """Return the floor that the robot's centre crossed, in squares of 10 cm."""
     cells = {
         (math.floor(moment.pose.x_m / CELL_M), math.floor(moment.pose.y_m / CELL_M))
-        for moment in log.moments
+        for moment in log
     }
     return len(cells) * CELL_M**2
 
@@ -58,11 +119,11 @@ def covered_m2(log: DriveLog) -> float:
 def longest_stay_s(log: DriveLog) -> float:
     """Return the longest time for which the robot's centre stayed within a square of `STAY_M`."""
     longest_s, start = 0.0, 0
-    places = np.array([(moment.pose.x_m, moment.pose.y_m) for moment in log.moments])
-    for i, moment in enumerate(log.moments):
+    places = np.array([(moment.pose.x_m, moment.pose.y_m) for moment in log])
+    for i, moment in enumerate(log):
         while np.ptp(places[start : i + 1], axis=0).max() > STAY_M:
             start += 1
-        longest_s = max(longest_s, moment.now_s - log.moments[start].now_s)
+        longest_s = max(longest_s, moment.now_s - log[start].now_s)
     return longest_s
 
 
@@ -73,21 +134,19 @@ def is_stuck(log: DriveLog) -> bool:
 
 def interventions_per_minute(log: DriveLog) -> float:
     """Return how often a minute the pilot took the wheel from the robot."""
-    return _begun_per_minute([moment.is_intervention for moment in log.moments], log)
+    return _begun_per_minute([moment.is_intervention for moment in log], log)
 
 
 def asking_share(log: DriveLog) -> float:
     """Return the share of ticks with a view that the robot did not know."""
-    if not log.moments:
-        return 0.0
-    return sum(moment.asks_pilot for moment in log.moments) / len(log)
+    return sum(moment.asks_pilot for moment in log) / max(len(log), 1)
 
 
 def agreement(log: DriveLog) -> float | None:
     """Return how often robot and teacher would have done the same, of the ticks with both."""
     both = [
         moment.proposed is moment.wanted
-        for moment in log.moments
+        for moment in log
         if moment.proposed is not None and moment.wanted is not None
     ]
     return sum(both) / len(both) if both else None
@@ -101,7 +160,7 @@ def figures(log: DriveLog) -> dict[str, float]:
         "asking_share": asking_share(log),
         "driven_m": driven_m(log),
         "covered_m2": covered_m2(log),
-        "steering_per_s": steering_per_s(log.steering(), [moment.now_s for moment in log.moments]),
+        "steering_per_s": steering_per_s(log.steering(), [moment.now_s for moment in log]),
     }
 
 
@@ -129,8 +188,6 @@ def _per_minute(amount: float, log: DriveLog) -> float:
 
 def _spans(log: DriveLog) -> Iterator[tuple[DriveSample, float]]:
     """Yield each tick with the time until the next; the last one's is the mean."""
-    yield from (
-        (moment, following.now_s - moment.now_s) for moment, following in pairwise(log.moments)
-    )
-    if log.moments:
-        yield log.moments[-1], log.seconds / len(log)
+    yield from ((moment, following.now_s - moment.now_s) for moment, following in pairwise(log))
+    if log:
+        yield log[-1], log.seconds / len(log)

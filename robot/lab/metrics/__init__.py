@@ -1,1 +1,0 @@
-"""Measures of how a robot drives. Pure: logs in, numbers out."""
