@@ -46,7 +46,7 @@ def create_app(services: Services) -> FastAPI:
     for router in parts:
         app.include_router(router)
     app.openapi = cache(lambda: describe_routes(app, parts))  # type: ignore[method-assign]
-    app.mount("/", PageFiles(config.web_folder), name="web")
+    app.mount("/", PageFiles(config.web), name="web")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

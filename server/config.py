@@ -106,9 +106,9 @@ class Config:
     hostname: str = "drivelesson"
     """The robot's name on the local network, without `.local`."""
     data: Path = field(default_factory=default_root)
-    web: Path | None = None
+    web: Path = field(default_factory=lambda: _find_web())
+    """The page's files: beside the package in a clone, inside it in a wheel."""
     jpeg_quality: int = 75
-    lease_lapse_s: float = 1.5
     public: tuple[PublicAddress, ...] = ()
     """Where people open the page, if proxies serve it; the first is shown."""
     proxies: tuple[Network, ...] = ()
@@ -132,11 +132,6 @@ class Config:
         """True if every way to the page is https."""
         own = [self.tls] if self.lan or not self.public else []
         return all([*own, *(public.scheme == "https" for public in self.public)])
-
-    @property
-    def web_folder(self) -> Path:
-        """The folder of the page's files: beside the package in a clone, inside it in a wheel."""
-        return self.web if self.web is not None else _find_web()
 
 
 def is_loopback(host: str) -> bool:

@@ -96,7 +96,7 @@ def create_board_app(
     door = Door(config.limits, connection_capacity())
     keep_door(app, door, clock)
     _add_routes(app, config, board, clock)
-    app.mount("/", CompressedFiles(directory=config.web_folder), name="web")
+    app.mount("/", CompressedFiles(directory=config.web), name="web")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -122,11 +122,11 @@ def create_board_app(
 def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> None:
     @app.get("/", include_in_schema=False)
     async def page() -> Response:
-        return FileResponse(config.web_folder / "board" / "index.html")
+        return FileResponse(config.web / "board" / "index.html")
 
     @app.get("/codes", include_in_schema=False)
     async def codes() -> Response:
-        return FileResponse(config.web_folder / "board" / "codes.html")
+        return FileResponse(config.web / "board" / "codes.html")
 
     @app.get("/api/robots")
     async def list_robots() -> dict[str, Any]:

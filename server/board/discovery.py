@@ -17,8 +17,7 @@ from typing import Any
 from robot.clock import Clock, RealClock
 from robot.errors import ConfigurationError, need
 from server.board.transport import RobotAddress
-from server.hosting.discovery import ADDRESS, ROBOT
-from server.hosting.network import own_addresses
+from server.hosting.network import ADDRESS, ROBOT, own_addresses
 
 log = logging.getLogger(__name__)
 _KINDS = {"_http._tcp.local.": False, "_https._tcp.local.": True}

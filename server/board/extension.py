@@ -18,14 +18,21 @@ from server.extension import Extension
 from server.routes.answers import Route
 from server.routes.bodies import Short, do
 from server.security.access import Role
-from server.security.guard import require_teacher
+from server.security.guard import role_of
 from server.services import services_of
 
 if TYPE_CHECKING:
     from server.services import Services
 
 router = APIRouter(prefix="/api/class", route_class=Route)
-TEACHER = Depends(require_teacher)
+
+
+def _require_teacher(request: Request) -> None:
+    if role_of(request) is not Role.TEACHER:
+        raise HTTPException(403, "Only the board of this robot's class may do that.")
+
+
+TEACHER = Depends(_require_teacher)
 
 
 class ClassHello(Outside):

@@ -162,7 +162,7 @@ def _build(args: argparse.Namespace, *, with_userland: bool) -> installer.Files:
     compiled = _make_userland(userland, args) if with_userland else True
     program = args.keep / "program/opt/drivelesson"
     print("packing the program ...", flush=True)
-    make_bundle(program, Path(server.__path__[0]), Config().web_folder)
+    make_bundle(program, Path(server.__path__[0]), Config().web)
     ahead = precompile(args.keep / "program", ("opt/drivelesson",), args.release)
     return [
         ("program", program),

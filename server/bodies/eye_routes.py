@@ -30,7 +30,7 @@ async def eye_page(request: Request) -> Response:
     """Return the page; no other page may use a camera."""
     config = services_of(request).config
     policy = {"permissions-policy": "camera=(self), microphone=(), geolocation=()"}
-    return FileResponse(config.web_folder / "eye.html", headers=policy)
+    return FileResponse(config.web / "eye.html", headers=policy)
 
 
 class _Eye:

@@ -21,6 +21,11 @@ from server.cli.parser import number
 
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
 _AXIS = 96
+_RANGED = {
+    "trim": "keep only a range; `undo` takes it back",
+    "delete": "delete a range, or without --from and --to all of it",
+    "relabel": "give a range another label; `undo` takes it back",
+}
 VERBS = "drivelesson.episode-commands"
 """Entry points of further verbs: each an `EpisodeVerb`."""
 
@@ -40,14 +45,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("show", show, "show one along its time: labels, and what the robot said")
     play = add("play", play_episode, "replay one into the page")
     play.add_argument("--port", default="8000", help="port (default: %(default)s)")
-    _add_range(add("trim", trim_episode, "keep only a range; `undo` takes it back"))
-    text = "delete a range, or without --from and --to all of it"
-    _add_range(add("delete", delete, text))
-    text = "give a range another label; `undo` takes it back"
-    relabelling = add("relabel", relabel, text)
-    _add_range(relabelling)
-    text = "name of a move, such as left"
-    relabelling.add_argument("--label", required=True, metavar="MOVE", help=text)
+    for verb, text in _RANGED.items():
+        ranged = add(verb, edit, text)
+        for flag, dest in (("--from", "first_s"), ("--to", "last_s")):
+            text = "seconds from the start"
+            ranged.add_argument(flag, dest=dest, type=number(least=0), metavar="S", help=text)
+        if verb == "relabel":
+            text = "name of a move, such as left"
+            ranged.add_argument("--label", required=True, metavar="MOVE", help=text)
     add("undo", undo, "take the last edit back")
     restore = add("restore", restore_episode, "bring a deleted episode back", of_one=False)
     restore.add_argument("key", nargs="?", metavar="WORD", help="as `delete` printed it")
@@ -61,12 +66,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     budget = add("budget", show_budget, "what is kept, and what could go", of_one=False)
     budget.add_argument("--gigabytes", type=number(least=0), help="space for episodes")
     add("empty-trash", empty_trash, "delete for good what was deleted", of_one=False)
-
-
-def _add_range(parser: argparse.ArgumentParser) -> None:
-    for flag, dest in (("--from", "first_s"), ("--to", "last_s")):
-        text = "seconds from the start"
-        parser.add_argument(flag, dest=dest, type=number(least=0), metavar="S", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -161,28 +160,20 @@ def play_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage
 # Editing -----------------------------------------------------------------------------------------
 
 
-def trim_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+def edit(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     episode_id = find_id(store, args.episode)
-    episode = store.open(episode_id)
-    _print_edits(store.edit(episode_id, trim(episode.frames, *_range(args, episode))))
-
-
-def relabel(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    episode_id = find_id(store, args.episode)
-    episode = store.open(episode_id)
-    label = read_move(args.label, episode)
-    edit = Edit(verb="relabel", ranges=(_range(args, episode),), label=label)
-    _print_edits(store.edit(episode_id, edit))
-
-
-def delete(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    episode_id = find_id(store, args.episode)
-    if args.first_s is None and args.last_s is None:
+    if args.verb == "delete" and args.first_s is None and args.last_s is None:
         key = store.delete(episode_id)
         print(f"{episode_id} is in the trash; back with: drivelesson episodes restore {key}")
         return
-    between = _range(args, store.open(episode_id))
-    _print_edits(store.edit(episode_id, Edit(verb="delete", ranges=(between,))))
+    episode = store.open(episode_id)
+    between = _range(args, episode)
+    if args.verb == "trim":
+        change = trim(episode.frames, *between)
+    else:
+        label = read_move(args.label, episode) if args.verb == "relabel" else None
+        change = Edit(verb=args.verb, ranges=(between,), label=label)
+    _print_edits(store.edit(episode_id, change))
 
 
 def undo(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

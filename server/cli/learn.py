@@ -17,8 +17,7 @@ from robot.store.models.model import encode_model, same_nodes, take_model
 from robot.store.models.store import ModelStore
 from robot.types import DEFAULT_MOVES, Action
 from server.cli.kept import add_data, find_episodes
-from server.cli.output import progress
-from server.cli.parser import whole
+from server.cli.parser import progress, whole
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

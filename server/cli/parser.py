@@ -1,15 +1,17 @@
-"""A parser that suggests what was meant, and values that are checked where they are read."""
+"""A parser that suggests what was meant, values that are checked where they are read, and the bar
+that shows how far a command is."""
 
 from __future__ import annotations
 
 import argparse
 import re
+import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
 from robot.devices import outside
 from robot.devices.options import Option
-from robot.errors import ConfigurationError, did_you_mean
+from robot.errors import ConfigurationError, did_you_mean, need
 
 _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
 
@@ -76,3 +78,9 @@ def declare(group: Any, option: Option) -> None:
         raise ConfigurationError(
             f"the option {option.flag} is declared twice; the robot or camera must rename it"
         ) from error
+
+
+def progress(total: int | None, unit: str, command: str, extra: str, text: str = "") -> Any:
+    """Return a bar on the standard error, to be used as a context manager, with `update()`."""
+    tqdm = need("tqdm", f"the command {command}", extra).tqdm
+    return tqdm(total=total, unit=unit, desc=text or None, file=sys.stderr)

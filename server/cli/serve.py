@@ -110,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
     from robot.devices.rig import build_rig
     from server.app import create_app
     from server.events import EventBus
-    from server.hosting.discovery import announced
+    from server.hosting.network import announced
     from server.hosting.serving import end_by_signals, open_socket, serve
     from server.identity import IdentityFile
     from server.persistence import Persistence

@@ -69,12 +69,8 @@ class Client:
         self._waiting.set()
 
     def is_state_due(self, urgent: object, now_s: float) -> bool:
-        """True if a state is to be sent now: to an idle client seldom, unless `urgent` changed.
-
-        Args:
-            urgent: The part of the state whose changes are sent at once.
-            now_s: The time.
-        """
+        """True if a state is to be sent now: to an idle client seldom, unless `urgent` changed, the
+        part whose changes are sent at once."""
         if self.is_idle and urgent == self._sent and now_s - self._sent_s < IDLE_STATE_EVERY_S:
             return False
         self._sent, self._sent_s = urgent, now_s

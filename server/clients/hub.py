@@ -12,7 +12,7 @@ import functools
 import itertools
 import logging
 from collections import Counter
-from collections.abc import AsyncGenerator, Callable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 
 from robot.control.state import Tick
@@ -24,7 +24,7 @@ from server.clients.client import Client
 from server.clients.freshness import NonceLedger, why_refused
 from server.clients.lease import Lease
 from server.clients.telemetry import STATE_EVERY_S, describe_body, describe_state, state_every_s
-from server.clients.video import Encoder, VideoHub, Viewer
+from server.clients.video import Encoder, VideoHub
 from server.config import Config
 from server.events import EventBus
 from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_message
@@ -44,7 +44,7 @@ class Hub:
         self.clock = robot.clock
         self.name = name
         self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock, robot.camera.for_the_eye)
-        self.lease = Lease(config.lease_lapse_s)
+        self.lease = Lease()
         self.nonces = NonceLedger()
         self.stopped_by_teacher = False  # the board of the class, which has not released it yet
         self.refused: Counter[ErrorCode] = Counter()
@@ -116,16 +116,6 @@ class Hub:
             self.publish_state()
         log.info("join client=%s role=%s pilot=%s", client.id, role.value, self.lease.owner)
         return client
-
-    def watch(self, viewer: Viewer) -> None:
-        """Add a viewer of the video; the newest frame is sent to it at once."""
-        self._show_newest()
-        self.video.add(viewer)
-
-    def stream(self) -> AsyncGenerator[bytes, None]:
-        """Yield the newest frames as JPEG until the caller closes the generator."""
-        self._show_newest()
-        return self.video.stream()
 
     def leave(self, client: Client) -> None:
         """Remove a client that disconnected; if it had the wheel, the robot stops now."""
@@ -329,12 +319,13 @@ class Hub:
     def _note_tick(self) -> None:
         """Publish the newest tick: on the event loop, at most once per wake-up."""
         self._is_tick_due = False
-        self._show_newest()
+        self.show_newest()
         since_s = self.clock.now_s() - self._sent_s
         if since_s >= state_every_s(self.robot.loop.state) or self._urgent() != self._sent:
             self.publish_state()
 
-    def _show_newest(self) -> None:
+    def show_newest(self) -> None:
+        """Give the video the newest frame, which it does not get while nobody watches."""
         if self._frame is not None and self._frame is not self.video.newest:
             self.video.show(self._frame, self.nonces.issue(self.clock.now_s()))
 

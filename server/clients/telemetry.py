@@ -27,9 +27,9 @@ def state_every_s(state: Tick) -> float:
 def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
     """Return the fields of a `state` message that come from the control loop."""
     decision, camera = state.decision, state.camera
-    source_s, brick_s = camera.source_age_s, None
-    if source_s is not None:  # what a camera on a brick is late by for the brick and its line
-        brick_s = max(0.0, camera.delivery_age_s - source_s)
+    captured_s, source_s = state.frame_captured_s, camera.source_age_s
+    # What a camera on a brick is late by for the brick and its line.
+    brick_s = None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
     fields = {
         "server_ms": round(now_ms, 1),
         "mode": decision.mode,
@@ -42,7 +42,7 @@ def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
         "asks_pilot": decision.asks_pilot,
         "fault": state.fault,
         "frame": state.frame_id,
-        "frame_age_ms": _milliseconds(_age_s(state, now_ms)),
+        "frame_age_ms": None if captured_s is None else round(now_ms - captured_s * 1000, 1),
         "link": state.link.level,
         "busy": state.link.is_busy,
         "camera": {
@@ -69,15 +69,9 @@ def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
 
 def describe_body(driver: Driver) -> dict[str, Any]:
     """Return what a page is told of what the body can do."""
-    moves = describe(driver.moves, driver.declared_moves)
-    return {
-        "declared_moves": [move.describe() for move in moves],
-        "takes_points": driver.takes_points,
-    }
-
-
-def _age_s(state: Tick, now_ms: float) -> float | None:
-    return None if state.frame_captured_s is None else now_ms / 1000 - state.frame_captured_s
+    declared = describe(driver.moves, driver.declared_moves)
+    moves = [move.describe() for move in declared]
+    return {"declared_moves": moves, "takes_points": driver.takes_points}
 
 
 def _milliseconds(seconds: float | None) -> float | None:
@@ -85,16 +79,11 @@ def _milliseconds(seconds: float | None) -> float | None:
 
 
 def _describe_prediction(prediction: Prediction) -> dict[str, Any]:
+    same = ("action", "confidence", "novelty", "probabilities", "node", "distance", "spread")
     return {
         "frame": prediction.frame_id,
-        "action": prediction.action,
-        "confidence": prediction.confidence,
-        "novelty": prediction.novelty,
-        "probabilities": prediction.probabilities,
-        "node": prediction.node,
-        "distance": prediction.distance,
         "point": prediction.point and prediction.point._asdict(),
-        "spread": prediction.spread,
+        **{name: getattr(prediction, name) for name in same},
     }
 
 

@@ -86,12 +86,6 @@ class EncodedFrame:
     message: bytes
     wire: bytes
 
-    @classmethod
-    def of(cls, frame: Frame, nonce: int, *, is_quiet: bool) -> EncodedFrame:
-        """Encode the frame as one binary websocket message (RFC 6455, section 5.2)."""
-        message = encode_picture(frame, nonce, is_quiet=is_quiet)
-        return cls(message, WebsocketFrame(Opcode.BINARY, message).serialize(mask=False))
-
 
 @dataclass(eq=False)
 class Viewer:
@@ -137,13 +131,13 @@ class VideoHub:
         self._for_the_eye = for_the_eye
         self._viewers: dict[Viewer, None] = {}
         self._streams = 0
-        self._frame: Frame | None = None
+        self.newest: Frame | None = None
         self._nonce = 0
         self._pictures: dict[bool, Frame] = {}
         self._encoded: dict[tuple[bool, bool], EncodedFrame] = {}
         self._jpeg: bytes | None = None
         self._shown = asyncio.Event()
-        self._captured_s: OrderedDict[int, float] = OrderedDict()
+        self.captured_s: OrderedDict[int, float] = OrderedDict()  # of the last frames, by id
         self.frames_encoded = 0
         self.frames_sent = 0
         self.frame_ages = FrameAges()
@@ -152,11 +146,6 @@ class VideoHub:
     def viewers(self) -> int:
         """How many viewers there are now."""
         return len(self._viewers) + self._streams
-
-    @property
-    def newest(self) -> Frame | None:
-        """The newest frame; None before the first."""
-        return self._frame
 
     def add(self, viewer: Viewer) -> None:
         """Add a viewer; the newest frame is sent to it at once."""
@@ -169,12 +158,12 @@ class VideoHub:
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
         """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
-        self._frame, self._nonce = frame, nonce
+        self.newest, self._nonce = frame, nonce
         self._jpeg = None
         self._pictures, self._encoded = {}, {}
-        self._captured_s[frame.frame_id] = frame.captured_s
-        if len(self._captured_s) > _REMEMBERED_FRAMES:
-            self._captured_s.popitem(last=False)
+        self.captured_s[frame.frame_id] = frame.captured_s
+        if len(self.captured_s) > _REMEMBERED_FRAMES:
+            self.captured_s.popitem(last=False)
         if self._streams:
             shown, self._shown = self._shown, asyncio.Event()
             shown.set()
@@ -183,7 +172,7 @@ class VideoHub:
 
     def offer(self, viewer: Viewer) -> None:
         """Send the newest frame, unless the viewer has it or its window is full."""
-        frame, now_s = self._frame, self._clock.now_s()
+        frame, now_s = self.newest, self._clock.now_s()
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
         if now_s - viewer.last_sent_s < viewer.every_s:
@@ -215,7 +204,9 @@ class VideoHub:
         """Return the frame ready to send; it is encoded once for all viewers."""
         key = is_large, is_quiet
         if key not in self._encoded:
-            self._encoded[key] = EncodedFrame.of(picture, self._nonce, is_quiet=is_quiet)
+            message = encode_picture(picture, self._nonce, is_quiet=is_quiet)
+            wire = WebsocketFrame(Opcode.BINARY, message).serialize(mask=False)
+            self._encoded[key] = EncodedFrame(message, wire)
         return self._encoded[key]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:
@@ -227,7 +218,7 @@ class VideoHub:
         viewer.window.acknowledged(frame_id, now_s)
         viewer.drawn_id = frame_id
         viewer.size.note(viewer.window.delay_s or 0.0, now_s)
-        captured_s = self._captured_s.get(frame_id)
+        captured_s = self.captured_s.get(frame_id)
         if captured_s is not None:
             self.frame_ages.note(now_s - captured_s)
         self.offer(viewer)
@@ -236,10 +227,6 @@ class VideoHub:
         """Return the newest frame that a person's viewers have acknowledged; None if none has."""
         own = (viewer for viewer in self._viewers if viewer.person == person)
         return max((one.drawn_id for one in own if one.drawn_id is not None), default=None)
-
-    def captured_s(self, frame_id: int) -> float | None:
-        """Return when a frame was taken; None for an unknown or forgotten one."""
-        return self._captured_s.get(frame_id)
 
     async def stream(self) -> AsyncGenerator[bytes, None]:
         """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
@@ -251,12 +238,12 @@ class VideoHub:
         self._streams += 1
         try:
             while True:
-                if self._frame is None or self._frame.frame_id == last_id:
+                if self.newest is None or self.newest.frame_id == last_id:
                     await self._shown.wait()
                     continue
-                last_id = self._frame.frame_id
+                last_id = self.newest.frame_id
                 if self._jpeg is None:
-                    self._jpeg = self.encoder.encode_jpeg(self._frame)
+                    self._jpeg = self.encoder.encode_jpeg(self.newest)
                 self.frames_sent += 1
                 yield self._jpeg
         finally:

@@ -20,8 +20,7 @@ from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.teaching import EditedEpisode
 from robot.store.folder import Storage
 from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
-from server.cli.output import progress
-from server.cli.parser import whole
+from server.cli.parser import progress, whole
 
 if TYPE_CHECKING:
     from robot.exchange.sources import Source

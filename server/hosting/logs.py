@@ -6,6 +6,7 @@ import logging
 import time
 from collections import OrderedDict
 
+_MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
 """For how many kinds of line the rate is remembered."""
 
@@ -28,9 +29,8 @@ class RepeatFilter(logging.Filter):
     number of some lines; they must not fill the robot's disk.
     """
 
-    def __init__(self, most: int = 5, window_s: float = 60.0) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self._most, self._window_s = most, window_s
         self._seen: OrderedDict[tuple[str, int, str], tuple[float, int]] = OrderedDict()
 
     def filter(self, record: logging.LogRecord) -> bool:
@@ -40,14 +40,14 @@ class RepeatFilter(logging.Filter):
         kind = (record.name, record.levelno, str(record.msg)[:80])
         began_s, count = self._seen.pop(kind, (record.created, 0))
         left_out = 0
-        if not 0 <= record.created - began_s < self._window_s:
-            left_out, began_s, count = max(0, count - self._most), record.created, 0
+        if not 0 <= record.created - began_s < _WINDOW_S:
+            left_out, began_s, count = max(0, count - _MOST), record.created, 0
         self._seen[kind] = (began_s, count + 1)
         while len(self._seen) > _KINDS:
             self._seen.popitem(last=False)
         if left_out:
             record.msg = f"{record.msg} (and {left_out} more like it)"
-        return count < self._most
+        return count < _MOST
 
 
 def start_logging(*, verbose: bool) -> None:

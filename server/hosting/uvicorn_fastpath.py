@@ -8,27 +8,14 @@ sans-I/O websockets, frames go through ASGI: the same behaviour at a higher cost
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from websockets.frames import Frame
     from websockets.http11 import Request
 
 EXTENSION = "drivelesson.direct"
-
-
-class FastPath(Protocol):
-    """What a route finds in `scope["extensions"]` where the fast path is available."""
-
-    on_bytes: Callable[[bytes], None] | None
-    """Called with each binary message, in place of ASGI's `receive`."""
-    on_text: Callable[[str], None] | None
-    """The same with each text, when its bytes are read: no queue holds up what stands behind a
-    burst; after the server's close, too."""
-
-    def write_now(self, wire: bytes) -> None:
-        """Write whole websocket frames; nothing is written after the close."""
-        ...
+"""Where a route finds the protocol in `scope["extensions"]`, if there is the fast path."""
 
 
 def make_protocol() -> type[Any] | None:
@@ -42,7 +29,10 @@ def make_protocol() -> type[Any] | None:
         """Uvicorn's own protocol, with the fast path."""
 
         on_bytes: Callable[[bytes], None] | None = None
+        """Called with each binary message, in place of ASGI's `receive`."""
         on_text: Callable[[str], None] | None = None
+        """The same with each text, when its bytes are read: no queue holds up what stands behind a
+        burst; after the server's close, too."""
 
         def handle_connect(self, event: Request) -> None:
             super().handle_connect(event)
@@ -68,6 +58,7 @@ def make_protocol() -> type[Any] | None:
                 super().shutdown()
 
         def write_now(self, wire: bytes) -> None:
+            """Write whole websocket frames; nothing is written after the close."""
             if not self.close_sent and not self.transport.is_closing():
                 self.transport.write(wire)
 

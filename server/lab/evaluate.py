@@ -11,8 +11,8 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.lab import evaluation
-from server.cli.output import progress, write_json
-from server.cli.parser import number, whole
+from server.cli.parser import number, progress, whole
+from server.lab.output import write_json
 
 OURS = ["published-32", "integer-32", "default-32", "linear-alone-32", "without-angle-32"]
 BASELINES = [

@@ -17,8 +17,8 @@ from robot.lab.experiment import (
     Runs,
     load_experiment,
 )
-from server.cli.output import progress, write_json, write_text
-from server.cli.parser import whole
+from server.cli.parser import progress, whole
+from server.lab.output import write_json, write_text
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

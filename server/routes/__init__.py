@@ -1,4 +1,4 @@
-"""The routes, one module for each topic. Each has a `router`; `routers` lists them all.
+"""The routes, one module for each topic, and each with a `router`.
 
 Who may ask for what is the guard's (`server.security.access`): a viewer may read. All services are
 in `services_of(request)`. Requests that touch the learner go through `robot.loop.submit`. See
@@ -7,29 +7,17 @@ docs/reference/http.md.
 
 from __future__ import annotations
 
-import importlib
+from importlib import import_module
 
 from fastapi import APIRouter
 
 MODULES = (
-    "drive",
-    "video",
-    "health",
-    "mjpeg",
-    "pairing",
-    "models",
-    "episodes",
-    "gallery",
-    "why",
-    "teaching",
-    "retraining",
-    "world",
-    "path",
-    "settings",
+    *("drive", "video", "health", "mjpeg", "pairing", "models", "episodes"),
+    *("gallery", "why", "teaching", "retraining", "world", "settings"),
 )
 """Modules of this package; a new one is registered here only. Houses add theirs as extensions."""
 
 
 def routers() -> list[APIRouter]:
     """Import the modules and return their routers, in order."""
-    return [importlib.import_module(f"server.routes.{name}").router for name in MODULES]
+    return [import_module(f"server.routes.{name}").router for name in MODULES]

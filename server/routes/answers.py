@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import cache
-from operator import attrgetter
-from typing import Any, NamedTuple, TypeVar, get_type_hints
+from dataclasses import dataclass, fields
+from typing import Any, TypeVar
 from urllib.parse import quote
 
 import numpy as np
@@ -61,27 +59,11 @@ def attachment(data: bytes, kind: str, name: str) -> Response:
     return Response(data, media_type=kind, headers=headers)
 
 
-class Of(NamedTuple):
-    """Where an answer's field comes from, if no attribute has its name.
-
-    A lambda sees built-in names alone, because annotations are read late.
-    """
-
-    source: str | Callable[[Any], Any]
-
-
 @dataclass
 class NameAnswer:
     """A model's name, in the form in which it is kept."""
 
     name: str
-
-
-@dataclass
-class IdAnswer:
-    """A recording's id."""
-
-    id: str
 
 
 @dataclass
@@ -91,20 +73,10 @@ class UndoAnswer:
     undo: str
 
 
-def answer(kind: Callable[..., _T], source: Any, **own: Any) -> _T:
-    """Make an answer of the attributes of an object, and of fields that are given."""
-    found = {name: get(source) for name, get in _sources(kind) if name not in own}
-    return kind(**found, **own)
-
-
-@cache
-def _sources(kind: Any) -> list[tuple[str, Callable[[Any], Any]]]:
-    found = []
-    for name, hint in get_type_hints(kind, include_extras=True).items():
-        marks = [mark.source for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, Of)]
-        source = marks[0] if marks else name
-        found.append((name, source if callable(source) else attrgetter(source)))
-    return found
+def answer(kind: type[_T], source: Any, **own: Any) -> _T:
+    """Make an answer of the fields that are given, and of an object's attributes of their names."""
+    names = (field.name for field in fields(kind) if field.name not in own)  # type: ignore[arg-type]
+    return kind(**{name: getattr(source, name) for name in names}, **own)
 
 
 class Route(APIRoute):
@@ -116,6 +88,12 @@ class Route(APIRoute):
 
 def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any]:
     """Return `/openapi.json`: of each route its values, its answer and its errors."""
+    detail = {"detail": {"type": "string"}, "error": {"type": "string"}}
+    refusal = {"type": "object", "properties": detail, "required": ["detail"]}
+    content = {"application/json": {"schema": refusal}}
+    errors: dict[int | str, dict[str, Any]] = {
+        status: {"description": why, "content": content} for status, why in _WHY.items()
+    }
     twin = FastAPI(title=app.title)
     for route in (route for router in routers for route in router.routes):
         if isinstance(route, APIRoute) and route.include_in_schema:
@@ -125,15 +103,7 @@ def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any
                 methods=sorted(route.methods or ()),
                 status_code=route.status_code,
                 response_class=route.response_class,
-                responses=route.responses,
+                responses={**route.responses, **errors},
                 openapi_extra=route.openapi_extra,
             )
-    found = twin.openapi()
-    detail = {"detail": {"type": "string"}, "error": {"type": "string"}}
-    refusal = {"type": "object", "properties": detail, "required": ["detail"]}
-    found["components"]["schemas"]["Refusal"] = refusal
-    content = {"application/json": {"schema": {"$ref": "#/components/schemas/Refusal"}}}
-    errors = {str(status): {"description": why, "content": content} for status, why in _WHY.items()}
-    for operation in (each for path in found["paths"].values() for each in path.values()):
-        operation["responses"] = {**operation["responses"], **errors}
-    return found
+    return twin.openapi()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
 from starlette.responses import FileResponse
@@ -13,13 +14,12 @@ from robot.devices.outside import Outside, must_be, text
 from robot.devices.png import encode_png
 from robot.driver import describe as describe_moves
 from robot.policy.image import to_rgb
-from robot.store.episodes.editing import choose, moments, read_move
-from robot.store.episodes.edits import Edit, Notes, trim
-from robot.store.episodes.episode import Episode
+from robot.store.episodes.editing import EpisodeFrame, choose, moments, read_move
+from robot.store.episodes.edits import Edit, trim
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
-from server.routes.answers import IdAnswer, Of, Route, UndoAnswer, answer, media
+from server.routes.answers import Route, UndoAnswer, answer, media
 from server.routes.bodies import Key
 from server.services import persistence_of
 
@@ -50,24 +50,31 @@ class EpisodeSplit(Outside):
 
 
 @dataclass
+class IdAnswer:
+    """A recording's id."""
+
+    id: str
+
+
+@dataclass
 class EpisodeAnswer:
     """One episode as the page gets it."""
 
     recording: bool
     id: str
     title: str
-    protected: Annotated[bool, Of("is_protected")]
+    protected: bool
     bytes: int
     started_at_s: float
     duration_s: float
     frames: int
     taught: dict[str, int]
-    lessons: Annotated[int, Of(lambda summary: sum(summary.taught.values()))]
+    lessons: int
     robot: str
     learner: str
     source: str
     edits: int
-    readable: Annotated[bool, Of("is_readable")]
+    readable: bool
     damage: str | None
 
 
@@ -95,19 +102,10 @@ class StorageAnswer:
 
 
 @dataclass
-class EditAnswer:
-    """One edit: what was done to which frames."""
-
-    verb: str
-    ranges: list[list[int]]
-    label: str | None
-
-
-@dataclass
 class EditList:
     """The edits of an episode."""
 
-    edit_list: list[EditAnswer]
+    edit_list: Sequence[Edit]
 
 
 @dataclass
@@ -119,7 +117,7 @@ class EpisodeDetails(EpisodeAnswer):
     declared_moves: list[dict[str, Any]]
     first_frame: int | None
     last_frame: int | None
-    edit_list: list[EditAnswer]
+    edit_list: Sequence[Edit]
     redoable: int
 
 
@@ -127,16 +125,16 @@ class EpisodeDetails(EpisodeAnswer):
 class FrameAnswer:
     """One picture of the strip as the page gets it."""
 
-    frame: Annotated[int, Of("frame_id")]
-    at_s: Annotated[float, Of(lambda moment: round(moment.at_s, 3))]
+    frame: int
+    at_s: float
     label: str | None
-    relabelled: Annotated[bool, Of("is_relabelled")]
-    deleted: Annotated[bool, Of("is_deleted")]
+    relabelled: bool
+    deleted: bool
     predicted: str | None
     confidence: float | None
     driven_by: str | None
     sent: str | None
-    intervention: Annotated[bool, Of("is_intervention")]
+    intervention: bool
     asks_pilot: bool
     distance_m: float | None
     bumped: bool
@@ -167,7 +165,14 @@ STORE: Any = Depends(_store_of)
 
 
 def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeAnswer:
-    return answer(EpisodeAnswer, summary, recording=summary.id == recording)
+    return answer(
+        EpisodeAnswer,
+        summary,
+        recording=summary.id == recording,
+        protected=summary.is_protected,
+        lessons=sum(summary.taught.values()),
+        readable=summary.is_readable,
+    )
 
 
 @router.get("/episodes", responses={200: {"model": EpisodeList}})
@@ -206,12 +211,10 @@ def restore_episode(body: Key, store: EpisodeStore = STORE) -> IdAnswer:
 def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE) -> EpisodeDetails:
     """Describe one episode, with its edits and the run's metadata."""
     episode, notes = store.open(episode_id), store.notes(episode_id)
-    summary = store.summary(episode_id)
     ids = list(episode.frames)
     return answer(
         EpisodeDetails,
-        summary,
-        recording=summary.id == persistence_of(request).recording,
+        _describe(store.summary(episode_id), persistence_of(request).recording),
         run=episode.run,
         moves=[move.value for move in episode.moves],
         declared_moves=[
@@ -219,7 +222,7 @@ def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE)
         ],
         first_frame=ids[0] if ids else None,
         last_frame=ids[-1] if ids else None,
-        edit_list=_edits(notes).edit_list,
+        edit_list=notes.edits,
         redoable=len(notes.undone),
     )
 
@@ -240,14 +243,14 @@ def show_strip(
         if (first is None or moment.frame_id >= first) and (last is None or moment.frame_id <= last)
     ]
     chosen = choose(found, min(max(count, 1), _MOST_IN_A_STRIP))
-    return Strip(frames=[answer(FrameAnswer, moment) for moment in chosen], of=len(found))
+    return Strip(frames=[_describe_frame(moment) for moment in chosen], of=len(found))
 
 
 @router.get("/episodes/{episode_id}/timeline")
 def show_timeline(episode_id: str, store: EpisodeStore = STORE) -> EpisodeTimeline:
     """Return every picture's label, prediction and driver, as columns for drawing."""
     found = moments(store.open(episode_id), store.notes(episode_id))
-    rows = [vars(answer(FrameAnswer, moment)) for moment in found]
+    rows = [vars(_describe_frame(moment)) for moment in found]
     return EpisodeTimeline(
         columns={field.name: [row[field.name] for row in rows] for field in fields(FrameAnswer)},
         is_estimate=any(moment.is_pose_estimate for moment in found),
@@ -288,19 +291,25 @@ def change_episode(
 @router.post("/episodes/{episode_id}/edits", status_code=201)
 def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> EditList:
     """Delete or relabel frames, or all others."""
-    return _edits(store.edit(episode_id, _read_edit(body, store.open(episode_id))))
+    episode = store.open(episode_id)
+    if body.verb == "trim":
+        edit = trim(list(episode.frames), body.first, body.last)
+    else:
+        label = read_move(body.label, episode) if body.verb == "relabel" else None
+        edit = Edit(verb=body.verb, ranges=((body.first, body.last),), label=label)
+    return EditList(store.edit(episode_id, edit).edits)
 
 
 @router.delete("/episodes/{episode_id}/edits/last")
 def undo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Undo the last edit."""
-    return _edits(store.undo_edit(episode_id))
+    return EditList(store.undo_edit(episode_id).edits)
 
 
 @router.post("/episodes/{episode_id}/edits/redo")
 def redo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Redo the edit that was undone last."""
-    return _edits(store.redo_edit(episode_id))
+    return EditList(store.redo_edit(episode_id).edits)
 
 
 @router.post("/episodes/{episode_id}/split", status_code=201)
@@ -321,12 +330,13 @@ def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
     return UndoAnswer(undo=store.delete(episode_id))
 
 
-def _read_edit(body: EpisodeEdit, episode: Episode) -> Edit:
-    if body.verb == "trim":
-        return trim(list(episode.frames), body.first, body.last)
-    label = read_move(body.label, episode) if body.verb == "relabel" else None
-    return Edit(verb=body.verb, ranges=((body.first, body.last),), label=label)
-
-
-def _edits(notes: Notes) -> EditList:
-    return EditList(edit_list=[answer(EditAnswer, edit) for edit in notes.edits])
+def _describe_frame(moment: EpisodeFrame) -> FrameAnswer:
+    return answer(
+        FrameAnswer,
+        moment,
+        frame=moment.frame_id,
+        at_s=round(moment.at_s, 3),
+        relabelled=moment.is_relabelled,
+        deleted=moment.is_deleted,
+        intervention=moment.is_intervention,
+    )

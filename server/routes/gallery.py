@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 from fastapi import APIRouter, HTTPException, Request, Response
 from pydantic import StrictBool, StrictStr
@@ -11,7 +11,7 @@ from pydantic import StrictBool, StrictStr
 from robot.devices.outside import Outside, must_be
 from robot.policy.gallery import LearnedImage
 from server.progress import Progress
-from server.routes.answers import PNG, Of, Route, answer, png
+from server.routes.answers import PNG, Route, answer, png
 from server.services import services_of
 
 router = APIRouter(prefix="/api/gallery", route_class=Route)
@@ -33,12 +33,12 @@ class ImageAnswer:
 
     taught_at_s: float | None
     episode: str | None
-    node: Annotated[int, Of("node_id")]
+    node: int
     votes: dict[str, float]
     frames: int
     last_used: int
     last_taught: int
-    pinned: Annotated[bool, Of("is_pinned")]
+    pinned: bool
     angle: float | None
 
 
@@ -100,5 +100,11 @@ async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, 
 
 def _describe(image: LearnedImage, progress: Progress) -> ImageAnswer:
     mark = progress.mark_of(image.last_taught)
-    known = (mark.at_s, mark.episode) if mark else (None, None)
-    return answer(ImageAnswer, image, taught_at_s=known[0], episode=known[1])
+    return answer(
+        ImageAnswer,
+        image,
+        taught_at_s=mark and mark.at_s,
+        episode=mark and mark.episode,
+        node=image.node_id,
+        pinned=image.is_pinned,
+    )

@@ -20,11 +20,7 @@ _BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\n\r\n"
 _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
 
-@router.get(
-    "/video.mjpg",
-    response_class=StreamingResponse,
-    include_in_schema=False,
-)
+@router.get("/video.mjpg", include_in_schema=False)
 async def mjpeg(request: Request) -> StreamingResponse:
     """Stream the newest frames until the viewer disconnects."""
     hub = services_of(request).hub
@@ -41,6 +37,7 @@ async def _parts(hub: Hub) -> AsyncIterator[bytes]:
     frame saves one frame's time.
     """
     yield _BOUNDARY
-    async with contextlib.aclosing(hub.stream()) as frames:
+    hub.show_newest()
+    async with contextlib.aclosing(hub.video.stream()) as frames:
         async for jpeg in frames:
             yield jpeg + b"\r\n" + _BOUNDARY

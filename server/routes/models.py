@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
 from robot.devices.outside import text
 from robot.store.models.model import decode_model
-from server.routes.answers import (
-    PNG,
-    NameAnswer,
-    Of,
-    Route,
-    UndoAnswer,
-    answer,
-    attachment,
-    media,
-    png,
-)
+from robot.store.models.store import StoredModel
+from server.routes.answers import PNG, NameAnswer, Route, UndoAnswer, attachment, media, png
 from server.routes.bodies import NAMED, NO_SESSION, Key, Named, do
 from server.services import persistence_of
 
@@ -41,27 +32,22 @@ class NewModel(ModelChange):
 _NEW = NewModel()
 
 
-def _known(name: str, otherwise: Any = None) -> Of:
-    """Return a field of the model's summary, if it can be read."""
-    return Of(lambda saved: getattr(saved.summary, name) if saved.summary else otherwise)
-
-
 @dataclass
 class ModelAnswer:
     """One model as the page gets it."""
 
     name: str
-    current: Annotated[bool, Of("is_current")]
+    current: bool
     bytes: int
-    damaged: list[str]
-    readable: Annotated[bool, Of(lambda saved: saved.summary is not None)]
-    place: Annotated[str, _known("place", "")]
-    saved_at_s: Annotated[float | None, _known("saved_at_s")]
-    learner: Annotated[str | None, _known("learner")]
-    moves: Annotated[list[str], _known("moves", ())]
-    taught: Annotated[dict[str, int], _known("taught", {})]
-    lessons: Annotated[int, _known("n_examples", 0)]
-    nodes: Annotated[int, _known("n_nodes", 0)]
+    damaged: Sequence[str]
+    readable: bool
+    place: str = ""
+    saved_at_s: float | None = None
+    learner: str | None = None
+    moves: Sequence[str] = ()
+    taught: Mapping[str, int] = field(default_factory=dict)
+    lessons: int = 0
+    nodes: int = 0
 
 
 @dataclass
@@ -76,7 +62,7 @@ class ModelList:
 def list_models(request: Request) -> ModelList:
     """List all models, the one saved last first."""
     persistence = persistence_of(request)
-    models = [answer(ModelAnswer, saved) for saved in persistence.models.saved()]
+    models = [_describe(saved) for saved in persistence.models.saved()]
     return ModelList(current=persistence.autosave.name, models=models)
 
 
@@ -155,3 +141,25 @@ async def upload_model(request: Request, name: str) -> NameAnswer:
     if not data:
         raise HTTPException(400, "The body must be a model's file.")
     return NameAnswer(name=await do(persistence.models.add_file, name, data))
+
+
+def _describe(saved: StoredModel) -> ModelAnswer:
+    read = ModelAnswer(
+        name=saved.name,
+        current=saved.is_current,
+        bytes=saved.bytes,
+        damaged=saved.damaged,
+        readable=saved.summary is not None,
+    )
+    if saved.summary is None:
+        return read
+    return replace(
+        read,
+        place=saved.summary.place,
+        saved_at_s=saved.summary.saved_at_s,
+        learner=saved.summary.learner,
+        moves=saved.summary.moves,
+        taught={move.value: count for move, count in saved.summary.taught.items()},
+        lessons=saved.summary.n_examples,
+        nodes=saved.summary.n_nodes,
+    )

@@ -30,10 +30,10 @@ async def pair_page(request: Request) -> Response:
     """Return the page that redeems the token behind the `#` of its address."""
     _require_pairing(request)
     config = services_of(request).config
-    return FileResponse(config.web_folder / "pair.html")
+    return FileResponse(config.web / "pair.html")
 
 
-@router.post("/api/pair", responses={400: {}, 403: {}, 404: {}, 429: {}, 503: {}})
+@router.post("/api/pair")
 async def pair(request: Request, body: PairingToken) -> JSONResponse:
     """Exchange a token for a session cookie. The token is never sent in an address."""
     pairing, now_s = _require_pairing(request), services_of(request).robot.clock.now_s()
@@ -46,7 +46,7 @@ async def pair(request: Request, body: PairingToken) -> JSONResponse:
     return response
 
 
-@router.post("/api/unpair", responses={404: {}})
+@router.post("/api/unpair")
 async def unpair(request: Request) -> JSONResponse:
     """End the session of this browser."""
     _require_pairing(request).forget(_secret(request))
@@ -55,7 +55,7 @@ async def unpair(request: Request) -> JSONResponse:
     return response
 
 
-@router.get("/ca.crt", responses={404: {}}, include_in_schema=False)
+@router.get("/ca.crt", include_in_schema=False)
 async def authority(request: Request) -> Response:
     """Return the certificate of the authority that `--tls` made, for the phone to trust."""
     config = services_of(request).config
@@ -66,8 +66,7 @@ async def authority(request: Request) -> Response:
 
 
 def _secret(request: Request) -> str:
-    name = cookie_name(services_of(request).config)
-    return session_of({"cookie": request.headers.get("cookie", "")}, name)
+    return session_of(request.headers, cookie_name(services_of(request).config))
 
 
 def _cookie(request: Request) -> dict[str, Any]:

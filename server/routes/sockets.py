@@ -10,7 +10,7 @@ from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from robot.clock import Clock
-from server.hosting.uvicorn_fastpath import EXTENSION, FastPath
+from server.hosting.uvicorn_fastpath import EXTENSION
 from server.security.guard import note_use
 
 _LAST_S = 1.0
@@ -18,10 +18,9 @@ _LAST_S = 1.0
 _GONE = ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "ConnectionClosedError")
 
 
-def fast_path(websocket: WebSocket) -> FastPath | None:
+def fast_path(websocket: WebSocket) -> Any:
     """Return the way around ASGI's queues; None where uvicorn is too old for it."""
-    direct: FastPath | None = websocket.scope.get("extensions", {}).get(EXTENSION)
-    return direct
+    return websocket.scope.get("extensions", {}).get(EXTENSION)
 
 
 async def converse(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
 
@@ -13,7 +14,7 @@ from robot.devices.outside import Outside, number
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
 from robot.policy.image import to_small_grey
 from robot.types import Frame
-from server.routes.answers import Of, Route, answer, png_text
+from server.routes.answers import Route, answer, png_text
 from server.services import services_of
 
 router = APIRouter(prefix="/api/teaching", route_class=Route)
@@ -45,7 +46,7 @@ class GapAnswer:
     kind: str
     move: str | None
     instead: str | None
-    have: Annotated[float, Of(lambda gap: round(gap.have, 1))]
+    have: float
     need: float
     distance_m: float | None
     png: str | None
@@ -56,12 +57,12 @@ class ReadinessAnswer:
     """Whether the robot is ready to drive alone, or what is missing and where."""
 
     stage: str
-    alone_s: Annotated[float, Of(lambda readiness: round(readiness.clean_s, 1))]
-    alone_needed_s: Annotated[int, Of(lambda readiness: -int(-readiness.needed_s // 1))]
-    unknown_share: Annotated[float, Of(lambda readiness: round(readiness.novel_share, 3))]
+    alone_s: float
+    alone_needed_s: int
+    unknown_share: float
     changes: int
     foreseen: int
-    moves: Annotated[list[str], Of("moves_in_use")]
+    moves: Sequence[str]
     missing: list[GapAnswer]
 
 
@@ -70,7 +71,7 @@ class ExampleAnswer:
     """One example of a strip."""
 
     png: str
-    frame: Annotated[int, Of("frame_id")]
+    frame: int
     label: str
     is_intervention: bool
 
@@ -125,15 +126,26 @@ async def undo(request: Request, body: TrainingUndo) -> dict[str, int]:
 def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAnswer:
     """Describe it; on the loop's thread."""
     missing = [
-        answer(GapAnswer, gap, png=_view(gap.frame) if has_pictures else None)
+        answer(
+            GapAnswer,
+            gap,
+            have=round(gap.have, 1),
+            png=_view(gap.frame) if has_pictures and gap.frame else None,
+        )
         for gap in readiness.missing()
     ]
-    return answer(ReadinessAnswer, readiness, **readiness.foreseen, missing=missing)
+    return ReadinessAnswer(
+        stage=readiness.stage,
+        alone_s=round(readiness.clean_s, 1),
+        alone_needed_s=math.ceil(readiness.needed_s),
+        unknown_share=round(readiness.novel_share, 3),
+        **readiness.foreseen,
+        moves=readiness.moves_in_use,
+        missing=missing,
+    )
 
 
-def _view(frame: Frame | None) -> str | None:
-    if frame is None:
-        return None
+def _view(frame: Frame) -> str:
     return png_text(to_small_grey(frame, frame.width // 2, frame.height // 2))
 
 
@@ -147,7 +159,12 @@ def _preview(history: TrainingHistory, seconds: float) -> LastExamples:
         lessons=len(taught),
         taught={move.value: labels[move] for move in history.policy.moves},
         strip=[
-            answer(ExampleAnswer, event.example, png=png_text(picture(event.x)))
+            ExampleAnswer(
+                png=png_text(picture(event.x)),
+                frame=event.example.frame_id,
+                label=event.example.label,
+                is_intervention=event.example.is_intervention,
+            )
             for event in taught[::step]
         ],
     )

@@ -92,7 +92,8 @@ async def video(websocket: WebSocket) -> None:
         await websocket.close(1008, f"every_ms must be a whole number up to {_SELDOM_MS}")
         return
     client = _VideoClient(websocket, hub, int(every_ms) / 1000)
-    hub.watch(client.viewer)
+    hub.show_newest()
+    hub.video.add(client.viewer)
     try:
         await client.run()
     finally:

@@ -3,26 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from operator import attrgetter
-from typing import Annotated
 
 from fastapi import APIRouter, Request
 
 from robot.control.loop import ControlLoop
 from robot.policy.gallery import Explanation
 from robot.types import Prediction
-from server.routes.answers import Of, Route, answer, png_text
+from server.routes.answers import Route, png_text
 from server.services import services_of
 
 router = APIRouter(route_class=Route)
-
-
-def _png(path: str) -> Of:
-    return Of(lambda explanation: png_text(attrgetter(path)(explanation)))
-
-
-def _rows(explanation: Explanation) -> list[list[float]]:
-    return [[round(float(part), 2) for part in row] for row in explanation.alike]
 
 
 @dataclass
@@ -32,12 +22,12 @@ class Why:
     frame: int
     action: str | None
     novelty: float
-    node: Annotated[int, Of(attrgetter("image.node_id"))]
-    votes: Annotated[dict[str, int], Of(attrgetter("image.votes"))]
-    frames: Annotated[int, Of(attrgetter("image.frames"))]
-    present: Annotated[str, _png("present")]
-    image: Annotated[str, _png("image.thumbnail")]
-    alike: Annotated[list[list[float]], Of(_rows)]
+    node: int
+    votes: dict[str, int]
+    frames: int
+    present: str
+    image: str
+    alike: list[list[float]]
 
 
 @dataclass
@@ -55,14 +45,20 @@ async def show_why(request: Request) -> WhyAnswer:
     if found is None:
         return WhyAnswer(why=None)
     prediction, explanation = found
-    why = answer(
-        Why,
-        explanation,
-        frame=prediction.frame_id,
-        action=prediction.action,
-        novelty=round(float(prediction.novelty), 3),
+    image = explanation.image
+    return WhyAnswer(
+        why=Why(
+            frame=prediction.frame_id,
+            action=prediction.action,
+            novelty=round(float(prediction.novelty), 3),
+            node=image.node_id,
+            votes={move.value: count for move, count in image.votes.items()},
+            frames=image.frames,
+            present=png_text(explanation.present),
+            image=png_text(image.thumbnail),
+            alike=[[round(float(part), 2) for part in row] for row in explanation.alike],
+        )
     )
-    return WhyAnswer(why=why)
 
 
 def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:

@@ -1,16 +1,17 @@
-"""`/api/world`: the simulated world from above, for drawing, and another one for the robot."""
+"""`/api/path`: the way that the robot went, for drawing. `/api/world`: the simulated world around
+it from above, and another one for the robot."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 from fastapi import APIRouter, Request
 
 from robot.devices.outside import Outside, text
 from robot.errors import ConfigurationError
 from robot.types import Mode
-from server.routes.answers import Of, Route, answer
+from server.routes.answers import Route, answer
 from server.routes.bodies import NO_SESSION
 from server.services import services_of
 
@@ -28,7 +29,7 @@ class ThingAnswer:
     width_m: float
     depth_m: float
     heading_rad: float
-    moves: Annotated[bool, Of(lambda thing: thing.is_movable or bool(thing.path))]
+    moves: bool
 
 
 @dataclass
@@ -63,7 +64,10 @@ def show_world(request: Request) -> WorldAnswer:
     if not hasattr(body, "simulation"):
         return WorldAnswer(world=None, worlds=[])
     world = body.simulation.shown_world
-    things = [answer(ThingAnswer, thing) for thing in world.obstacles]
+    things = [
+        answer(ThingAnswer, thing, moves=thing.is_movable or bool(thing.path))
+        for thing in world.obstacles
+    ]
     return WorldAnswer(
         world=answer(WorldMap, world, things=things), worlds=sorted(getattr(body, "worlds", ()))
     )
@@ -88,3 +92,37 @@ async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
 
     await services.on_loop(carry)
     return show_world(request)
+
+
+@dataclass
+class PathAnswer:
+    """Points of a way, as columns."""
+
+    first: int
+    pose: list[list[float]]
+    driven_by: list[str]
+    events: dict[str, list[str]]
+    is_estimate: bool
+
+
+@router.get("/api/path")
+def show_path(request: Request, since: int = 0) -> PathAnswer:
+    """Return the points of the way from the one numbered `since` on, as columns.
+
+    `first` is the number of the first of them: ask again with `first` and the points that came.
+    """
+    first, points = services_of(request).progress.trail.since(since)
+    return PathAnswer(
+        first=first,
+        pose=[
+            [round(p.pose.x_m, 3), round(p.pose.y_m, 3), round(p.pose.heading_rad, 2)]
+            for p in points
+        ],
+        driven_by=[point.driven_by.value for point in points],
+        events={
+            str(i): [event.value for event in point.events]
+            for i, point in enumerate(points)
+            if point.events
+        },
+        is_estimate=any(point.pose.is_estimate for point in points),
+    )

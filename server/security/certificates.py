@@ -14,6 +14,7 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.store.folder import write_whole
+from server.config import as_address
 
 try:
     from cryptography import x509
@@ -162,10 +163,8 @@ def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
 
 
 def _general_name(name: str) -> x509.GeneralName:
-    try:
-        return x509.IPAddress(ipaddress.ip_address(name))
-    except ValueError:
-        return x509.DNSName(name)
+    address = as_address(name)
+    return x509.DNSName(name) if address is None else x509.IPAddress(address)
 
 
 def _is_private(name: str) -> bool:

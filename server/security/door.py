@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
-from server.config import Limits
+from server.config import Limits, as_address
 from server.security.access import Role, Session
 from server.security.pace import Paces
 
@@ -29,15 +29,10 @@ _READ_S = 0.25
 @lru_cache(maxsize=1024)
 def address_key(address: str) -> str:
     """Return what counts as one address: for IPv6 the /64 network, which one host may own."""
-    try:
-        ip = ipaddress.ip_address(address.partition("%")[0])
-    except ValueError:
-        return address
+    ip = as_address(address.partition("%")[0])
     if isinstance(ip, ipaddress.IPv6Address):
-        if ip.ipv4_mapped is not None:
-            return str(ip.ipv4_mapped)
         return str(ipaddress.IPv6Network((ip, 64), strict=False))
-    return str(ip)
+    return address if ip is None else str(ip)
 
 
 @dataclass(slots=True, eq=False)

@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from fastapi import Depends, HTTPException
-from starlette.datastructures import Headers
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect, HTTPConnection, Request
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -62,13 +62,6 @@ def require_pilot(request: Request) -> Role:
     if role not in (Role.PILOT, Role.TEACHER):
         raise HTTPException(403, ONLY_PILOTS)
     return role
-
-
-def require_teacher(request: Request) -> Role:
-    """Dependency of routes for the board of a class: 403 for anybody else."""
-    if role_of(request) is not Role.TEACHER:
-        raise HTTPException(403, "Only the board of this robot's class may do that.")
-    return Role.TEACHER
 
 
 PILOT = Depends(require_pilot)
@@ -176,15 +169,15 @@ class Guard:
         return limits.upload_bytes if is_upload else limits.body_bytes
 
     async def _pass_request(
-        self, scope: Scope, receive: Receive, send: Send, headers: dict[str, str]
+        self, scope: Scope, receive: Receive, send: Send, sent: dict[str, str]
     ) -> None:
-        extra = _security_headers(scope["scheme"], headers.get("host", ""), scope["path"])
+        extra = _security_headers(scope["scheme"], sent.get("host", ""), scope["path"])
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
-                present = {name.lower() for name, _ in message.get("headers", [])}
-                added = [(name, value) for name, value in extra if name not in present]
-                message["headers"] = [*message.get("headers", []), *added]
+                headers = MutableHeaders(scope=message)
+                for name, value in extra.items():
+                    headers.setdefault(name, value)
             await send(message)
 
         with contextlib.suppress(ClientDisconnect):  # gone in the middle of its body
@@ -212,26 +205,24 @@ def _headers(scope: Scope) -> dict[str, str]:
     return {**headers, "cookie": "; ".join(headers.getlist("cookie"))}
 
 
-def _security_headers(scheme: str, host: str, path: str) -> list[tuple[bytes, bytes]]:
+def _security_headers(scheme: str, host: str, path: str) -> dict[str, str]:
     """Return the security headers. Only documents and workers need a content policy: scripts,
     styles and icons run under the policy of the document that loads them."""
+    headers = {
+        "x-content-type-options": "nosniff",
+        "cross-origin-resource-policy": "same-origin",
+        "cache-control": "no-cache",
+    }
     if path.startswith(_PARTS) and not path.endswith("-worker.js"):
-        return [
-            (b"x-content-type-options", b"nosniff"),
-            (b"cross-origin-resource-policy", b"same-origin"),
-            (b"cache-control", b"no-cache"),
-        ]
-    policy = content_policy(scheme, host)
-    return [
-        (b"content-security-policy", policy.encode("latin-1", "replace")),
-        (b"x-content-type-options", b"nosniff"),
-        (b"x-frame-options", b"DENY"),
-        (b"referrer-policy", b"no-referrer"),
-        (b"cross-origin-opener-policy", b"same-origin"),
-        (b"cross-origin-resource-policy", b"same-origin"),
-        (b"permissions-policy", b"camera=(), microphone=(), geolocation=()"),
-        (b"cache-control", b"no-cache"),
-    ]
+        return headers
+    return {
+        **headers,
+        "content-security-policy": content_policy(scheme, host),
+        "x-frame-options": "DENY",
+        "referrer-policy": "no-referrer",
+        "cross-origin-opener-policy": "same-origin",
+        "permissions-policy": "camera=(), microphone=(), geolocation=()",
+    }
 
 
 def content_policy(scheme: str, host: str, inline: Iterable[str] = ()) -> str:

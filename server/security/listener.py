@@ -95,7 +95,7 @@ class DoorListener(socket.socket):
                 self._reject_one()
                 continue
             connection = _Connection(plain.family, plain.type, plain.proto, fileno=plain.detach())
-            connection.peer = address
+            connection.peer = str(address[0]), int(address[1])
             connection.setblocking(False)
             head = connection.peek()
             is_stop = head is not None and head.startswith(STOP)
@@ -103,7 +103,7 @@ class DoorListener(socket.socket):
                 connection.close()
                 continue
             connection.door = self.door
-            self.door.arrive(connection.key, now_s, connection.abort)
+            self.door.arrive(connection.peer, now_s, connection.abort)
             (self._waiting.appendleft if is_stop else self._waiting.append)(connection)
 
     def close(self) -> None:
@@ -143,11 +143,7 @@ class _Connection(socket.socket):
     """An accepted socket that tells the door when it is closed."""
 
     door: Door | None = None
-    peer: Any = ("", 0)
-
-    @property
-    def key(self) -> Peer:
-        return str(self.peer[0]), int(self.peer[1])
+    peer: Peer = ("", 0)
 
     def peek(self) -> bytes | None:
         """Return what waits to be read: empty if the client has left, None if nothing waits."""
@@ -168,4 +164,4 @@ class _Connection(socket.socket):
         super().close()
         if self.door is not None:
             door, self.door = self.door, None
-            door.left(self.key)
+            door.left(self.peer)

@@ -45,7 +45,14 @@ class Proxies:
         """Return the request as its client sent it, or why it is refused."""
         said = _said(scope)
         if not self._public:
-            return _unawares(said) if said and self._admits_all else scope
+            if not said or not self._admits_all:
+                return scope
+            sentence = (
+                f"{next(iter(said)).title()} tells of a proxy that this robot does not know, and "
+                "without pairing everybody could drive: start it with --behind-proxy and the "
+                "address that people open."
+            )
+            return Refusal(403, "proxy", sentence)
         peer = tuple(scope.get("client") or ("", 0))
         if not self.is_proxy(str(peer[0])):
             return scope
@@ -149,12 +156,3 @@ def _as_sent(scope: Scope, public: PublicAddress, client: str, peer: Any) -> Sco
         PEER: peer,
         PREFIX: public.prefix,
     }
-
-
-def _unawares(said: dict[str, str]) -> Refusal:
-    sentence = (
-        f"{next(iter(said)).title()} tells of a proxy that this robot does not know, and without "
-        "pairing everybody could drive: start it with --behind-proxy and the address that people "
-        "open."
-    )
-    return Refusal(403, "proxy", sentence)

@@ -119,7 +119,7 @@ def _sizes(language: str, moves: str) -> list[tuple[tuple[int, int], int]]:
 
 def messages(language: str) -> dict[str, str]:
     """Return the page's sentences of one language."""
-    text = (Config().web_folder / "js" / "messages" / f"{language}.js").read_text()
+    text = (Config().web / "js" / "messages" / f"{language}.js").read_text()
     pairs = re.findall(r"^  '?([\w.]+)'?: '(.*)',$", text, re.MULTILINE)
     return {key: sentence.replace("\\'", "'") for key, sentence in pairs}
 

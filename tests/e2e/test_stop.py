@@ -142,7 +142,7 @@ def test_nothing_covers_stop_and_no_toast_covers_a_control(
 
 
 def test_no_dialog_makes_the_rest_of_the_page_inert() -> None:
-    sources = list(Config().web_folder.rglob("*.js"))
+    sources = list(Config().web.rglob("*.js"))
     assert sources
     assert [file.name for file in sources if "showModal" in file.read_text()] == []
 

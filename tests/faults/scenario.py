@@ -182,7 +182,8 @@ class HubSocket:
             self._up = world.link.line(lambda data: self._draw(viewer, data), throttled=False)
             self._leave = lambda: hub.video.remove(viewer)
             self.task = asyncio.get_running_loop().create_future()
-            hub.watch(viewer)
+            hub.show_newest()
+            hub.video.add(viewer)
 
     def send(self, message: str | bytes) -> None:
         """Send one message to the server."""

@@ -92,7 +92,7 @@ def _acknowledge(world: FaultWorld) -> None:
 
 def _is_picture_old(world: FaultWorld) -> bool:
     """True once the pilot looks at a picture that is older than what the governor allows."""
-    frame = world.hub.video.captured_s(world.page.picture or 0)
+    frame = world.hub.video.captured_s.get(world.page.picture or 0)
     return frame is not None and world.clock.now_s() - frame > 0.5
 
 

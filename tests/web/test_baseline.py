@@ -13,7 +13,7 @@ import pytest
 
 from server.config import Config
 
-WEB = Config().web_folder
+WEB = Config().web
 APART = ("sw.js", "board/", "js/eye")
 """The service worker is optional; the teacher's board and the eye are for newer browsers."""
 PAGE = sorted(

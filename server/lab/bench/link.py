@@ -13,9 +13,9 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from typing import Any
 
 from robot.store.table import Cell, Table
-from server.cli.output import numbers_in
 from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_usual, percentiles, report
+from server.lab.output import numbers_in
 from server.protocol import encode_acknowledgement, parse_picture
 
 _SETTLE_S = 0.7

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from robot.store.table import Table
-from server.cli.output import write_json
 from server.cli.parser import number
+from server.lab.output import write_json
 
 
 def add_usual(parser: argparse.ArgumentParser, seconds: float) -> None:

@@ -11,8 +11,8 @@ import pytest
 from server.board.discovery import browsing
 from server.board.transport import RobotAddress
 from server.hosting.banner import draw_qr, greet_phones
-from server.hosting.discovery import announced
 from server.hosting.logs import OneLine
+from server.hosting.network import announced
 from server.security.access import Role
 
 

@@ -49,7 +49,7 @@ class Armel:
         for folder in ("proc", "dev", "tmp"):
             (self.root / folder).mkdir(exist_ok=True)
         self._install_emulator()
-        make_bundle(self.root / "opt/drivelesson", Path(server.__path__[0]), Config().web_folder)
+        make_bundle(self.root / "opt/drivelesson", Path(server.__path__[0]), Config().web)
         self._precompile("opt/drivelesson")
         self.counters = self.root / "emulator/counters"
         self.counters.write_bytes(bytes(4096))

@@ -1,14 +1,13 @@
-"""What commands share: lists of numbers, files that they write, and a bar of their progress."""
+"""Lists of numbers, and files that commands write."""
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from robot.errors import ConfigurationError, need
+from robot.errors import ConfigurationError
 
 _T = TypeVar("_T", int, float)
 
@@ -32,9 +31,3 @@ def write_json(path: Path | None, plain: Any) -> None:
     """Write what the option --json asked for, if it was given."""
     if path is not None:
         write_text(path, json.dumps(plain, indent=1) + "\n")
-
-
-def progress(total: int | None, unit: str, command: str, extra: str, text: str = "") -> Any:
-    """Return a bar on the standard error, to be used as a context manager, with `update()`."""
-    tqdm = need("tqdm", f"the command {command}", extra).tqdm
-    return tqdm(total=total, unit=unit, desc=text or None, file=sys.stderr)
