@@ -113,3 +113,7 @@ class CameraContract:
             camera.clock.wait(threading.Event(), FROZEN_S)
             camera_case.thaw()
             take(camera, 2)
+
+
+class TestCamera(CameraContract):
+    """Collected by `pytest --drivelesson-camera NAME`."""

@@ -299,6 +299,10 @@ class DriverContract:
                 assert _moves_within(driver_case, BACK_WITHIN_S), f"lost by a gap of {cut_s} s"
 
 
+class TestDriver(DriverContract):
+    """Collected by `pytest --drivelesson-driver NAME`."""
+
+
 def _moves_within(case: DriverCase, seconds: float) -> bool:
     for _ in range(round(seconds / _STEP_S)):
         _ask(case)

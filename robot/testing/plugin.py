@@ -26,7 +26,6 @@ from robot.testing.cases import CameraCase, DriverCase
 
 pytest.register_assert_rewrite("robot.testing.driver_contract", "robot.testing.camera_contract")
 _T = TypeVar("_T")
-_SUITES = Path(__file__).with_name("suites.py")
 
 
 class DriverKitHooks:
@@ -64,7 +63,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Collect the suites beside the requested tests."""
     for kind in ("driver", "camera"):
         if config.getoption(f"--drivelesson-{kind}"):
-            config.args.append(f"{_SUITES}::Test{kind.capitalize()}")
+            suite = Path(__file__).with_name(f"{kind}_contract.py")
+            config.args.append(f"{suite}::Test{kind.capitalize()}")
 
 
 @pytest.fixture

@@ -14,7 +14,6 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -111,12 +110,12 @@ def scan(path: Path) -> Iterator[Record]:
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise RecordingError(f"{path.name} is not an MCAP file")
-        channels, end, has_all = _Channels(), file.tell(), False
+        content, end, has_all = _Content(), file.tell(), False
         try:
             for offset, opcode, body in _records(file):
                 has_all = has_all or opcode == _DATA_END
                 if not has_all:  # what follows repeats some of it
-                    yield from channels.read(offset, opcode, body)
+                    yield from content.read(offset, opcode, body)
                 end = file.tell()
         except CutError as error:
             lost_bytes = os.fstat(file.fileno()).st_size - end
@@ -196,51 +195,36 @@ def _parse(kind: str, body: bytes) -> Any:
         raise RecordingError(f"a record is damaged: {reason}") from error
 
 
-@dataclass(slots=True)
-class _Channels:
-    """What the file has said of its channels so far."""
+class _Content:
+    """What the file holds, and what it has said of its channels so far."""
 
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, MessageChannel] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self._schemas = {0: Schema("", "", b"")}
+        self._channels: dict[int, MessageChannel] = {}
 
     def read(self, offset: int, opcode: int, body: bytes) -> Iterator[Record]:
-        if opcode == _CHUNK:
-            index = 0
-            for kind, part in _parts(body):
-                if kind == _MESSAGE:
-                    channel, sequence, log_ns, _ = _MESSAGE_HEAD.unpack_from(part)
-                    yield Message(
-                        channel=self.channels[channel],
-                        log_ns=log_ns,
-                        sequence=sequence,
-                        data=part[_MESSAGE_HEAD.size :],
-                        place=(offset, index),
-                    )
-                    index += 1
-                else:
-                    self._note(kind, part)
-        elif opcode == _METADATA:
-            record = _parse("Metadata", body)
-            yield Metadata(name=record.name, values=record.metadata)
-        elif opcode == _ATTACHMENT:
-            record = _parse("Attachment", body)
-            yield Attachment(name=record.name, data=record.data)
-        else:
-            self._note(opcode, body)
-
-    def _note(self, opcode: int, body: bytes) -> None:
-        if opcode == _SCHEMA:
-            record = _parse("Schema", body)
-            self.schemas[record.id] = Schema(record.name, record.encoding, record.data)
-        elif opcode == _CHANNEL:
-            record = _parse("Channel", body)
-            schema = self.schemas.get(record.schema_id, _NO_SCHEMA)
-            self.channels[record.id] = MessageChannel(
-                record.topic, record.message_encoding, schema, tuple(record.metadata.items())
-            )
-
-
-_NO_SCHEMA = Schema("", "", b"")
+        index = 0
+        for kind, part in _parts(body) if opcode == _CHUNK else [(opcode, body)]:
+            if kind == _MESSAGE and opcode == _CHUNK:
+                channel, sequence, log_ns, _ = _MESSAGE_HEAD.unpack_from(part)
+                data = part[_MESSAGE_HEAD.size :]
+                yield Message(self._channels[channel], log_ns, sequence, data, (offset, index))
+                index += 1
+            elif kind == _SCHEMA:
+                record = _parse("Schema", part)
+                self._schemas[record.id] = Schema(record.name, record.encoding, record.data)
+            elif kind == _CHANNEL:
+                record = _parse("Channel", part)
+                schema = self._schemas.get(record.schema_id, self._schemas[0])
+                self._channels[record.id] = MessageChannel(
+                    record.topic, record.message_encoding, schema, tuple(record.metadata.items())
+                )
+            elif kind == _METADATA:
+                record = _parse("Metadata", part)
+                yield Metadata(record.name, record.metadata)
+            elif kind == _ATTACHMENT:
+                record = _parse("Attachment", part)
+                yield Attachment(record.name, record.data)
 
 
 def _parts(body: bytes) -> Iterator[tuple[int, bytes]]:

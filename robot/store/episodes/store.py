@@ -13,7 +13,7 @@ from robot.errors import ConfigurationError, NotFoundError
 from robot.store.episodes.editing import write_edited
 from robot.store.episodes.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.store.episodes.episode import Episode, open_episode
-from robot.store.episodes.summary import EpisodeSummary, read_head, read_summary
+from robot.store.episodes.summary import EpisodeSummary, read_summary
 from robot.store.folder import Storage, check_name, free_name, paths_in, whole_file
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
@@ -35,6 +35,7 @@ class EpisodeStore:
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """Beyond this the oldest unprotected episodes are offered for deletion."""
         self._lock = threading.RLock()
+        self._listing = threading.Lock()
         self._open = lru_cache(_OPEN_EPISODES)(lambda path, *state: open_episode(path))
         self._described: dict[Path, tuple[list[tuple[int, int]], EpisodeSummary]] = {}
         """What was read of each recording, and the state in which it was."""
@@ -45,15 +46,17 @@ class EpisodeStore:
 
     def summaries(self) -> list[EpisodeSummary]:
         """Describe all episodes, the newest by time first; each state of a file is read once."""
-        with self._lock:
-            found = list(map(self._describe, self._paths()))
+        with self._listing:
+            paths = self._paths()
+            found = list(map(self._describe, paths))
+            self._described = {p: self._described[p] for p in paths if p in self._described}
         summaries = [summary for summary in found if summary is not None]
         return sorted(summaries, key=lambda s: (s.started_at_s, s.id), reverse=True)
 
     def summary(self, episode_id: str) -> EpisodeSummary:
         """Describe one episode; raises OSError if it is gone."""
         path = self.path(episode_id)
-        with self._lock:
+        with self._listing:
             summary = self._describe(path)
         if summary is None:
             raise FileNotFoundError(path)
@@ -72,7 +75,7 @@ class EpisodeStore:
             known, summary = self._described.get(path, (None, None))
             if state != known:
                 is_growing = path.stem == self._recording() and found[0].st_size > _READ_WHOLE_BYTES
-                summary = read_head(path) if is_growing else read_summary(path)
+                summary = read_summary(path, is_growing=is_growing)
                 self._described[path] = state, summary
             return summary
         except OSError:
@@ -134,11 +137,13 @@ class EpisodeStore:
         episodes = list(place.glob("*.mcap"))
         if not episodes:
             raise NotFoundError("that was not an episode")
-        name = free_name(episodes[0].stem, set(self.ids()))
-        notes = notes_path(episodes[0])
-        if notes.exists():
-            notes.rename(notes_path(self._storage.episodes / f"{name}.mcap"))
-        episodes[0].rename(self._storage.episodes / f"{name}.mcap")
+        with self._lock:
+            name = free_name(episodes[0].stem, set(self.ids()))
+            path = self._storage.episodes / f"{name}.mcap"
+            notes = notes_path(episodes[0])
+            if notes.exists():
+                notes.rename(notes_path(path))
+            episodes[0].rename(path)
         shutil.rmtree(place, ignore_errors=True)
         return name
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +15,7 @@ from robot.store.episodes.edits import Notes, read_notes
 from robot.store.episodes.episode import open_episode, taught_frames
 from robot.store.episodes.messages import RUN, SUMMARY
 from robot.store.episodes.reader import Metadata, read_metadata, scan
+from robot.store.episodes.writer import describe_content
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,18 +42,20 @@ class EpisodeSummary:
     damage: str | None = None
 
 
-def read_summary(path: Path) -> EpisodeSummary:
-    """Describe a recording, whatever state it is in; only a missing file raises (OSError)."""
+def read_summary(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
+    """Describe a recording, whatever state it is in; only a missing file raises (OSError).
+
+    Of one that `is_growing` only the beginning is read.
+    """
     size = path.stat().st_size
     try:
         notes, complaint = read_notes(path), None
     except RecordingError as error:
         notes, complaint = Notes(), str(error)
     try:
-        facts = _read_ends(path) or _count(path)
+        facts = _read_head(path) if is_growing else _read_ends(path)
     except (RecordingError, ValueError, OSError) as error:
-        facts = {"is_readable": False, "damage": str(error)}
-    facts.setdefault("taught", {})
+        facts = {"is_readable": False, "damage": str(error), "taught": {}}
     if complaint:
         facts["damage"] = complaint
     return EpisodeSummary(
@@ -65,56 +68,36 @@ def read_summary(path: Path) -> EpisodeSummary:
     )
 
 
-def read_head(path: Path) -> EpisodeSummary:
-    """Describe a recording that is being written by its beginning alone; raises OSError."""
-    status = path.stat()
+def _read_head(path: Path) -> dict[str, Any]:
+    """Read the metadata at the beginning of a recording that is being written."""
     for record in scan(path):
         if isinstance(record, Metadata) and record.name == RUN:
-            facts = _facts_of_run(record.values)
-            duration_s = max(status.st_mtime - facts["started_at_s"], 0.0)
-            return EpisodeSummary(
-                id=path.stem, bytes=status.st_size, duration_s=duration_s, taught={}, **facts
-            )
-    return EpisodeSummary(id=path.stem, bytes=status.st_size, taught={}, is_readable=False)
+            lasted_s = path.stat().st_mtime - _finite(record.values.get("started_at_s", "0"))
+            return _facts(record.values, describe_content(0, (), lasted_s))
+    raise RecordingError("it has no beginning yet")
 
 
-def _read_ends(path: Path) -> dict[str, Any] | None:
-    """Read the metadata at the end of the file; None if its end is missing."""
-    try:
+def _read_ends(path: Path) -> dict[str, Any]:
+    """Read the metadata at the end of the file; count what one without a sound end holds."""
+    with contextlib.suppress(*UNREADABLE, OSError):
         metadata = read_metadata(path)
         return _facts(metadata[RUN], metadata[SUMMARY])
-    except (*UNREADABLE, OSError):
-        return None
-
-
-def _count(path: Path) -> dict[str, Any]:
-    """Count what a recording without a sound end holds."""
     episode = open_episode(path)
-    return {
-        **_facts_of_run(episode.run),
-        "duration_s": round(episode.duration_s, 6),
-        "frames": len(episode.frames),
-        "taught": dict(Counter(each.label.value for each in taught_frames(episode).values())),
-        "damage": episode.damage,
-    }
+    taught = taught_frames(episode).values()
+    content = describe_content(len(episode.frames), taught, episode.duration_s)
+    return {**_facts(episode.run, content), "damage": episode.damage}
 
 
-def _facts(run: Mapping[str, str], summary: Mapping[str, str]) -> dict[str, Any]:
-    return {
-        **_facts_of_run(run),
-        "duration_s": _finite(summary["duration_s"]),
-        "frames": int(summary["frames"]),
-        "taught": {str(k): int(v) for k, v in json.loads(summary["taught"]).items()},
-        "damage": summary.get("damage"),
-    }
-
-
-def _facts_of_run(run: Mapping[str, str]) -> dict[str, Any]:
+def _facts(run: Mapping[str, str], content: Mapping[str, str]) -> dict[str, Any]:
     return {
         "started_at_s": _finite(run.get("started_at_s", "0")),
         "robot": run.get("robot", ""),
         "learner": run.get("learner", ""),
         "source": run.get("source", ""),
+        "duration_s": _finite(content["duration_s"]),
+        "frames": int(content["frames"]),
+        "taught": {str(k): int(v) for k, v in json.loads(content["taught"]).items()},
+        "damage": content.get("damage"),
     }
 
 

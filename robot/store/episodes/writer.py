@@ -6,7 +6,7 @@ import io
 import json
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, BinaryIO
 
 from robot.driver import Move, to_text
@@ -72,6 +72,15 @@ def describe_run(
         "options": json.dumps(dict(options or {}), default=str),
         "source": source,
         "timed": "1",  # examples were learned with their teaching times, unlike in 0.1
+    }
+
+
+def describe_content(frames: int, taught: Iterable[Example], lasted_s: float) -> dict[str, str]:
+    """Return how much a recording holds; `taught` are the examples that were not undone."""
+    return {
+        "frames": str(frames),
+        "taught": json.dumps(Counter(example.label for example in taught)),
+        "duration_s": f"{max(lasted_s, 0.0):.6f}",
     }
 
 
@@ -141,20 +150,14 @@ class EpisodeWriter:
         try:
             if model_after is not None:
                 self._attach(MODEL_AFTER, model_after)
-            self._writer.add_metadata(SUMMARY, {**self._count(), **summary})
+            lasted_s = (self._last_ns - self._first_ns) / 1e9
+            content = describe_content(self.frames, self._taught.values(), lasted_s)
+            self._writer.add_metadata(SUMMARY, {**content, **summary})
             self._writer.finish()
             self._file.flush()
             _sync(self._file)
         finally:
             self._file.close()
-
-    def _count(self) -> dict[str, str]:
-        """Return how much it holds; `taught` are the examples that were not undone."""
-        return {
-            "frames": str(len(self._frames)),
-            "taught": json.dumps(Counter(example.label for example in self._taught.values())),
-            "duration_s": f"{max(self._last_ns - self._first_ns, 0) / 1e9:.6f}",
-        }
 
     def abandon(self) -> None:
         """Close the file as it is, after the disk refused."""

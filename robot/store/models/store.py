@@ -81,18 +81,17 @@ class ModelStore:
     def saved(self) -> list[StoredModel]:
         """List all models, the one saved last first."""
         current = self.current
-        saved = [self._look_at(name, name == current) for name in self.names()]
+        saved = [
+            StoredModel(
+                name=name,
+                summary=next(self._sound(name, decode_summary), None),
+                bytes=sum(map(size_of, self._versions(name)[-1:])),
+                is_current=name == current,
+                damaged=tuple(p.name for p in self._files(name) if p.name.endswith(_DAMAGED)),
+            )
+            for name in self.names()
+        ]
         return sorted(saved, key=lambda s: -s.summary.saved_at_s if s.summary else 0.0)
-
-    def _look_at(self, name: str, is_current: bool) -> StoredModel:
-        versions = self._versions(name)
-        return StoredModel(
-            name=name,
-            summary=next(self._sound(name, decode_summary), None),
-            bytes=size_of(versions[-1]) if versions else 0,
-            is_current=is_current,
-            damaged=tuple(p.name for p in self._files(name) if p.name.endswith(_DAMAGED)),
-        )
 
     @property
     def current(self) -> str | None:
@@ -180,10 +179,9 @@ class ModelStore:
                     yield other.name, self.load(other.name)
 
     def read_file(self, name: str) -> bytes:
-        versions = self._versions(self._check(name))
-        if not versions:
-            raise RecordingError(f"the model {name!r} has no readable version")
-        return _read(versions[-1])
+        for newest in self._versions(self._check(name))[-1:]:
+            return _read(newest)
+        raise RecordingError(f"the model {name!r} has no readable version")
 
     def add_file(self, name: str, data: bytes) -> str:
         """Save an uploaded model under this name or one like it; return the name."""

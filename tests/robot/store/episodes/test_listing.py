@@ -35,9 +35,9 @@ def read(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     opened: list[str] = []
     real = store_module.read_summary
 
-    def note(path: Path) -> EpisodeSummary:
+    def note(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
         opened.append(path.stem)
-        return real(path)
+        return real(path, is_growing=is_growing)
 
     monkeypatch.setattr(store_module, "read_summary", note)
     yield opened
