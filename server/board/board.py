@@ -12,7 +12,7 @@ from robot.clock import Clock
 from robot.errors import NotFoundError
 from server.board.class_key import ClassKey
 from server.board.robot_link import RobotLink
-from server.board.stopping import CONFIRM_S, Stopping
+from server.board.stopping import Stopping
 from server.board.strangers import Strangers
 from server.board.teacher_session import TeacherSession
 from server.board.transport import NetworkTransport, RobotAddress, UnreachableError
@@ -67,10 +67,9 @@ class Board:
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[Onlooker] = []
         self.at_leisure = asyncio.Event()
-        """Not set while a stop is under way: then no pictures are taken and no news are told, so
-        that neither this machine nor the network has anything else to do."""
+        """Not set while a robot has not answered a stop, nor been named for it: then no pictures
+        are taken and no news are told, so that this machine and the network have nothing else."""
         self.at_leisure.set()
-        self._leisure: asyncio.Task[None] | None = None
 
     def add(self, address: RobotAddress) -> RobotLink | None:
         """Add a robot and connect to it; None if it is there already."""
@@ -100,10 +99,9 @@ class Board:
     async def close(self) -> None:
         """Disconnect from all robots."""
         await self.strangers.close()
-        tasks = [*self._tasks, *filter(None, [self._leisure])]
-        for task in tasks:
+        for task in self._tasks:
             task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def robot(self, number: object) -> RobotLink:
         """Return a robot by its number.
@@ -131,9 +129,6 @@ class Board:
         self.at_leisure.clear()
         for robot in robots:
             robot.stop.press()
-        if self._leisure is not None:
-            self._leisure.cancel()
-        self._leisure = asyncio.create_task(self._be_at_leisure_again())
 
     async def release(self, number: object = None) -> None:
         """Release the stop of one robot, or of all that the board has stopped.
@@ -145,10 +140,6 @@ class Board:
             if number is not None or robot.state.get("stopped_by_teacher"):
                 with suppress(UnreachableError, TimeoutError):  # the page shows that it is away
                     await robot.stop.release()
-
-    async def _be_at_leisure_again(self) -> None:
-        await self._clock.pause(2 * CONFIRM_S)  # by then all have answered or are named
-        self.at_leisure.set()
 
     # Pages -------------------------------------------------------------------------------------
 

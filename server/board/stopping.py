@@ -53,7 +53,6 @@ class RobotStop:
         self.channel: Channel | None = None
         self._session, self._clock = session, clock
         self._on_change = on_change
-        self._stands = False
         self._pressing: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -64,10 +63,12 @@ class RobotStop:
 
     def press(self) -> None:
         """Stop the robot now; while it cannot be reached, as soon as it can."""
-        self.stage = Stopping.ASKED
         if self.channel is not None:
             self._start(self.send(self.channel))
-        if self._pressing is None or self._pressing.done():
+        if not self.is_under_way:
+            self.stage = Stopping.ASKED
+            if self._pressing is not None:
+                self._pressing.cancel()
             self._pressing = self._start(self._see_to_it())
         self._on_change()
 
@@ -85,7 +86,6 @@ class RobotStop:
 
     def note_state(self, *, is_stopped: bool) -> None:
         """Note what the robot says of itself."""
-        self._stands = is_stopped
         if is_stopped and self.stage is not None:
             self.stage = Stopping.STOPPED
         elif self.stage is Stopping.STOPPED:
@@ -96,8 +96,6 @@ class RobotStop:
         with contextlib.suppress(UnreachableError, TimeoutError):
             async with asyncio.timeout(1.0):
                 await channel.send(_STOP)
-        if self._stands:
-            await self._ask_for_state(channel)
 
     def close(self) -> None:
         """End all that is under way."""
@@ -106,10 +104,7 @@ class RobotStop:
 
     async def _see_to_it(self) -> None:
         """See to it that the stop is confirmed, and report it if it is not."""
-        await self._clock.pause(CONFIRM_S / 2)
-        if self.stage is Stopping.ASKED and self.channel is not None:
-            self._start(self._ask_for_state(self.channel))
-        await self._clock.pause(CONFIRM_S / 2)
+        await self._clock.pause(CONFIRM_S)
         while self.is_under_way:
             if self.stage is Stopping.ASKED:
                 log.warning("stop not confirmed robot=%s", self._session.address)
@@ -118,13 +113,6 @@ class RobotStop:
             with contextlib.suppress(UnreachableError, TimeoutError):
                 await self._stop_by_request()
             await self._clock.pause(1.0)
-
-    async def _ask_for_state(self, channel: Channel) -> None:
-        """An idle client hears of changes only; a robot that was stopped already has none."""
-        with contextlib.suppress(UnreachableError, TimeoutError):
-            async with asyncio.timeout(1.0):
-                await channel.send(json.dumps({"type": "watch"}))
-                await channel.send(json.dumps({"type": "idle"}))
 
     async def _stop_by_request(self) -> None:
         """Stop on a connection of its own: the open one may be dead without knowing it."""

@@ -36,7 +36,7 @@ class Client:
         self.refused = 0
         self._most_refused = limits.refused_before_closing
         self.shut_out = asyncio.Event()
-        self.is_idle = False
+        self.is_idle = self.is_answer_due = False
         self._sent: object = None
         self._sent_s = now_s
         self.last_message_s = now_s
@@ -71,9 +71,10 @@ class Client:
     def is_state_due(self, urgent: object, now_s: float) -> bool:
         """True if a state is to be sent now: to an idle client seldom, unless `urgent` changed, the
         part whose changes are sent at once."""
-        if self.is_idle and urgent == self._sent and now_s - self._sent_s < IDLE_STATE_EVERY_S:
+        is_new = urgent != self._sent or self.is_answer_due
+        if self.is_idle and not is_new and now_s - self._sent_s < IDLE_STATE_EVERY_S:
             return False
-        self._sent, self._sent_s = urgent, now_s
+        self._sent, self._sent_s, self.is_answer_due = urgent, now_s, False
         return True
 
     async def next_text(self) -> str:

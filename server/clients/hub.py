@@ -165,6 +165,7 @@ class Hub:
                 encode_message("pong", client_ms=message.client_ms, server_ms=self.now_ms())
             )
         elif message is BareMessage.STOP:
+            client.is_answer_due = True  # though the robot may stand already
             self.latch_emergency(client.id, client.role)
         elif message is BareMessage.RELEASE:
             self._release_emergency(client)
@@ -317,12 +318,15 @@ class Hub:
                 self.refuse(client, why_refused(command.frame_id, command.seq, self._limit_s))
 
     def _note_tick(self) -> None:
-        """Publish the newest tick: on the event loop, at most once per wake-up."""
+        """Publish the newest tick: on the event loop, at most once per wake-up.
+
+        The picture is encoded when the state is on its way: that the robot was stopped comes first.
+        """
         self._is_tick_due = False
-        self.show_newest()
         since_s = self.clock.now_s() - self._sent_s
         if since_s >= state_every_s(self.robot.loop.state) or self._urgent() != self._sent:
             self.publish_state()
+        self._soon(self.show_newest)
 
     def show_newest(self) -> None:
         """Give the video the newest frame, which it does not get while nobody watches."""

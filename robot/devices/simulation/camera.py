@@ -23,6 +23,8 @@ from robot.types import Encoding, Frame
 _LONGEST_GAP_S = 0.25
 """After a longer pause of the whole machine the world goes on from where it stood."""
 
+_LONGEST_PERIOD_S, _USUAL_FRAMES = 0.1, 10
+"""Where a picture takes long, because the computer is busy, they come no more seldom than so."""
 _ASKED_FRAMES = 30
 """For so many frames after somebody asked for one, pictures for the eye are made."""
 
@@ -157,14 +159,18 @@ class SimCamera(WorldCamera):
         self._body.simulation.close()
 
     def _live(self) -> None:
+        """Take pictures, and wait between two for as long as one takes: where robots are too many
+        for the computer each takes fewer, and a STOP finds time."""
         last_s = self.clock.now_s()
-        due_s = last_s + self._period_s
+        due_s, takes_s = last_s + self._period_s, 0.0
         while not self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s())):
             now_s = self.clock.now_s()
             self._body.advance(min(now_s - last_s, _LONGEST_GAP_S))
             last_s = now_s
             self._take()
-            due_s = max(due_s + self._period_s, now_s)
+            takes_s += (self.clock.now_s() - due_s - takes_s) / _USUAL_FRAMES
+            period_s = max(self._period_s, min(2 * takes_s, _LONGEST_PERIOD_S))
+            due_s = max(due_s + period_s, now_s)
 
 
 def make_compressor(quality: int) -> Callable[[NDArray[np.uint8]], bytes] | None:

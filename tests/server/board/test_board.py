@@ -70,6 +70,25 @@ def _any_fault(dice: random.Random, number: int) -> str:
     return "none" if number < 3 else dice.choice(FAULTS)
 
 
+def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_line() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        pupils = list(world.pupils.values())
+        await world.until_there(pupils)
+        stops = [world.link(pupil).stop for pupil in pupils]
+
+        def stages() -> set[Stopping | None]:
+            return {stop.stage for stop in stops}
+
+        for _ in range(2):
+            world.board.stop()
+            assert stages() == {Stopping.ASKED}
+            await world.until(lambda: stages() == {Stopping.STOPPED}, CONFIRM_S, "all confirm it")
+            await world.clock.pause(0.7)
+        assert not any("/api/stop" in path for _, path in world.network.requests)
+
+    in_class(scenario)
+
+
 def test_one_robot_is_stopped_and_no_other() -> None:
     async def scenario(world: ClassWorld) -> None:
         one, *others = world.pupils.values()

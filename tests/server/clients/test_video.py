@@ -1,8 +1,12 @@
 from __future__ import annotations
 
+from typing import Any
+
 import httpx
 
+from robot.types import Frame
 from server.protocol import encode_acknowledgement, parse_picture
+from tests.server.virtual import ServedWorld, virtually
 from tests.server.virtual_server import VirtualServer, connect
 
 
@@ -88,3 +92,32 @@ def test_metrics_tell_of_everything_that_is_promised(server: VirtualServer) -> N
     assert values['drivelesson_requests_refused_total{reason="host"}'] == 1
     assert values['drivelesson_stops_total{reason="pilot_silent"}'] == 0
     assert values['drivelesson_learner_seconds_count{work="propose"}'] > 0
+
+
+def test_a_stop_is_told_before_the_picture_of_its_moment_is_encoded() -> None:
+    async def scenario(world: ServedWorld) -> list[str]:
+        await world.pilot(sees=True)
+        world.camera.is_frozen = True
+        await world.clock.pause(0.5)
+        order: list[str] = []
+        page = world.connect("/ws/drive", lambda text: None)
+        encode, send = world.hub.video.encoder.encode, page._down.send
+
+        def note_encoding(frame: Frame) -> Frame:
+            order.append("picture")
+            return encode(frame)
+
+        def note_sending(message: Any, n_bytes: int) -> None:
+            if '"emergency":true' in message.get("text", "").replace(" ", ""):
+                order.append("stop")
+            send(message, n_bytes)
+
+        world.hub.video.encoder.encode = note_encoding  # type: ignore[method-assign]
+        page._down.send = note_sending  # type: ignore[method-assign]
+        await world.clock.pause(0.5)
+        world.loop.latch_emergency()
+        world.camera.take()
+        await world.until(lambda: len(order) >= 2, what="both are sent")
+        return order
+
+    assert virtually(scenario)[:2] == ["stop", "picture"]

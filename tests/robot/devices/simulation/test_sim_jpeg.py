@@ -137,3 +137,27 @@ def test_nobody_looks_and_nothing_is_made_for_the_eye() -> None:
         last = camera._take()
     assert camera.for_the_eye(last) is last
     driver.simulation.close()
+
+
+@pytest.mark.parametrize(("takes_s", "rate_hz"), [(0.005, 30.0), (0.03, 16.7), (0.08, 10.0)])
+def test_on_a_busy_computer_pictures_are_fewer(
+    monkeypatch: pytest.MonkeyPatch, takes_s: float, rate_hz: float
+) -> None:
+    clock = VirtualClock()
+    driver = SimDriver(make_options(SimDriver.options_type, {}))
+    driver.connect()
+    camera = SimCamera(driver, SimCameraOptions(), clock)
+    render = driver.simulation.render
+
+    def take_long() -> object:
+        clock.sleep(takes_s)
+        return render()
+
+    monkeypatch.setattr(driver.simulation, "render", take_long)
+    camera.start()
+    clock.sleep(3.0)
+    before = camera._last_frame_id
+    clock.sleep(4.0)
+    camera.stop()
+    assert (camera._last_frame_id - before) / 4.0 == pytest.approx(rate_hz, rel=0.1)
+    driver.disconnect()
