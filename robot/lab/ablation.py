@@ -15,6 +15,7 @@ from robot.lab.lessons import run_lesson, ssd_tables, trial_cases
 from robot.lab.tables import mean_in_interval
 from robot.lab.task import Task
 from robot.lab.variants import VARIANTS
+from robot.policy.registry import split_name
 from robot.store.table import Cell, Table
 
 KINDS = ("default", *VARIANTS, "published")
@@ -55,15 +56,15 @@ def _tables(runs: Runs) -> list[Table]:
         ssds = [result["after"]["ssd"] for result in results]
         pushes_s = [result["after"]["longest_push_s"] for result in results]
         for what, cell in (("SSD", statistics.median(ssds)), ("longest push s", max(pushes_s))):
-            columns.setdefault(f"trial {trial}: {what}", {})[_kind(learner)] = cell
+            columns.setdefault(f"trial {trial}: {what}", {})[split_name(learner)[0]] = cell
     for (world, learner), results in group(ground, "world", "learner").items():
         [scores] = scores_by_stage(results)
-        columns.setdefault(world, {})[_kind(learner)] = mean_in_interval(scores)
+        columns.setdefault(world, {})[split_name(learner)[0]] = mean_in_interval(scores)
     for (learner,), results in group(footage, "learner").items():
         for name in _FOOTAGE:
             mean = statistics.fmean(result[name] for result in results)
             column = columns.setdefault(f"footage: {name.replace('_', ' ')}", {})
-            column[_kind(learner)] = f"{mean:.3f}"
+            column[split_name(learner)[0]] = f"{mean:.3f}"
     kinds = dict.fromkeys(kind for column in columns.values() for kind in column)
     rows = tuple((kind, *(column.get(kind) for column in columns.values())) for kind in kinds)
     missing = [world for world in WORLDS if world not in columns]
@@ -75,10 +76,6 @@ def _tables(runs: Runs) -> list[Table]:
         for task, result in lessons
     )
     return [Table(title=title, columns=("", *columns), rows=rows, note=note), *details]
-
-
-def _kind(learner: str) -> str:
-    return learner.rpartition("-")[0]
 
 
 ABLATION = Experiment(

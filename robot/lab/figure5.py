@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import platform
 from collections.abc import Callable, Iterator
-from itertools import cycle
+from itertools import cycle, product
 
 from robot.clock import RealClock
 from robot.control.loop import ControlLoop, LoopConfig
@@ -28,17 +29,16 @@ _COLUMNS = ("learning", "applying", "paper (EV3) learning", "paper (EV3) applyin
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     """Plan each number of nodes, for the published learner and the default."""
-    for kind in settings.learners or KINDS:
-        for nodes in NODES:
-            params = {
-                "learner": f"{kind}-{nodes}" if kind in KINDS else kind,
-                "nodes": nodes,
-                "kind": kind,
-                "robot": settings.robot,
-                "cycles": 100 if settings.quick else 600,
-                "machine": platform.node(),
-            }
-            yield Task(run_cycles, params)
+    for kind, nodes in product(settings.learners or KINDS, NODES):
+        params = {
+            "learner": f"{kind}-{nodes}" if kind in KINDS else kind,
+            "nodes": nodes,
+            "kind": kind,
+            "robot": settings.robot,
+            "cycles": 100 if settings.quick else 600,
+            "machine": platform.node(),
+        }
+        yield Task(run_cycles, params)
 
 
 def _tables(runs: Runs) -> list[Table]:
@@ -78,10 +78,8 @@ def _simulated(policy: Policy, params: Params) -> tuple[float, float]:
         driver.advance(0.1)
         return camera.capture().frame_id
 
-    try:
+    with contextlib.closing(driver.simulation):
         return _measure(loop, next_frame, int(params["cycles"]))
-    finally:
-        driver.simulation.close()
 
 
 def _real(policy: Policy, params: Params) -> tuple[float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import partial
 from importlib.machinery import SourceFileLoader
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -22,11 +23,12 @@ from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Action
 
-_TEACHERS: dict[str, Callable[[], Teacher]] = {
-    "sonar": SonarController,
-    "wall": WallFollower,
-    "follow": Follower,
-    "push": Pusher,
+_TEACHERS: dict[str, Callable[[tuple[Action, ...]], Teacher]] = {
+    "sonar": lambda turns: SonarController(),
+    "wall": lambda turns: WallFollower(),
+    "follow": lambda turns: Follower(),
+    "push": lambda turns: Pusher(),
+    **{name: partial(Wanderer, params=params) for name, params in TEACHER_PARAMS.items()},
 }
 
 
@@ -64,12 +66,10 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
         if not (hasattr(made, "choose") and hasattr(made, "tolerates")):
             raise ConfigurationError(f"{name} is not a teacher: it needs `choose` and `tolerates`")
         return made  # type: ignore[no-any-return]
-    if name in _TEACHERS:
-        return _TEACHERS[name]()
-    if name not in TEACHER_PARAMS:
-        known = ", ".join([*_TEACHERS, *TEACHER_PARAMS])
+    if name not in _TEACHERS:
+        known = ", ".join(_TEACHERS)
         raise ConfigurationError(f"unknown teacher {name!r}; there are: {known}, or path.py:Name")
-    return Wanderer(tuple(m for m in moves if m is not Action.FORWARD), TEACHER_PARAMS[name])
+    return _TEACHERS[name](tuple(move for move in moves if move is not Action.FORWARD))
 
 
 def make_pilot(params: Params, moves: tuple[Action, ...]) -> SimulatedPilot:

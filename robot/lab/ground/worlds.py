@@ -55,7 +55,7 @@ class ForeignWorld:
         """Begin an episode, and return its first picture."""
         seen, _ = self._env.reset(seed=seed)
         self.score, self._n_steps = 0.0, 0
-        return self._picture(self._begin(seen))
+        return self._picture(seen)
 
     def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
         """Make a move, perhaps by degrees; return the next picture, and whether it was the last."""
@@ -77,12 +77,9 @@ class ForeignWorld:
     def _picture(self, seen: Any) -> Picture:
         return np.asarray(seen)
 
-    def _begin(self, seen: Any) -> Any:
-        """Begin an episode; return what is seen then."""
-        return seen
-
     def _note(self, reward: float) -> None:
-        self.score += reward
+        """Take in what the world says of a step."""
+        raise NotImplementedError
 
 
 class MiniWorld(ForeignWorld):
@@ -100,9 +97,9 @@ class MiniWorld(ForeignWorld):
         self._is_convex = name == "OneRoom"
         super().__init__(f"MiniWorld-{name}-v0", "miniworld", obs_width=160, obs_height=120)
 
-    def _begin(self, seen: Any) -> Any:
+    def reset(self, seed: int) -> Picture:
         self._turning: str | None = None
-        return seen
+        return super().reset(seed)
 
     def _note(self, reward: float) -> None:
         self.score = max(self.score, float(reward > 0.0))
@@ -176,11 +173,12 @@ class CarRacing(ForeignWorld):
     def _picture(self, seen: Any) -> Picture:
         return np.asarray(seen).repeat(2, axis=0).repeat(2, axis=1)
 
-    def _begin(self, seen: Any) -> Any:
+    def reset(self, seed: int) -> Picture:
+        super().reset(seed)
         for frame in range(self._zoom_frames):
             self._is_seen = frame == self._zoom_frames - 1
             seen, *_ = self._env.step(self._code(self._names[-1], None))
-        return seen
+        return self._picture(seen)
 
     def _note(self, reward: float) -> None:
         self.score = 100.0 * self.inner.tile_visited_count / len(self.inner.track)
