@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from itertools import product
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
-from robot.lab.habits import beside_pilot, taught_by
+from robot.lab.habits import beside_pilot, ssd_in_place, taught_by
 from robot.lab.simulated_pilots.habits import HABITS, STEERED
 from robot.lab.tables import Columns, mean_in_interval, of, tables_of
 from robot.lab.task import Params, Result, Task
@@ -39,7 +39,11 @@ def run_degrees(params: Params) -> Result:
         trial.drive(Mode.AUTONOMOUS, CORRECT_S)
         alone = trial.drive(Mode.AUTONOMOUS, ALONE_S, supervised=False)
         timing = trial.timing()
-    return {**beside_pilot(alone, taught, habit, name, params, _MINUTES), "timing": timing}
+    return {
+        **beside_pilot(alone, taught, habit, name, params, _MINUTES),
+        "ssd_in_place": ssd_in_place(alone, habit.pilot(name)),
+        "timing": timing,
+    }
 
 
 def _tables(runs: Runs) -> list[Table]:
@@ -51,8 +55,10 @@ def _tables(runs: Runs) -> list[Table]:
 
 _COLUMNS: Columns = {
     "robots": len,
+    "SSD in its place": of("ssd_in_place", mean_in_interval),
     "SSD, median": of("ssd_alike", statistics.median),
     "SSD": of("ssd_alike", mean_in_interval),
+    "that of the lesson": of("teacher.ssd_of_lesson", mean_in_interval),
     "steering a second": of("steering_per_s", mean_in_interval),
     "pilot's own": of("teacher.steering_per_s", statistics.fmean),
     "metres": of("driven_m", mean_in_interval),
@@ -67,8 +73,10 @@ BY_DEGREES = Experiment(
     title="By degrees",
     text="A pilot who steers by degrees teaches for 90 s and corrects for 60 s; then the robot "
     "drives for 60 s alone. 'cut to moves': what he means is cut to moves, as for a body that "
-    "takes no degrees. 'regular': a pilot of moves. SSD with left and right as one move, "
-    "against two minutes of the pilot himself from where the robot began; steering a second: root "
+    "takes no degrees. 'regular': a pilot of moves. SSD with left and right as one move: against "
+    "what the pilot would have done in the robot's place, tick by tick; and against two minutes of "
+    "his own from where the robot began, beside that of his own lesson, for who drives in curves "
+    "goes round in one corner or another. Steering a second: root "
     "mean square of its changes, full lock being 1. In brackets the 95 % interval of the mean "
     "over robots (bootstrap).",
     plan=_plan,

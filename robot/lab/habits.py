@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 import statistics
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -14,6 +15,7 @@ from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import DriveLog
 from robot.lab.simulated_pilots.habits import HABITS, Habit
+from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.tables import Columns, mean_percent, of, percent, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial, drive_by_hand
@@ -218,8 +220,24 @@ def beside_pilot(
     teacher = {
         key: statistics.fmean(float(figures[key]) for figures in each) for key in (*_MEANS, "stuck")
     }
+    teacher["ssd_of_lesson"] = _ssd_of_turns_alike(taught, pilot)
     teacher["longest_push_s"] = max(metrics.longest_push_s(log) for log in (taught, *minutes))
     return {**own, "teacher": teacher}
+
+
+def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
+    """Return the SSD of a drive against what the pilot would have held at each of its ticks.
+
+    Who drives in curves soon goes round and round somewhere, so that two drives differ by where
+    that is. In the robot's own place they differ by what they do.
+    """
+    pilot.change_mode(Mode.TRAIN)
+    held = DriveLog()
+    for moment in drive:
+        if moment.situation is not None:
+            command = pilot.act(moment.situation, None)
+            held.append(replace(moment, action=command.held or Action.STOP, point=command.point))
+    return _ssd_of_turns_alike(drive, held)
 
 
 def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:

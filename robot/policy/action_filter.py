@@ -3,7 +3,8 @@
 Every constant is a time or a share of votes, never a number of frames.
 
 1. Votes are averaged over time, less for a pilot who changes his moves quickly.
-2. Without contexts, a move under way goes on until another exceeds it clearly.
+2. Without contexts, a move under way goes on until another exceeds it clearly; by degrees, a turn
+   until one to the other side does.
 3. A straight move without effect is given up (`stall_detector.py`).
 4. Turning for longer than the pilot's own longest loses votes (`Headway`).
 5. A robot that turns to and fro more quickly than its pilot keeps to one side for a while.
@@ -20,7 +21,7 @@ from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import PolicyPart, Seen
 from robot.policy.pilot_pace import Headway, PilotPace
 from robot.policy.stall_detector import StallDetector
-from robot.types import Action
+from robot.types import Action, Point
 
 VOTES_KEPT = 0.4
 """Share of the running average of votes that is left after a tenth of a second."""
@@ -142,6 +143,7 @@ class ActionFilter(PolicyPart):
         self.pace = PilotPace(kinds)
         self._now_s = 0.0
         self._asks_until_s = 0.0
+        self._last: Seen | None = None
 
     @classmethod
     def none(cls, kinds: MoveKinds) -> Self:
@@ -155,6 +157,7 @@ class ActionFilter(PolicyPart):
         self._now_s = self._now_s + USUAL_STEP_S if seen.at_s is None else seen.at_s
         seen.action = self._choose(seen, self._now_s)
         seen.is_stalled, seen.needs_help = self._stall_detector.is_stalled, self.needs_help
+        self._last = seen
         if self._gives_up:
             self._headway.turn(seen.action, self._now_s)
 
@@ -180,14 +183,23 @@ class ActionFilter(PolicyPart):
         if futile and not fruitful:
             self._ask(at_s)  # nothing else was taught, or all was tried
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
+        # A context tells a turn from a straight drive, not from a turn to the other side.
+        by_degrees = seen.in_context and self._point is not None
+        held = turns.get(under_way) if by_degrees and under_way is not None else None
         return max(
             fruitful or allowed or shares,
             key=lambda action: (
                 shares[action]
                 + (inertia if action is under_way and not seen.in_context else 0.0)
+                - (inertia if held is not None and turns.get(action) == -held else 0.0)
                 - (urge if action in turns else 0.0)
             ),
         )
+
+    @property
+    def _point(self) -> Point | None:
+        """What was driven last by degrees; it is found after the move is chosen."""
+        return None if self._last is None else self._last.point
 
     def _barred_side(self, at_s: float, within_s: float) -> float | None:
         """Return the side to which it must not turn, for it has just come from there twice."""
@@ -203,7 +215,8 @@ class ActionFilter(PolicyPart):
             self.needs_help = False  # the pilot drives, and knows the way out, or it tries again
             self._headway.reset()
             return 0.0
-        self._headway.note(under_way, at_s, is_stalled=self._stall_detector.is_stalled)
+        is_stalled = self._stall_detector.is_stalled
+        self._headway.note(under_way, at_s, self._point, is_stalled=is_stalled)
         debt_s = self._headway.debt_s
         if debt_s > allowed_s + HELPLESS_S:
             self._ask(at_s)
@@ -217,4 +230,5 @@ class ActionFilter(PolicyPart):
         self._average.reset()
         self._stall_detector.reset()
         self._headway.reset()
+        self._last = None
         self.needs_help = False

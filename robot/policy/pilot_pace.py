@@ -17,7 +17,7 @@ from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
 from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter
-from robot.types import DEFAULT_MOVES, Action
+from robot.types import DEFAULT_MOVES, Action, Point
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
 """Bounds of the debt (`Headway`) that a pilot is taken to allow himself, in seconds.
@@ -48,8 +48,9 @@ class Headway:
     """What a body, the pilot's or the robot's, has done since it last got on.
 
     Turning either way, and pushing without effect, add to a debt in seconds; driving straight with
-    effect takes four times as much off; it is never below 0. Changes from one side to the other
-    count until the debt is paid.
+    effect takes four times as much off; it is never below 0. A curve by degrees gets on by what it
+    lacks to full lock, and pays for as much turning. Changes from one side to the other count until
+    the debt is paid.
 
     Args:
         kinds: Which moves are turns, and to which side.
@@ -74,18 +75,22 @@ class Headway:
         self.side: float | None = None
         self.sides_s: list[float] = []
 
-    def note(self, action: Action, at_s: float, *, is_stalled: bool = False) -> None:
+    def note(
+        self, action: Action, at_s: float, point: Point | None = None, *, is_stalled: bool = False
+    ) -> None:
         """Update the debt by the move that has been under way since the last call.
 
         Args:
             action: The move; STOP changes nothing.
             at_s: Now, in seconds.
+            point: The move by degrees, if it was driven so.
             is_stalled: True if it has no effect.
         """
         last_s, self._last_s = self._last_s, at_s
         step_s = 0.0 if last_s is None else min(max(at_s - last_s, 0.0), _LONGEST_STEP_S)
         if action in self._kinds.turns or is_stalled:
-            self.debt_s += step_s
+            turned = 1.0 if point is None or is_stalled else abs(point.steering)
+            self.debt_s = max(0.0, self.debt_s + (2.0 * turned - 1.0) * step_s)
             self._straight_s = 0.0
         elif action is not Action.STOP:
             self._straight_s += step_s
@@ -178,15 +183,22 @@ class PilotPace(PolicyPart):
 
     def on_example(self, lesson: Lesson) -> None:
         if lesson.at_s is not None:
-            self.learn(lesson.label, lesson.picture, lesson.at_s)
+            self.learn(lesson.label, lesson.picture, lesson.at_s, lesson.point)
 
-    def learn(self, label: Action, picture: NDArray[np.uint8], at_s: float) -> None:
+    def learn(
+        self,
+        label: Action,
+        picture: NDArray[np.uint8],
+        at_s: float,
+        point: Point | None = None,
+    ) -> None:
         """Update from one labelled frame.
 
         Args:
             label: What the pilot did.
             picture: The frame in grey, of any one shape.
             at_s: Its teaching time.
+            point: The move by degrees, if he meant it so.
         """
         step_s, self._last_s = at_s - self._last_s, at_s
         is_going_on = 0.0 <= step_s <= PAUSE_S
@@ -215,7 +227,7 @@ class PilotPace(PolicyPart):
             if is_going_on and self._label is not None:
                 self._runs_s.append(self._run_s)
             self._label, self._run_s = label, 0.0
-        self._headway.note(label, at_s, is_stalled=self._push_s > 0.0)
+        self._headway.note(label, at_s, point, is_stalled=self._push_s > 0.0)
         took_s = self._headway.turn(label, at_s)
         if took_s is not None:
             self._changes_s = sorted([*self._changes_s, took_s])[:_MEANT]

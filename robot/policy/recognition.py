@@ -24,8 +24,9 @@ from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.types import Action, Point
 
-BAND = 1.5
-"""So many standard deviations about a move's mean; flat from 1 to 2 on recorded drives."""
+BAND = 2.5
+"""So many standard deviations about a move's mean; flat from 1 to 4 on recorded drives. A narrow
+one cuts off how a curve ends: it would stay as hard as most of it was."""
 _LEAST = 1e-6
 """Votes for a move that was taught: more than for one that never was."""
 
@@ -39,7 +40,7 @@ class Degrees(PolicyPart):
         kinds: Says what the body declares of them.
 
     Attributes:
-        average: Running mean of angle and size, as they were learned.
+        angle: Running mean of the learner's angles, whatever the move; rivals drive by it.
     """
 
     fields = (Array("sums", np.float64, ("n_moves", 4), -MOST_FRAMES, MOST_FRAMES, may_miss=True),)
@@ -52,7 +53,8 @@ class Degrees(PolicyPart):
         self._kinds = kinds
         self.n_moves = len(moves)
         self._sums: NDArray[np.float64] | None = None  # examples, steering, its square, throttle
-        self.average: NDArray[np.float64] | None = None
+        self.angle: float | None = None
+        self._steering: float | None = None  # the running average
 
     def teach(self, lesson: Lesson) -> bool:
         """Teach the learner an example with its angle; False if it is to learn none."""
@@ -80,13 +82,15 @@ class Degrees(PolicyPart):
             return
         steering, evidence = usual.steering, seen.evidence
         if evidence.angle is not None and evidence.size is not None:
-            new = np.clip([evidence.angle, evidence.size], (-1.0, 0.0), 1.0)
-            old = new if self.average is None else self.average
-            angle, size = self.average = new + seen.kept * (old - new)
+            angle, size = min(max(evidence.angle, -1.0), 1.0), min(max(evidence.size, 0.0), 1.0)
+            last = angle if self.angle is None else self.angle
+            self.angle = angle + seen.kept * (last - angle)
             side = side_of(steering)
             angle = side * size if side else min(max(angle, -size), size)
+            if self._steering is not None:
+                angle += seen.kept * (self._steering - angle)
             width = BAND * self._deviation(seen.action)
-            steering = float(min(max(angle, steering - width), steering + width))
+            steering = self._steering = min(max(angle, steering - width), steering + width)
             if seen.bumped and side:  # a curve that leads into something: turn as the body can
                 steering = float(side)
         seen.point = Point(min(max(steering, -1.0), 1.0), usual.throttle)
@@ -116,7 +120,7 @@ class Degrees(PolicyPart):
         return True
 
     def reset(self) -> None:
-        self.average = None
+        self.angle = self._steering = None
 
 
 class Recognition(PolicyPart):

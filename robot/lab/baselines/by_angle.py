@@ -72,10 +72,10 @@ class AnglePolicy(Policy):
     """Steers as its learner says, whatever the pilot means by the move."""
 
     def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
-        said, average = super().propose(frame_id, x, **seen), self._degrees.average
-        if said.point is None or average is None:
+        said, angle = super().propose(frame_id, x, **seen), self._degrees.angle
+        if said.point is None or angle is None:
             return said
-        return replace(said, point=Point(float(average[0]), said.point.throttle))
+        return replace(said, point=Point(angle, said.point.throttle))
 
 
 def make_angle_rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:

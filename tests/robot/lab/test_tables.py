@@ -52,7 +52,8 @@ def made_up(task: Task) -> dict[str, Any]:
         return {"before": {**minute, "teacher": minute}}
     if task.kind == "degrees":
         minute = {**drive, "ssd_alike": 1.0, "steering_per_s": 0.5}
-        return {**minute, "teacher": minute}
+        teacher = {**minute, "ssd_of_lesson": 2.0}
+        return {**minute, "ssd_in_place": 0.1, "teacher": teacher}
     if task.kind == "ready":
         tried = {"is_ready": True, "taught_s": 50.0, "tried_s": 40.0, "agreement": 0.9}
         return {**tried, "missing": [], "asking_share": 0.01, "longest_push_s": 0.5, "stuck": False}

@@ -12,7 +12,7 @@ from robot.policy.action_filter import (
 )
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Seen
-from robot.types import DEFAULT_MOVES, Action
+from robot.types import DEFAULT_MOVES, Action, Point
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 KINDS = MoveKinds(DEFAULT_MOVES)
@@ -42,6 +42,26 @@ def test_driving_straight_yields_sooner_than_a_turn():
 
 def test_in_context_the_votes_alone_decide():
     assert choose({F: 0.51, L: 0.49}, L, in_context=True) is F
+
+
+def test_by_degrees_a_context_leaves_the_side_to_the_turn_under_way():
+    """Steering from lock to lock at each doubt is what nobody means who steers by degrees."""
+    little, much = 0.5 + 0.4 * TURN_INERTIA, 0.5 + 0.6 * TURN_INERTIA
+    nothing, steady = np.zeros(1200, np.uint8), ActionFilter(KINDS, 0.0)
+
+    def drive(shares, under_way, point):
+        seen = Seen(number=1, x=nothing, picture=nothing, under_way=under_way, shares=shares)
+        seen.in_context = True
+        steady.on_frame(seen)
+        seen.point = point  # as the part after it does
+        return seen.action
+
+    assert drive({F: 0.0, L: 0.4, R: 0.6}, None, Point(0.8, 0.5)) is R
+    assert drive({F: 0.0, L: little, R: 1 - little}, R, Point(0.8, 0.5)) is R
+    assert drive({F: little, L: 0.0, R: 1 - little}, R, Point(0.1, 0.5)) is F
+    assert drive({F: 0.0, L: 0.4, R: 0.6}, F, Point(0.8, 0.5)) is R
+    assert drive({F: 0.0, L: much, R: 1 - much}, R, None) is L
+    assert drive({F: 0.0, L: 1 - little, R: little}, L, None) is R  # by moves the votes decide
 
 
 def test_standing_still_is_no_move_under_way():

@@ -238,6 +238,18 @@ def test_what_is_passed_on_either_side_is_not_driven_into(learner: str, seed: in
     assert np.mean(off) < 0.15
 
 
+def test_the_steering_is_led_over_from_one_side_to_the_other() -> None:
+    history = TrainingHistory(make_policy("default-32"))
+    teach(history, 0, 250)
+    policy = history.policy
+    policy.reset()
+    bends = (-0.5, -0.5, -0.5, 0.5, 0.5, 0.5)
+    said = [policy.propose(i, policy.extract(view(b, i))).point for i, b in enumerate(bends)]
+    steering = [point.steering for point in said if point is not None]
+    assert steering[2] < 0.0 < steering[4] <= steering[5]
+    assert steering[2] < steering[3] < steering[5] - 0.1
+
+
 def test_a_stick_that_agrees_with_the_robot_corrects_nothing() -> None:
     robot = BenchRobot("default-8")
     robot.driver.takes_points = True

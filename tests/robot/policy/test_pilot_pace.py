@@ -7,7 +7,7 @@ from robot.driver import Move
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.pilot_pace import LONGEST_DEBT_S, SHORTEST_DEBT_S, PilotPace
 from robot.policy.stall_detector import STUCK_S
-from robot.types import Action
+from robot.types import Action, Point
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 BRAKE, GRIP = Action("brake"), Action("grip")
@@ -21,7 +21,7 @@ class Pilot:
         self.now_s, self.shift = 0.0, 0.0
         self.rng = np.random.default_rng(3)
 
-    def drive(self, label, seconds, is_moving=True):
+    def drive(self, label, seconds, is_moving=True, point=None):
         for _ in range(round(seconds / self.dt_s)):
             self.now_s += self.dt_s
             self.shift += is_moving * 20 * self.dt_s
@@ -29,7 +29,7 @@ class Pilot:
             picture = np.full((30, 40), 60, np.uint8)
             picture[:, at : at + 10] = 180
             picture += self.rng.integers(0, 4, (30, 40), np.uint8)
-            self.pace.learn(label, picture.ravel(), self.now_s)
+            self.pace.learn(label, picture.ravel(), self.now_s, point)
         return self
 
 
@@ -42,6 +42,17 @@ def test_the_longest_manoeuvre_sets_the_measure_at_any_frame_rate(rate_hz):
 def test_turning_to_and_fro_is_one_manoeuvre_until_it_is_paid_back():
     pilot = Pilot().drive(F, 2).drive(L, 2).drive(F, 0.6).drive(R, 2)
     assert pilot.pace.longest_debt_s == pytest.approx(2 - 4 * 0.4 + 2, abs=0.5)
+
+
+@pytest.mark.parametrize(("steering", "debt_s"), [(1.0, 5.0), (0.8, 3.0), (0.6, 1.5), (0.3, 1.5)])
+def test_a_curve_by_degrees_gets_on_by_what_it_lacks_to_full_lock(steering, debt_s):
+    pilot = Pilot().drive(F, 3).drive(L, 5, point=Point(-steering, 0.5)).drive(F, 2)
+    assert pilot.pace.longest_debt_s == pytest.approx(debt_s, abs=0.3)
+
+
+def test_a_wide_curve_pays_for_the_turn_before_it():
+    pilot = Pilot().drive(L, 2).drive(L, 4, point=Point(-0.3, 0.5)).drive(R, 2)
+    assert pilot.pace.longest_debt_s == pytest.approx(2.0, abs=0.3)
 
 
 def test_the_measure_has_bounds():
