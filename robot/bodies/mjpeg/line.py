@@ -51,11 +51,10 @@ class CameraLine:
                 is_home = _origin(url) == _origin(self._url)
                 shown = basic(user, password) if user and is_home else None
             elif head.status == 401:
-                if not shown or has_answered:
-                    raise CameraError(f"{where} answers 401: {_ask_for_password(user, shown)}")
                 address = url._replace(netloc=_netloc(url)).geturl()
+                is_first = shown and not has_answered
                 try:
-                    answer = digest(head, address, user, password)
+                    answer = digest(head, address, user, password) if is_first else None
                 except ValueError as error:
                     raise CameraError(
                         f"{where} asks for a password in a way that is not known here ({error}); "
