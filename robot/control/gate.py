@@ -18,15 +18,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from robot.types import (
-    Action,
-    Decision,
-    DrivenBy,
-    Mode,
-    PilotCommand,
-    Prediction,
-    StopReason,
-)
+from robot.types import Action, Decision, DrivenBy, Mode, PilotCommand, Prediction, StopReason
 
 log = logging.getLogger(__name__)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 
+import pytest
+
 from robot.camera import Camera
 from robot.devices.options import options_of
 from robot.devices.plugins import load_camera
@@ -91,8 +93,6 @@ class CameraContract:
     def test_a_frozen_source_is_a_fault(self, camera_case: CameraCase) -> None:
         """A frozen source is reported, and its last picture is not passed on as
         a new one."""
-        import pytest
-
         if camera_case.freeze is None:
             pytest.skip("this source cannot freeze")
         with camera_case.camera as camera:
@@ -102,8 +102,6 @@ class CameraContract:
 
     def test_a_source_that_was_frozen_is_seen_again(self, camera_case: CameraCase) -> None:
         """However long it was frozen: a line that was given up meanwhile is opened again."""
-        import pytest
-
         if camera_case.freeze is None or camera_case.thaw is None:
             pytest.skip("this source cannot freeze and go on")
         with camera_case.camera as camera:

@@ -7,7 +7,8 @@ while the other stands, which turns the robot by 18.5 degrees a second about the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,8 @@ WHEELS_MPS = {move: WHEELS.at(point) for move, point in CLASSIC_POINTS.items()}
 SONAR_RANGE_M = 2.55
 SONAR_HALF_CONE_RAD = math.radians(12.5)
 _SONAR_RAYS_RAD = np.linspace(-SONAR_HALF_CONE_RAD, SONAR_HALF_CONE_RAD, 7)
+Overlap = tuple[float, float, float]
+"""Of the body with a wall or a thing: the unit normal, and the depth."""
 _LEFT_BUMPER_RAD = math.radians(-10), math.radians(80)
 """Bearings, relative to straight ahead; the right one is its mirror image."""
 
@@ -62,7 +65,7 @@ def push_out(world: World, pose: Pose) -> tuple[Pose, list[float]]:
     x_m, y_m = pose.x_m, pose.y_m
     contacts_rad: list[float] = []
     for _ in range(3):  # in a corner, being pushed out of one wall may push into the other
-        normals = list(_overlaps(world, x_m, y_m))
+        normals = _overlaps(world, x_m, y_m)
         if not normals:
             break
         for normal_x, normal_y, depth_m in normals:
@@ -96,9 +99,9 @@ def _ranges_to_m(
     obstacle: Obstacle, pose: Pose, steps_x: NDArray[np.float64], steps_y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the way to one thing; infinite where the ray passes it."""
-    from_x, from_y = _into(obstacle, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
-    cos, sin = math.cos(obstacle.heading_rad), math.sin(obstacle.heading_rad)
-    rays_x, rays_y = steps_x * cos + steps_y * sin, steps_y * cos - steps_x * sin
+    turn_rad = -obstacle.heading_rad  # into the thing's own axes
+    from_x, from_y = _turned(turn_rad, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
+    rays_x, rays_y = _turned(turn_rad, steps_x, steps_y)
     if obstacle.shape == "cylinder":
         half = from_x * rays_x + from_y * rays_y
         inside = half * half - (from_x**2 + from_y**2 - (obstacle.width_m / 2) ** 2)
@@ -114,25 +117,22 @@ def _ranges_to_m(
     return np.where(enter <= leave, enter, np.inf)
 
 
-def _overlaps(world: World, x_m: float, y_m: float) -> Iterator[tuple[float, float, float]]:
-    """Yield the unit normal and depth of each overlap of the disc at (x, y)."""
-    if x_m < RADIUS_M:
-        yield 1.0, 0.0, RADIUS_M - x_m
-    if x_m > world.width_m - RADIUS_M:
-        yield -1.0, 0.0, x_m - (world.width_m - RADIUS_M)
-    if y_m < RADIUS_M:
-        yield 0.0, 1.0, RADIUS_M - y_m
-    if y_m > world.depth_m - RADIUS_M:
-        yield 0.0, -1.0, y_m - (world.depth_m - RADIUS_M)
-    for obstacle in world.obstacles:
-        overlap = overlap_with(obstacle, x_m, y_m)
-        if overlap is not None:
-            yield overlap
+def _overlaps(world: World, x_m: float, y_m: float) -> list[Overlap]:
+    """List the overlaps of the disc at (x, y)."""
+    walls = (
+        (1.0, 0.0, RADIUS_M - x_m),
+        (-1.0, 0.0, x_m - (world.width_m - RADIUS_M)),
+        (0.0, 1.0, RADIUS_M - y_m),
+        (0.0, -1.0, y_m - (world.depth_m - RADIUS_M)),
+    )
+    things = (overlap_with(obstacle, x_m, y_m) for obstacle in world.obstacles)
+    return [*(wall for wall in walls if wall[2] > 0.0), *filter(None, things)]
 
 
-def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> tuple[float, float, float] | None:
+def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> Overlap | None:
     """Return unit normal and depth of the body's overlap with one thing; None if there is none."""
-    along, across = _into(obstacle, x_m - obstacle.x_m, y_m - obstacle.y_m)
+    heading_rad = obstacle.heading_rad
+    along, across = _turned(-heading_rad, x_m - obstacle.x_m, y_m - obstacle.y_m)
     if obstacle.shape == "cylinder":
         near_x = near_y = 0.0
         reach_m = RADIUS_M + obstacle.width_m / 2
@@ -147,19 +147,14 @@ def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> tuple[float, flo
     if gap_m == 0.0:  # the centre is inside: leave away from the middle, as it came
         gap_x, gap_y, gap_m = along or 1.0, across, math.hypot(along or 1.0, across)
         reach_m = gap_m + RADIUS_M
-    normal_x, normal_y = _out_of(obstacle, gap_x / gap_m, gap_y / gap_m)
+    normal_x, normal_y = _turned(heading_rad, gap_x / gap_m, gap_y / gap_m)
     return normal_x, normal_y, reach_m - gap_m
 
 
-def _into(obstacle: Obstacle, x: float, y: float) -> tuple[float, float]:
-    """Turn a vector of the room into the obstacle's own axes."""
-    cos, sin = math.cos(obstacle.heading_rad), math.sin(obstacle.heading_rad)
-    return x * cos + y * sin, y * cos - x * sin
-
-
-def _out_of(obstacle: Obstacle, x: float, y: float) -> tuple[float, float]:
-    cos, sin = math.cos(obstacle.heading_rad), math.sin(obstacle.heading_rad)
-    return x * cos - y * sin, x * sin + y * cos
+def _turned(turn_rad: float, x: Any, y: Any) -> tuple[Any, Any]:
+    """Turn a vector, or an array of them."""
+    cos, sin = math.cos(turn_rad), math.sin(turn_rad)
+    return x * cos - y * sin, y * cos + x * sin
 
 
 def _clamp(value: float, limit: float) -> float:

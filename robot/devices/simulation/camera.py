@@ -118,13 +118,7 @@ class SimCamera(WorldCamera):
     def capture(self) -> Frame:
         """Take one picture now, on this thread: for experiments, which use no `start`."""
         picture = self._body.simulation.render()
-        return self._publish(
-            picture.tobytes(),
-            width=WIDTH_PX,
-            height=HEIGHT_PX,
-            encoding=Encoding.RGB,
-            captured_s=self.clock.now_s(),
-        )
+        return self._show(picture.tobytes(), Encoding.RGB, self.clock.now_s())
 
     def for_the_eye(self, frame: Frame) -> Frame:
         """Return the frame at 320x240; the first that is asked for comes with the next frame."""
@@ -147,12 +141,11 @@ class SimCamera(WorldCamera):
                 encoding=Encoding.JPEG,
                 data=self._compress(self._body.simulation.render_large()),
             )
+        return self._show(jpeg, Encoding.JPEG, captured_s)
+
+    def _show(self, data: bytes, encoding: Encoding, captured_s: float) -> Frame:
         return self._publish(
-            jpeg,
-            width=WIDTH_PX,
-            height=HEIGHT_PX,
-            encoding=Encoding.JPEG,
-            captured_s=captured_s,
+            data, width=WIDTH_PX, height=HEIGHT_PX, encoding=encoding, captured_s=captured_s
         )
 
     def _leave(self) -> None:

@@ -12,14 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.devices.simulation.body import (
-    WHEELS,
-    WHEELS_MPS,
-    bumpers,
-    move,
-    push_out,
-    sonar_m,
-)
+from robot.devices.simulation.body import WHEELS, WHEELS_MPS, bumpers, move, push_out, sonar_m
 from robot.devices.simulation.renderer import Renderer
 from robot.devices.simulation.things import move_things
 from robot.devices.simulation.world import World
