@@ -95,15 +95,12 @@ class RecordWriter:
 def read_records(path: Path) -> Iterator[bytes]:
     """Yield every sound record of a file, in order; nothing of what is no regular file."""
     data = read_regular(path, MAX_FILE_BYTES)
-    at = data.find(MAGIC)
-    while at >= 0:
+    at = 0
+    while (at := data.find(MAGIC, at)) >= 0:
         payload = _payload_at(data, at)
-        if payload is None:
-            at = data.find(MAGIC, at + 1)
-        else:
+        if payload is not None:
             yield payload
-            end = at + _HEAD.size + len(payload)
-            at = data.find(MAGIC, end)
+        at += 1 if payload is None else _HEAD.size + len(payload)
 
 
 def read_regular(path: Path, max_bytes: int) -> bytes:

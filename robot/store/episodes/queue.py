@@ -195,10 +195,8 @@ class RecordingQueue:
         """Stop recording until the robot starts again; it drives on."""
         writer, self._writer = self._writer, None
         if writer is not None:
-            try:
+            with contextlib.suppress(Exception):  # it was refused before
                 writer.abandon()
-            except Exception as error:
-                log.warning("closing the recording failed: %s", error)
         self.episode_id = None
         log.warning(sentence)
         self.refuse(sentence)

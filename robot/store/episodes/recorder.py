@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import secrets
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -244,12 +244,8 @@ class Recorder:
         self._is_open = False
 
     def _take(self) -> Model:
-        history = self._loop.history
-        return take_model(
-            history.policy,
-            Counter(history.taught),
-            saved_at_s=self._loop.clock.wall_s(),
-        )
+        history, now_s = self._loop.history, self._loop.clock.wall_s()
+        return take_model(history.policy, history.taught, saved_at_s=now_s)
 
 
 def make_id(wall_ns: int) -> str:

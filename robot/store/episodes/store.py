@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import threading
 from collections.abc import Callable
@@ -46,40 +47,33 @@ class EpisodeStore:
 
     def summaries(self) -> list[EpisodeSummary]:
         """Describe all episodes, the newest by time first; each state of a file is read once."""
+        found = []
         with self._listing:
             paths = self._paths()
-            found = list(map(self._describe, paths))
+            for path in paths:
+                with contextlib.suppress(OSError):  # it is gone
+                    found.append(self._describe(path))
             self._described = {p: self._described[p] for p in paths if p in self._described}
-        summaries = [summary for summary in found if summary is not None]
-        return sorted(summaries, key=lambda s: (s.started_at_s, s.id), reverse=True)
+        return sorted(found, key=lambda s: (s.started_at_s, s.id), reverse=True)
 
     def summary(self, episode_id: str) -> EpisodeSummary:
         """Describe one episode; raises OSError if it is gone."""
-        path = self.path(episode_id)
         with self._listing:
-            summary = self._describe(path)
-        if summary is None:
-            raise FileNotFoundError(path)
-        return summary
+            return self._describe(self.path(episode_id))
 
     def _paths(self) -> list[Path]:
         found = [path for path in paths_in(self._storage.episodes) if path.suffix == ".mcap"]
         return [path for path in found if path.is_file() and not path.name.startswith(".")]
 
-    def _describe(self, path: Path) -> EpisodeSummary | None:
+    def _describe(self, path: Path) -> EpisodeSummary:
         """Describe a recording by reading it, unless it and its notes are as they were."""
         notes = notes_path(path)
-        try:
-            found = [file.stat() for file in (path, notes) if file is path or file.exists()]
-            state = [(status.st_size, status.st_mtime_ns) for status in found]
-            known, summary = self._described.get(path, (None, None))
-            if state != known:
-                is_growing = path.stem == self._recording() and found[0].st_size > _READ_WHOLE_BYTES
-                summary = read_summary(path, is_growing=is_growing)
-                self._described[path] = state, summary
-            return summary
-        except OSError:
-            return None
+        found = [file.stat() for file in (path, notes) if file is path or file.exists()]
+        state = [(status.st_size, status.st_mtime_ns) for status in found]
+        if path not in self._described or self._described[path][0] != state:
+            is_growing = path.stem == self._recording() and found[0].st_size > _READ_WHOLE_BYTES
+            self._described[path] = state, read_summary(path, is_growing=is_growing)
+        return self._described[path][1]
 
     def path(self, episode_id: str) -> Path:
         """Return the file of an episode."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import Any, BinaryIO
 
 from robot.driver import Move, to_text
@@ -30,7 +32,6 @@ from robot.store.episodes.reader import (
     Message,
     MessageChannel,
     Metadata,
-    Schema,
     require_mcap,
 )
 from robot.store.models.events import read_event, to_json
@@ -100,8 +101,8 @@ class EpisodeWriter:
         from mcap.writer import CompressionType, Writer
 
         self._writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._schemas: dict[Schema, int] = {}
-        self._channels: dict[MessageChannel, int] = {}
+        self._schema = cache(lambda schema: self._writer.register_schema(*schema))
+        self._channel = cache(self._register)
         self._frames: set[int] = set()
         self._taught: dict[int, Example] = {}
         self._first_ns, self._last_ns = 2**64, 0
@@ -124,11 +125,11 @@ class EpisodeWriter:
 
     def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
         """Add one message; its topic is one of `messages.SCHEMAS`."""
-        stamp_ns, data = self._to_ns(now_s), to_json(fields)
-        self._add(json_channel(topic), stamp_ns, data, 0, fields if topic == LESSON else None)
+        stamp_ns = self._to_ns(now_s)
+        self._add(json_channel(topic), stamp_ns, to_json(fields))
         if topic == SENSORS and fields["pose"]:
             drawn = to_json(pose_in_frame(fields["pose"], stamp_ns))
-            self._add(json_channel(POSE), stamp_ns, drawn, 0)
+            self._add(json_channel(POSE), stamp_ns, drawn)
 
     def write_copy(self, record: Message | Metadata | Attachment) -> None:
         """Add what stands in another recording, byte for byte."""
@@ -137,8 +138,7 @@ class EpisodeWriter:
         elif isinstance(record, Attachment):
             self._attach(record.name, record.data)
         else:
-            lesson = json.loads(record.data) if record.topic == LESSON else None
-            self._add(record.channel, record.log_ns, record.data, record.sequence, lesson)
+            self._add(record.channel, record.log_ns, record.data, record.sequence)
 
     def flush(self) -> None:
         """Flush to the disk: a kill or a power cut then loses nothing of it."""
@@ -171,35 +171,21 @@ class EpisodeWriter:
         """Return a time of the run's clock as nanoseconds since 1970."""
         return max(self._origin_ns + round(now_s * 1e9), 0)
 
-    def _add(
-        self,
-        channel: MessageChannel,
-        stamp_ns: int,
-        data: bytes,
-        sequence: int,
-        lesson: Fields | None = None,
-    ) -> None:
+    def _add(self, channel: MessageChannel, stamp_ns: int, data: bytes, sequence: int = 0) -> None:
         self._first_ns = min(stamp_ns, self._first_ns)
         self._last_ns = max(stamp_ns, self._last_ns)
         if channel.topic == CAMERA:
             self._frames.add(sequence)
-        elif lesson is not None:
-            note_taught(self._taught, read_event(lesson))
-        if channel not in self._channels:
-            self._channels[channel] = self._writer.register_channel(
-                channel.topic,
-                channel.encoding,
-                self._schema(channel.schema),
-                dict(channel.metadata),
-            )
-        self._writer.add_message(self._channels[channel], stamp_ns, data, stamp_ns, sequence)
+        elif channel.topic == LESSON:
+            note_taught(self._taught, read_event(json.loads(data)))
+        self._writer.add_message(self._channel(channel), stamp_ns, data, stamp_ns, sequence)
 
-    def _schema(self, schema: Schema) -> int:
-        if schema not in self._schemas:
-            self._schemas[schema] = self._writer.register_schema(
-                schema.name, schema.encoding, schema.data
-            )
-        return self._schemas[schema]
+    def _register(self, channel: MessageChannel) -> int:
+        topic, encoding, schema, metadata = channel
+        number: int = self._writer.register_channel(
+            topic, encoding, self._schema(schema), dict(metadata)
+        )
+        return number
 
 
 def note_taught(examples: dict[int, Example], event: HistoryEvent) -> None:
@@ -213,8 +199,5 @@ def note_taught(examples: dict[int, Example], event: HistoryEvent) -> None:
 
 def _sync(file: BinaryIO) -> None:
     """Have the file's bytes reach the disk, if it is a real file."""
-    try:
-        descriptor = file.fileno()
-    except io.UnsupportedOperation:
-        return
-    os.fsync(descriptor)
+    with contextlib.suppress(io.UnsupportedOperation):
+        os.fsync(file.fileno())

@@ -178,13 +178,8 @@ class Autosave:
             learner = learner or self._loop.state.learner
             place = self._place if place is None else _checked_place(place)
             policy = make_policy(learner, moves or self._loop.state.moves)
-            model = take_model(
-                policy,
-                Counter(),
-                saved_at_s=0.0,
-                place=place,
-                position=self._journal.position(self._loop.history.changes),
-            )
+            position = self._journal.position(self._loop.history.changes)
+            model = take_model(policy, {}, place=place, position=position)
             self._check_stopped()
             if self.has_unsaved:
                 self.save()

@@ -25,7 +25,7 @@ import secrets
 import shutil
 import threading
 import zlib
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -34,6 +34,7 @@ from robot.clock import Clock, RealClock
 from robot.control.state import Tick
 from robot.policy.history import Edited, HistoryEvent, Taught, TrainingHistory
 from robot.store.disk import DiskThread
+from robot.store.folder import paths_in
 from robot.store.models.events import describe_event, to_json
 from robot.store.models.model import JournalPosition, Model, encode_model, take_model
 from robot.store.records import RecordWriter, open_new
@@ -59,10 +60,7 @@ after this change, and some learners look for their place then."""
 
 def list_parts(folder: Path) -> list[Part]:
     """List the parts that have a file, oldest first; none if the folder cannot be read."""
-    try:
-        found = [_PART.fullmatch(path.name) for path in folder.iterdir()]
-    except OSError:
-        return []
+    found = [_PART.fullmatch(path.name) for path in paths_in(folder)]
     return sorted({Part(int(match[1]), int(match[2])) for match in found if match is not None})
 
 
@@ -148,13 +146,8 @@ class Journal:
 
     def copy(self, history: TrainingHistory, place: str) -> Model:
         """Copy the learner as it is now, with its position; on the loop's thread."""
-        return take_model(
-            history.policy,
-            Counter(history.taught),
-            saved_at_s=0.0,
-            place=place,
-            position=self.position(history.changes),
-        )
+        position = self.position(history.changes)
+        return take_model(history.policy, history.taught, place=place, position=position)
 
     def _put(
         self, kind: str, change: int, body: HistoryEvent | Model | None = None, **more: str | None

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -92,9 +91,9 @@ class Model:
 
 def take_model(
     policy: Policy,
-    taught: Counter[Action],
+    taught: Mapping[Action, int],
     *,
-    saved_at_s: float,
+    saved_at_s: float = 0.0,
     place: str = "",
     position: JournalPosition | None = None,
 ) -> Model:
@@ -116,7 +115,7 @@ def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
     state = model.state
     arrays = {f"state.{name}": array for name, array in state.arrays.items()}
     labels = [str(label) for label in state.labels]
-    meta = {"format": FORMAT, **asdict(model.summary)}
+    meta: dict[str, Any] = {"format": FORMAT, **asdict(model.summary)}
     meta["journal"] = meta.pop("position")
     meta["state"] = {"kind": state.kind, "params": state.params, "labels": labels}
     meta["sha256"] = _checksum(meta, arrays)
@@ -156,10 +155,9 @@ def decode_summary(data: bytes) -> ModelSummary:
     return _summary(_read_meta(_unpack(data, MAX_BYTES, "meta").get("meta")))
 
 
-def stamp(model: Model, *, saved_at_s: float, place: str | None = None) -> Model:
-    """Return the same model with another time, and another place if one is given."""
-    summary = replace(model.summary, saved_at_s=saved_at_s)
-    return replace(model, summary=summary if place is None else replace(summary, place=place))
+def stamp(model: Model, **changes: Any) -> Model:
+    """Return the same model with another time or place in its summary."""
+    return replace(model, summary=replace(model.summary, **changes))
 
 
 _LATER = (

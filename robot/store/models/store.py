@@ -206,8 +206,7 @@ class ModelStore:
         return new_name
 
     def set_place(self, name: str, place: str) -> None:
-        model = self.load(name)
-        self.save(name, stamp(model, saved_at_s=model.summary.saved_at_s, place=place))
+        self.save(name, stamp(self.load(name), place=place))
 
     def copy(self, name: str, new_name: str | None = None) -> str:
         return self.add_file(new_name or name, self.read_file(name))

@@ -17,7 +17,7 @@ from robot.errors import RecordingError
 from robot.policy.autosize import sample_frames
 from robot.policy.policy import Policy
 from robot.store.models.model import Model
-from robot.types import Action, Frame
+from robot.types import Action
 
 _MACHINE = RealClock()
 
@@ -27,6 +27,7 @@ refuses nothing."""
 _PICTURES = 6
 _STEP_S = 0.15
 _MOST_MOVES = 32
+_pictures = cache(sample_frames)
 
 
 def try_model(model: Model) -> None:
@@ -59,7 +60,7 @@ def _drive(policy: Policy) -> None:
     """Show some pictures, each with another move under way, and teach each of them."""
     until_s = _MACHINE.now_s() + TRIAL_S
     moves = cycle((*policy.moves, None))
-    for i, frame in enumerate(_pictures()):
+    for i, frame in enumerate(_pictures(_PICTURES)):
         x, at_s = policy.extract(frame), i * _STEP_S
         for under_way in (None, next(moves)):
             shown = policy.propose(i, x, under_way=under_way, at_s=at_s)
@@ -70,11 +71,6 @@ def _drive(policy: Policy) -> None:
             break
     policy.gallery()
     policy.reset()
-
-
-@cache
-def _pictures() -> tuple[Frame, ...]:
-    return tuple(sample_frames(_PICTURES))
 
 
 def _demand(holds: bool, otherwise: str) -> None:
