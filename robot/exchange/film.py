@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
-from itertools import accumulate
+from itertools import chain, groupby
 from pathlib import Path
 from typing import Any
 
@@ -153,51 +153,24 @@ def write_look(
     """Write an episode as a film to look at: large, with label and prediction below the picture.
 
     It lasts as long as the drive without what was deleted. Where the camera gave no picture for a
-    moment, the last one stays; longer gaps are cut. Returns how many pictures the film has.
+    moment, the nearest one stays; longer gaps are cut. Returns how many pictures the film has.
 
     Raises:
         MissingExtraError: If `av` or OpenCV is not installed.
     """
-    kept, times_s = _shown(moments(episode, notes))
-    rate = fps or frame_rate(times_s)
+    found = moments(episode, notes)
+    line = make_timeline([moment.at_s for moment in found])
+    rate = fps or line.fps
 
     def pictures() -> Iterable[Pixels]:
-        for moment, count in zip(kept, repeats(times_s, rate), strict=True):
+        for index, same in groupby(chain.from_iterable(line.evenly(rate))):
             on_frame()
-            if count:
-                picture = _caption(to_rgb(episode.frame(moment.frame_id)), moment)
-                for _ in range(count):
+            if not found[index].is_deleted:
+                picture = _caption(to_rgb(episode.frame(found[index].frame_id)), found[index])
+                for _ in same:
                     yield picture
 
     return write_film(pictures(), path, rate, crf=23, preset="ultrafast")
-
-
-def _shown(found: list[EpisodeFrame]) -> tuple[list[EpisodeFrame], list[float]]:
-    """Return what was not deleted, with times that skip the deleted stretches and the gaps."""
-    shown_s = make_timeline([moment.at_s for moment in found]).shown_s
-    kept = [pair for pair in zip(found, shown_s, strict=True) if not pair[0].is_deleted]
-    times_s = [0.0, *accumulate(for_s for _, for_s in kept)][: len(kept)]
-    return [moment for moment, _ in kept], times_s
-
-
-def repeats(times_s: Sequence[float], rate: int) -> list[int]:
-    """Return how often each picture stands in a film of this rate, so that it lasts as long.
-
-    The last picture stays as long as pictures usually do.
-    """
-    if not times_s:
-        return []
-    starts = [round((at_s - times_s[0]) * rate) for at_s in times_s]
-    usual_s = 1.0 / frame_rate(list(times_s))
-    ends = [*starts[1:], max(round((times_s[-1] - times_s[0] + usual_s) * rate), starts[-1] + 1)]
-    return [end - start for start, end in zip(starts, ends, strict=True)]
-
-
-def frame_rate(times_s: list[float]) -> int:
-    """Return the usual rate of these times in whole pictures a second, 1 to 60."""
-    gaps_s = np.diff(np.asarray(times_s)) if len(times_s) > 1 else np.array([1 / 20])
-    usual_s = float(np.median(gaps_s))
-    return int(np.clip(round(1 / usual_s), 1, 60)) if usual_s > 0 else 30
 
 
 def _caption(picture: Pixels, moment: EpisodeFrame) -> Pixels:

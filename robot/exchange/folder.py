@@ -14,6 +14,7 @@ from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, done_at, read_meant, read_point
+from robot.exchange.text_files import read_text
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -29,7 +30,6 @@ _LABEL = ("label", "move", "action", "class")
 _ANGLE = ("angle", "steering", "user/angle", "steering_angle")
 _THROTTLE = ("throttle", "user/throttle", "speed")
 _TIME = ("time_s", "t", "time", "timestamp", "seconds")
-_MOST_TABLE_BYTES, _MOST_MOVES_BYTES = 64 * 2**20, 2**20
 Cells = dict[str, str]
 
 
@@ -122,13 +122,9 @@ def read_folder(
 
 
 def _read_moves(path: Path) -> tuple[Move, ...]:
-    if not path.is_file():
-        return ()
     try:
-        if path.stat().st_size > _MOST_MOVES_BYTES:
-            raise ValueError("it is too large")
-        return from_text(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        return from_text(read_text(path)) if path.is_file() else ()
+    except ValueError as error:
         raise RecordingError(f"{path} cannot be read: {error}") from error
 
 
@@ -141,13 +137,11 @@ def _find_table(folder: Path) -> Path:
 
 def _read_rows(path: Path, report: ImportReport) -> list[tuple[str, Cells]]:
     """Return the whole rows, and where each stands."""
+    text = read_text(path)
+    reader = csv.DictReader(io.StringIO(text, newline=""))
     try:
-        if path.stat().st_size > _MOST_TABLE_BYTES:
-            raise RecordingError(f"the table {path} is too large")
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
-        reader = csv.DictReader(io.StringIO(text, newline=""))
         columns = {(name or "").strip().lower() for name in reader.fieldnames or ()}
-    except (OSError, csv.Error) as error:
+    except csv.Error as error:
         raise RecordingError(f"the table {path} cannot be read: {error}") from error
     if not columns.intersection(_FILE):
         raise RecordingError(f"the table {path} has no column {' or '.join(_FILE[:4])}")

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +23,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import RecordingError, need
-from robot.exchange.film import AV, frame_rate, write_film
-from robot.exchange.lerobot_stats import Brightness, Columns, Stats, column_stats
+from robot.exchange.film import AV, write_film
+from robot.exchange.lerobot_stats import (
+    Columns,
+    Stats,
+    brightness_stats,
+    column_stats,
+    count_brightness,
+)
 from robot.exchange.lerobot_tables import (
     DEGREES,
     PILOT,
-    require_pyarrow,
+    PYARROW,
     write_data,
     write_episodes,
     write_json,
@@ -95,31 +100,31 @@ def write_lerobot(
         MissingExtraError: If pyarrow, av or OpenCV is not installed.
         RecordingError: If there are no pictures.
     """
-    require_pyarrow()
+    need(*PYARROW)
     need(*AV)
-    shown = [(episode, moments(episode, notes)) for episode, notes in episodes]
-    first = make_timeline([moment.at_s for moment in shown[0][1]])
-    rate = fps or frame_rate(first.times_s)
-    parts = [part for episode, found in shown for part in _split(episode, found, rate)]
+    first, notes = episodes[0]
+    rate = fps or make_timeline([moment.at_s for moment in moments(first, notes)]).fps
+    parts = [part for episode, notes in episodes for part in _split(episode, notes, rate)]
     if not parts:
         raise RecordingError("there are no pictures to export")
     form = _Form(parts, rate)
     folder.mkdir(parents=True)
     tables: list[Columns] = []
-    rows, seen = [], Brightness()
+    rows, seen = [], np.zeros((3, 256), np.int64)
     for index, part in enumerate(parts):
         columns = form.columns(part, index, sum(len(table["index"]) for table in tables))
         chunk, file = divmod(index, _FILES_A_CHUNK)
         name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
-        film, pictures = folder / name, Brightness()
-        write_film(map(pictures.add, part.pictures(on_frame)), film, rate, key_every=_KEY_EVERY)
-        seen.join(pictures)
+        counts = np.zeros_like(seen)
+        pictures = count_brightness(part.pictures(on_frame), counts)
+        write_film(pictures, folder / name, rate, key_every=_KEY_EVERY)
+        seen += counts
         tables.append(columns)
-        rows.append(_episode_row(columns, pictures, (chunk, file), rate, task))
-    write_data(folder, tables)
+        rows.append(_episode_row(columns, counts, (chunk, file), rate, task))
+    joined = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    write_data(folder, joined)
     write_episodes(folder, rows)
     write_tasks(folder, task)
-    joined = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     info = {
         "codebase_version": "v3.0",
         "robot_type": robot_type or episodes[0][0].run.get("robot") or "drivelesson",
@@ -140,25 +145,10 @@ def write_lerobot(
     return len(parts)
 
 
-def _split(episode: Episode, found: list[EpisodeFrame], fps: int) -> list[DatasetPart]:
-    """Cut where time is missing, and take the nearest picture at each tick of the rate."""
-    line = make_timeline([moment.at_s for moment in found])
-    kept = [pair for pair in zip(found, line.times_s, strict=True) if not pair[0].is_deleted]
-    runs = [kept[:1]] if kept else []
-    for (_, before_s), pair in pairwise(kept):
-        if pair[1] - before_s > line.gap_s:
-            runs.append([])
-        runs[-1].append(pair)
-    return [DatasetPart(episode=episode, moments=_resample(run, fps)) for run in runs]
-
-
-def _resample(run: list[tuple[EpisodeFrame, float]], fps: int) -> list[EpisodeFrame]:
-    times_s = np.array([at_s for _, at_s in run])
-    ticks_s = times_s[0] + np.arange(int((times_s[-1] - times_s[0]) * fps + 0.5) + 1) / fps
-    after = np.clip(np.searchsorted(times_s, ticks_s), 0, len(run) - 1)
-    before = np.clip(after - 1, 0, len(run) - 1)
-    is_before_nearer = ticks_s - times_s[before] < times_s[after] - ticks_s
-    return [run[int(i)][0] for i in np.where(is_before_nearer, before, after)]
+def _split(episode: Episode, notes: Notes, fps: int) -> list[DatasetPart]:
+    kept = [moment for moment in moments(episode, notes) if not moment.is_deleted]
+    stretches = make_timeline([moment.at_s for moment in kept]).evenly(fps)
+    return [DatasetPart(episode=episode, moments=[kept[i] for i in part]) for part in stretches]
 
 
 class _Form:
@@ -241,30 +231,30 @@ def _sensed(part: DatasetPart, name: str) -> NDArray[np.float64]:
     return found
 
 
-def _stats(columns: Columns, pictures: Brightness) -> Stats:
+def _stats(columns: Columns, counts: NDArray[np.int64]) -> Stats:
     found = {name: column_stats(values) for name, values in columns.items()}
-    return {**found, CAMERA: pictures.stats()}
+    return {**found, CAMERA: brightness_stats(counts, len(columns["index"]))}
 
 
 def _episode_row(
-    columns: Columns, pictures: Brightness, place: tuple[int, int], fps: int, task: str
+    columns: Columns, counts: NDArray[np.int64], place: tuple[int, int], fps: int, task: str
 ) -> dict[str, Any]:
-    count, start = len(columns["index"]), int(columns["index"][0])
+    length, start = len(columns["index"]), int(columns["index"][0])
     return {
         "episode_index": int(columns["episode_index"][0]),
         "tasks": [task],
-        "length": count,
+        "length": length,
         "data/chunk_index": 0,
         "data/file_index": 0,
         "dataset_from_index": start,
-        "dataset_to_index": start + count,
+        "dataset_to_index": start + length,
         f"videos/{CAMERA}/chunk_index": place[0],
         f"videos/{CAMERA}/file_index": place[1],
         f"videos/{CAMERA}/from_timestamp": 0.0,
-        f"videos/{CAMERA}/to_timestamp": count / fps,
+        f"videos/{CAMERA}/to_timestamp": length / fps,
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,
-        "stats": _stats(columns, pictures),
+        "stats": _stats(columns, counts),
     }
 
 

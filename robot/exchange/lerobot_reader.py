@@ -7,7 +7,6 @@ lerobot-dataset-v3.mdx and porting_datasets_v3.mdx.
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -23,6 +22,7 @@ from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, read_meant, read_point
+from robot.exchange.text_files import parse, read_text
 from robot.types import Action
 
 _ANGLES = ("angle", "steering", "steering_angle", "user/angle")
@@ -31,7 +31,6 @@ _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
 """Where nothing else says who drove, the pilot is believed to have driven these alone."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
-_MOST_TEXT_BYTES = 64 * 2**20
 Record = dict[str, Any]
 
 
@@ -56,8 +55,8 @@ class LerobotDataset:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         try:
-            self._info = read(_Info, json.loads(_read_text(folder / "meta/info.json")))
-        except (ConfigurationError, ValueError, RecursionError) as error:
+            self._info = read(_Info, parse(read_text(folder / "meta/info.json")))
+        except ConfigurationError as error:
             raise RecordingError(f"{folder}/meta/info.json is damaged: {error}") from error
         self._is_v3 = self._info.codebase_version.startswith("v3")
         if not self._info.codebase_version.startswith(("v2.", "v3.")):
@@ -125,13 +124,9 @@ class LerobotDataset:
                 except RecordingError:
                     continue
             return
-        for line in _read_text(self.folder / "meta/episodes.jsonl", must=False).splitlines():
-            try:
-                found = json.loads(line)
-            except (ValueError, RecursionError):
-                continue
-            if isinstance(found, dict):
-                yield found
+        path = self.folder / "meta/episodes.jsonl"
+        lines = read_text(path).splitlines() if path.is_file() else []
+        yield from (row for row in map(parse, lines) if isinstance(row, dict))
 
     def _data_file(self, episode: int, row: Record) -> Path:
         if not self._is_v3:
@@ -238,17 +233,6 @@ class LerobotDataset:
 def is_dataset(folder: Path) -> bool:
     """True if the folder is a LeRobot dataset."""
     return (folder / "meta/info.json").is_file()
-
-
-def _read_text(path: Path, *, must: bool = True) -> str:
-    try:
-        if path.stat().st_size > _MOST_TEXT_BYTES:
-            raise RecordingError(f"{path} is too large")
-        return path.read_text("utf-8", errors="replace")
-    except OSError as error:
-        if must:
-            raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
-        return ""
 
 
 def _episodes_in(path: Path) -> set[int]:

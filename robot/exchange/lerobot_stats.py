@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -16,40 +17,25 @@ Stats = dict[str, dict[str, list[Any]]]
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 
 
-class Brightness:
-    """How often each brightness occurs in pictures, by colour: all statistics follow from it."""
+def count_brightness(pictures: Iterable[Pixels], counts: NDArray[np.int64]) -> Iterator[Pixels]:
+    """Pass pictures on, shape (height, width, 3), and add to `counts`, shape (3, 256), how often
+    each brightness occurs in each colour: all statistics follow from it."""
+    for picture in pictures:
+        counts += [np.bincount(colour, minlength=256) for colour in picture.reshape(-1, 3).T]
+        yield picture
 
-    def __init__(self) -> None:
-        self._pictures = 0
-        self._counts = np.zeros((3, 256), np.int64)
 
-    def add(self, picture: Pixels) -> Pixels:
-        """Add one picture, shape (height, width, 3), and return it unchanged."""
-        self._pictures += 1
-        self._counts += [np.bincount(colour, minlength=256) for colour in picture.reshape(-1, 3).T]
-        return picture
-
-    def join(self, other: Brightness) -> None:
-        """Add the pictures of another one."""
-        self._pictures += other._pictures
-        self._counts += other._counts
-
-    def stats(self) -> dict[str, list[Any]]:
-        """Return the statistics as shares of full brightness, shape (3, 1, 1), and the count."""
-        shares, below = np.arange(256) / 255.0, self._counts.cumsum(axis=1)
-        total = below[:, -1:]
-        mean = (self._counts * shares).sum(axis=1, keepdims=True) / total
-        deviations = self._counts * (shares - mean) ** 2
-        found = {
-            "min": [shares[counts.nonzero()[0][0]] for counts in self._counts],
-            "max": [shares[counts.nonzero()[0][-1]] for counts in self._counts],
-            "mean": mean,
-            "std": np.sqrt(deviations.sum(axis=1, keepdims=True) / total),
-        }
-        for name, share in _QUANTILES.items():
-            found[name] = shares[(below < share * total).sum(axis=1)]
-        plain = {name: np.reshape(of, (3, 1, 1)).tolist() for name, of in found.items()}
-        return {**plain, "count": [self._pictures]}
+def brightness_stats(counts: NDArray[np.int64], n_pictures: int) -> dict[str, list[Any]]:
+    """Return the statistics as shares of full brightness, shape (3, 1, 1), and the count."""
+    shares, below = np.arange(256) / 255.0, counts.cumsum(axis=1)
+    total = below[:, -1:]
+    mean = (counts * shares).sum(axis=1, keepdims=True) / total
+    deviations = counts * (shares - mean) ** 2
+    ranks = {"min": 1, "max": total, **{name: q * total for name, q in _QUANTILES.items()}}
+    found = {name: shares[(below < rank).sum(axis=1)] for name, rank in ranks.items()}
+    found |= {"mean": mean, "std": np.sqrt(deviations.sum(axis=1, keepdims=True) / total)}
+    plain = {name: np.reshape(of, (3, 1, 1)).tolist() for name, of in found.items()}
+    return {**plain, "count": [n_pictures]}
 
 
 def column_stats(values: NDArray[Any]) -> dict[str, list[Any]]:

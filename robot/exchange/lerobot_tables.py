@@ -6,15 +6,16 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from robot.errors import MissingExtraError, RecordingError
+from robot.errors import RecordingError, need
 from robot.exchange.lerobot_stats import Columns
 
 PILOT = "pilot"
 """A column: which move the pilot taught, by its place among the feature's moves; -1 for none."""
 DEGREES = "degrees"
 """A column: whether the pilot meant the action by degrees, and not the move as it is."""
+PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
+"""The library, what it is for, and the extra that has it."""
+_PARQUET = ("pyarrow.parquet", *PYARROW[1:])
 _MOST_TABLE_BYTES = 2**30
 
 
@@ -26,7 +27,7 @@ def read_table(
     Raises:
         RecordingError: If it is damaged, or unpacks to more than 1 GB.
     """
-    pa, pq = require_pyarrow()
+    pa, pq = need(*PYARROW), need(*_PARQUET)
     try:
         with pq.ParquetFile(path) as file:
             groups = range(file.metadata.num_row_groups)
@@ -43,34 +44,28 @@ def read_table(
     return found
 
 
-def write_data(folder: Path, tables: list[Columns]) -> None:
+def write_data(folder: Path, columns: Columns) -> None:
     """Write a row a frame."""
-    pa, pq = require_pyarrow()
-    columns = {}
-    for name in tables[0]:
-        values = np.concatenate([table[name] for table in tables])
-        if values.ndim == 1:
-            columns[name] = pa.array(values)
-        else:
-            flat = pa.array(values.reshape(-1))
-            columns[name] = pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
-    _write_table(pq, pa.table(columns), folder / "data/chunk-000/file-000.parquet")
+    pa = need(*PYARROW)
+    arrays = {name: pa.array(values.reshape(-1)) for name, values in columns.items()}
+    for name, values in columns.items():
+        if values.ndim == 2:
+            arrays[name] = pa.FixedSizeListArray.from_arrays(arrays[name], values.shape[1])
+    _write_table(pa.table(arrays), folder / "data/chunk-000/file-000.parquet")
 
 
 def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
     """Write a row an episode; its statistics become columns."""
-    pa, pq = require_pyarrow()
+    pa = need(*PYARROW)
     for row in rows:
         for feature, stats in row.pop("stats").items():
             row.update({f"stats/{feature}/{kind}": value for kind, value in stats.items()})
-    _write_table(
-        pq, pa.Table.from_pylist(rows), folder / "meta/episodes/chunk-000/file-000.parquet"
-    )
+    _write_table(pa.Table.from_pylist(rows), folder / "meta/episodes/chunk-000/file-000.parquet")
 
 
 def write_tasks(folder: Path, task: str) -> None:
     """Write the tasks; their text is the index of the table, as pandas stores an index."""
-    pa, pq = require_pyarrow()
+    pa = need(*PYARROW)
     types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     described = [
         {"name": n, "field_name": n, "pandas_type": of, "numpy_type": plain, "metadata": None}
@@ -85,25 +80,15 @@ def write_tasks(folder: Path, task: str) -> None:
     }
     table = pa.table({"task_index": pa.array([0], pa.int64()), "task": pa.array([task])})
     table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
-    _write_table(pq, table, folder / "meta/tasks.parquet")
+    _write_table(table, folder / "meta/tasks.parquet")
 
 
-def _write_table(pq: Any, table: Any, path: Path) -> None:
+def _write_table(table: Any, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    pq.write_table(table, path, compression="snappy")
+    need(*_PARQUET).write_table(table, path, compression="snappy")
 
 
 def write_json(path: Path, value: Any) -> None:
     """Write plain values as readable JSON."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(value, indent=4), encoding="utf-8")
-
-
-def require_pyarrow() -> tuple[Any, Any]:
-    """Return pyarrow and its parquet module; raises MissingExtraError."""
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise MissingExtraError("reading and writing LeRobot datasets", "export") from error
-    return pyarrow, pyarrow.parquet

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from itertools import groupby, pairwise
 from statistics import median
 
+import numpy as np
+from numpy.typing import NDArray
+
 _SHORTEST_GAP_S = 1.0
 _LONGEST_PAUSE_S = 60.0
 """What is longer is taken for a clock that was set, or for the end of a session."""
@@ -31,11 +34,17 @@ class Timeline:
         return max(_SHORTEST_GAP_S, 3 * self.usual_s)
 
     @property
-    def shown_s(self) -> list[float]:
-        """How long each picture is shown: until the next, or the usual time before a gap."""
-        steps_s = [after_s - before_s for before_s, after_s in pairwise(self.times_s)]
-        steps_s += [self.usual_s] if self.times_s else []
-        return [step_s if step_s <= self.gap_s else self.usual_s for step_s in steps_s]
+    def fps(self) -> int:
+        """The usual rate in whole pictures a second, 1 to 60."""
+        return min(max(round(1 / self.usual_s), 1), 60)
+
+    def evenly(self, fps: int) -> list[list[int]]:
+        """Return stretches without a gap: at each tick of this rate the nearest picture's index."""
+        times_s = np.array(self.times_s)
+        begins = [0, *(np.flatnonzero(np.diff(times_s) > self.gap_s) + 1)]
+        stretches = [times_s[a:b] for a, b in pairwise([*begins, len(times_s)])]
+        pairs = zip(begins, stretches, strict=True)
+        return [(begin + _nearest(run_s, fps)).tolist() for begin, run_s in pairs if len(run_s)]
 
 
 def make_timeline(stamps_s: Sequence[object]) -> Timeline:
@@ -75,6 +84,13 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     equal = max(0, len(known) - outliers - len(runs))
     remark = _remark(len(read) - len(known), outliers, equal, backward, pauses)
     return Timeline(times_s=times_s, usual_s=usual_s, remark=remark)
+
+
+def _nearest(times_s: NDArray[np.float64], fps: int) -> NDArray[np.intp]:
+    ticks_s = times_s[0] + np.arange(int((times_s[-1] - times_s[0]) * fps + 0.5) + 1) / fps
+    after = np.searchsorted(times_s, ticks_s).clip(max=len(times_s) - 1)
+    before = (after - 1).clip(0)
+    return np.where(ticks_s - times_s[before] < times_s[after] - ticks_s, before, after)
 
 
 def _seconds(stamp: object) -> float | None:

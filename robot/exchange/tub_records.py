@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from robot.errors import RecordingError
 from robot.exchange.report import ImportReport
+from robot.exchange.text_files import parse, read_text
 
 IMAGE = "cam/image_array"
 MOVES = "drivelesson_moves"
 """Where a manifest of ours names the moves, so that a damaged label is none of them."""
-_MOST_TEXT_BYTES = 64 * 2**20
 _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()
 Record = dict[str, Any]
@@ -41,7 +42,7 @@ def read_first(folder: Path, report: ImportReport) -> list[Placed]:
     return [
         (path.name, record)
         for _, path in sorted(numbered)
-        for record in _records(_read_text(path, report), path.name, report)
+        for record in _records(_text_of(path, report), path.name, report)
     ]
 
 
@@ -54,7 +55,7 @@ def read_second(folder: Path, report: ImportReport) -> tuple[list[Placed], list[
         if Path(own).name != own:
             report.skip(name[:80], "leads out of the tub")
             continue
-        for number, line in enumerate(_read_text(folder / own, report).split("\n"), start=1):
+        for number, line in enumerate(_text_of(folder / own, report).split("\n"), start=1):
             if line.strip():
                 place = f"{own} line {number}"
                 records += [(place, record) for record in _records(line, place, report)]
@@ -69,7 +70,7 @@ def _read_manifest(
     Where the manifest is lost, the catalogs that are there are taken in their order.
     """
     path = folder / "manifest.json"
-    lines = [_parse(line) for line in _read_text(path, report).splitlines() if line.strip()]
+    lines = [parse(line) for line in _text_of(path, report).splitlines() if line.strip()]
     catalogs = lines[4] if len(lines) > 4 and isinstance(lines[4], dict) else {}
     named = catalogs.get("paths")
     if not isinstance(named, list):
@@ -86,15 +87,12 @@ def _read_manifest(
     return [str(name) for name in named], deleted, moves if is_list else None
 
 
-def _read_text(path: Path, report: ImportReport) -> str:
+def _text_of(path: Path, report: ImportReport) -> str:
     """Read a file as far as it is text; what cannot be read is skipped whole."""
     try:
-        if path.stat().st_size > _MOST_TEXT_BYTES:
-            report.skip(path.name, "it is too large")
-            return ""
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        report.skip(path.name, f"cannot be read: {error.strerror or error}")
+        return read_text(path)
+    except RecordingError as error:
+        report.skip(path.name, str(error).removeprefix(f"{path} "))
         return ""
 
 
@@ -114,13 +112,6 @@ def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
             report.skip(place, f"names no picture ({IMAGE})")
     if (left_out + text[at:]).strip() or not text.strip():
         report.skip(place, "the record is damaged or cut")
-
-
-def _parse(text: str) -> Any:
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError):
-        return None
 
 
 def own_name(name: str) -> str:

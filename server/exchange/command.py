@@ -9,12 +9,18 @@ import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from robot.errors import ConfigurationError, RecordingError
-from robot.exchange.film import check_suffix
+from robot.exchange.drive import write_episode
+from robot.exchange.film import check_suffix, write_look
+from robot.exchange.folder import write_folder
+from robot.exchange.lerobot import TASK, write_lerobot
+from robot.exchange.npz import write_npz
+from robot.exchange.report import ImportReport
+from robot.exchange.sources import Source, find_drives, unpacked
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.timeline import make_timeline
+from robot.exchange.tub import write_tub
 from robot.store.episodes.editing import moments
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.teaching import EditedEpisode
@@ -22,10 +28,14 @@ from robot.store.folder import Storage
 from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
 from server.cli.parser import progress, whole
 
-if TYPE_CHECKING:
-    from robot.exchange.sources import Source
-
-EXPORTS = ("tub", "lerobot", "folder", "npz", "film")
+EXPORTS: dict[str, tuple[Callable[..., int], str]] = {
+    "tub": (write_tub, "records"),
+    "lerobot": (write_lerobot, "LeRobot episodes"),
+    "folder": (write_folder, "pictures"),
+    "npz": (write_npz, "examples"),
+    "film": (write_look, "pictures"),
+}
+"""By its name what writes a form, and what it counts."""
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:
@@ -55,9 +65,6 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
 
 def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Import the drives of another program, each as an episode; all of them, or none."""
-    from robot.exchange.report import ImportReport
-    from robot.exchange.sources import find_drives, unpacked
-
     if not 0.0 <= args.threshold < 1.0:
         raise ConfigurationError(f"--threshold must lie between 0 and 1, not {args.threshold:g}")
     whole = ImportReport(is_strict=args.strict)
@@ -83,9 +90,6 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
 
 
 def _import_one(source: Source, args: argparse.Namespace, store: EpisodeStore) -> Path:
-    from robot.exchange.drive import write_episode
-    from robot.exchange.report import ImportReport
-
     drive = source.read(args.threshold, ImportReport(is_strict=args.strict))
     path = store.new_path(args.name or _tidy(drive.name))
     with progress(None, "picture", "episodes", "episodes") as bar:
@@ -140,29 +144,15 @@ def _beside(path: Path) -> Iterator[Path]:
 def _export(
     args: argparse.Namespace, episodes: list[EditedEpisode], out: Path, tick: Callable[[], None]
 ) -> str:
-    """Write them, and say how much that is; each form needs libraries of its own."""
-    episode, notes = episodes[0]
-    if args.form == "lerobot":
-        from robot.exchange.lerobot import TASK, write_lerobot
-
-        count = write_lerobot(episodes, out, fps=args.fps, task=args.task or TASK, on_frame=tick)
-        return f"{count} LeRobot episodes"
-    if args.form == "tub":
-        from robot.exchange.tub import write_tub
-
-        records = write_tub(episode, notes, out, taught_only=not args.all, on_frame=tick)
-        return f"{records} records"
-    if args.form == "folder":
-        from robot.exchange.folder import write_folder
-
-        return f"{write_folder(episode, notes, out, on_frame=tick)} pictures"
-    if args.form == "npz":
-        from robot.exchange.npz import write_npz
-
-        return f"{write_npz(episode, notes, out, on_frame=tick)} examples"
-    from robot.exchange.film import write_look
-
-    return f"{write_look(episode, notes, out, fps=args.fps, on_frame=tick)} pictures"
+    """Write them, and say how much that is."""
+    write, what = EXPORTS[args.form]
+    options = {
+        "tub": {"taught_only": not args.all},
+        "lerobot": {"fps": args.fps, "task": args.task or TASK},
+        "film": {"fps": args.fps},
+    }
+    given = [episodes] if args.form == "lerobot" else episodes[0]
+    return f"{write(*given, out, on_frame=tick, **options.get(args.form, {}))} {what}"
 
 
 def _free_path(folder: Path, episode_id: str, form: str) -> Path:
