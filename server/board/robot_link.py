@@ -11,7 +11,7 @@ import asyncio
 import contextlib
 import json
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from typing import Any
 
 from robot.clock import Clock
@@ -21,6 +21,7 @@ from server.board.teacher_session import RefusedError, Status, TeacherSession, W
 from server.board.transport import Channel, UnreachableError
 from server.hosting.banner import pairing_address
 from server.protocol import ProtocolError, encode_acknowledgement, parse_picture
+from server.routes.sockets import first_of
 
 log = logging.getLogger(__name__)
 
@@ -166,7 +167,7 @@ class RobotLink:
             self.status, self.detail = Status.THERE, ""
             self._heard_s = self._clock.now_s()
             self._on_news(self)
-            await _first_of(self._hear(channel), self._ping(channel), self._look(), self._invite())
+            await first_of(self._hear(channel), self._ping(channel), self._look(), self._invite())
 
     def _note_stop(self) -> None:
         self._hurry.set()
@@ -231,7 +232,7 @@ class RobotLink:
             path = f"/ws/video?every_ms={round(self._every_s * 1000)}"
             try:
                 async with self._session.connect(path) as channel:
-                    await _first_of(self._take_pictures(channel), self._rate_changed.wait())
+                    await first_of(self._take_pictures(channel), self._rate_changed.wait())
             except UnreachableError:
                 await self._clock.pause(_RETRY_S)
 
@@ -247,16 +248,3 @@ class RobotLink:
                 await channel.send(encode_acknowledgement(picture.frame_id))
             assert isinstance(message, bytes)
             self._on_picture(self, message)
-
-
-async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Run until the first ends; end the others and pass its error on."""
-    tasks = [asyncio.create_task(work) for work in works]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
-    for task in done:
-        task.result()

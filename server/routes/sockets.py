@@ -76,15 +76,24 @@ async def converse(
 
 async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
     """Run both directions of a socket; when one ends or the client disconnects, end the other."""
-    tasks = [asyncio.create_task(part) for part in parts]
     try:
-        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        await first_of(*parts)
+    except Exception as error:
+        if not _means_gone(error):
+            raise
+
+
+async def first_of(*works: Coroutine[Any, Any, object]) -> None:
+    """Run until the first ends; end the others and pass its error on."""
+    tasks = [asyncio.create_task(work) for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         for task in tasks:
             task.cancel()
-        for result in await asyncio.gather(*tasks, return_exceptions=True):
-            if isinstance(result, Exception) and not _means_gone(result):
-                raise result
+        await asyncio.gather(*tasks, return_exceptions=True)
+    for task in done:
+        task.result()
 
 
 def _means_gone(error: Exception) -> bool:
