@@ -90,7 +90,9 @@ def _nearest(times_s: NDArray[np.float64], fps: int) -> NDArray[np.intp]:
     ticks_s = times_s[0] + np.arange(int((times_s[-1] - times_s[0]) * fps + 0.5) + 1) / fps
     after = np.searchsorted(times_s, ticks_s).clip(max=len(times_s) - 1)
     before = (after - 1).clip(0)
-    return np.where(ticks_s - times_s[before] < times_s[after] - ticks_s, before, after)
+    is_before_nearer = ticks_s - times_s[before] < times_s[after] - ticks_s
+    found: NDArray[np.intp] = np.where(is_before_nearer, before, after)
+    return found
 
 
 def _seconds(stamp: object) -> float | None:

@@ -129,8 +129,7 @@ class Hub:
         log.info("leave client=%s refused=%d", client.id, client.refused)
 
     def _offer_wheel(self, now_s: float) -> None:
-        """Give a free wheel to the only client that may drive: usually the same pilot, who
-        reconnected before the old connection was closed."""
+        """Give a free wheel to the only client that may drive: usually a pilot who reconnected."""
         drivers = [client for client in self.clients.values() if client.role is Role.PILOT]
         if self.lease.owner is None and len(drivers) == 1:
             self.lease.join(drivers[0].id, now_s)
@@ -318,10 +317,7 @@ class Hub:
                 self.refuse(client, why_refused(command.frame_id, command.seq, self._limit_s))
 
     def _note_tick(self) -> None:
-        """Publish the newest tick: on the event loop, at most once per wake-up.
-
-        The picture is encoded when the state is on its way: that the robot was stopped comes first.
-        """
+        """Publish the newest tick: at most once per wake-up, the state before its picture."""
         self._is_tick_due = False
         since_s = self.clock.now_s() - self._sent_s
         if since_s >= state_every_s(self.robot.loop.state) or self._urgent() != self._sent:
