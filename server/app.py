@@ -50,16 +50,14 @@ def create_app(services: Services) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        await services.hub.start()
-        try:
-            with services.progress:
-                async with AsyncExitStack() as started:
-                    for extension in extensions:
-                        await run_in_threadpool(extension.start)
-                        started.push_async_callback(run_in_threadpool, extension.stop)
-                    yield
-        finally:
-            await services.hub.stop()
+        async with AsyncExitStack() as started:
+            await services.hub.start()
+            started.push_async_callback(services.hub.stop)
+            started.callback(services.robot.loop.subscribe(services.progress.note))
+            for extension in extensions:
+                await run_in_threadpool(extension.start)
+                started.push_async_callback(run_in_threadpool, extension.stop)
+            yield
 
     # NOTE: set here, because FastAPI has the argument `lifespan` only since 0.93.
     app.router.lifespan_context = lifespan

@@ -20,7 +20,6 @@ from robot.control.state import Tick
 from robot.control.trail import Trail
 from robot.policy.gallery import LearnedImage
 from robot.policy.history import Replaced, Taught, Undone
-from robot.types import StartStop
 
 MARK_EVERY = 10
 """Examples between two points of the curve."""
@@ -41,8 +40,8 @@ class Mark:
     episode: str | None = None
 
 
-class Progress(StartStop):
-    """Follows one robot's training while its context is open."""
+class Progress:
+    """Follows one robot's training: whoever serves it has the loop tell it each tick."""
 
     def __init__(
         self,
@@ -61,13 +60,6 @@ class Progress(StartStop):
         self._newest = -1  # of the images that clients were told of
         self._is_stale = True
         self._fetched_s = -math.inf
-        self._unsubscribe: Callable[[], None] = lambda: None
-
-    def start(self) -> None:
-        self._unsubscribe = self._loop.subscribe(self.note)
-
-    def stop(self) -> None:
-        self._unsubscribe()
 
     def note(self, tick: Tick) -> None:
         """Record one tick, on the loop's thread."""

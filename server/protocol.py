@@ -297,10 +297,9 @@ def parse_acknowledgement(message: bytes) -> int:
     Raises:
         ProtocolError: If the message is not an acknowledgement.
     """
-    if len(message) > ACKNOWLEDGEMENT.size:
-        raise ProtocolError(ErrorCode.TOO_LARGE, "an acknowledgement has 8 bytes")
-    if len(message) < ACKNOWLEDGEMENT.size:
-        raise ProtocolError(ErrorCode.MALFORMED, "an acknowledgement has 8 bytes")
+    if (size := len(message)) != ACKNOWLEDGEMENT.size:
+        code = ErrorCode.TOO_LARGE if size > ACKNOWLEDGEMENT.size else ErrorCode.MALFORMED
+        raise ProtocolError(code, "an acknowledgement has 8 bytes")
     kind, _, _, frame_id = ACKNOWLEDGEMENT.unpack(message)
     if kind != _ACKNOWLEDGEMENT:
         raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "this socket receives acknowledgements only")

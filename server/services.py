@@ -22,7 +22,7 @@ from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.progress import Progress
 from server.retraining import Retraining
-from server.security.access import TEACHER
+from server.security.access import Role
 from server.security.door import Door
 from server.security.listener import connection_capacity
 from server.security.pairing import Pairing
@@ -56,7 +56,7 @@ class Services:
     def is_kept(self, person: str) -> bool:
         """True of the owner, the pilot and the teacher: they have a place whoever wants one."""
         is_owner = self.pairing is not None and self.pairing.is_owner(person)
-        return is_owner or person in (self.hub.pilot, TEACHER)
+        return is_owner or person in (self.hub.pilot, Role.TEACHER)
 
     def extension(self, kind: type[_E]) -> _E:
         """Return the part that a house added; KeyError if the house is not there."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from robot.errors import PluginError, need
+from server.cli.main import commands, make_parser
 
 _SHELLS = ("bash", "zsh", "tcsh")
 
@@ -15,22 +16,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     shtab = need("shtab", "tab completion", "sim")
-    print(shtab.complete(_whole_parser(), args.shell))
-    return 0
-
-
-def _whole_parser() -> argparse.ArgumentParser:
-    """Return one parser with every command in it, as shtab reads it."""
-    from server.cli.main import commands as all_commands
-    from server.cli.main import make_parser
-
     whole = argparse.ArgumentParser(prog="drivelesson")
     whole.add_argument("--version", action="store_true", help="print the version")
-    commands = whole.add_subparsers()
-    for name, text in all_commands().items():
+    subparsers = whole.add_subparsers()
+    for name, text in commands().items():
         try:
             parser = make_parser(name)
         except PluginError:  # its robot needs what this system has not, such as fcntl on Windows
             parser = make_parser(name, is_extended=False)
-        commands.add_parser(name, help=text, parents=[parser], add_help=False)
-    return whole
+        subparsers.add_parser(name, help=text, parents=[parser], add_help=False)
+    print(shtab.complete(whole, args.shell))
+    return 0

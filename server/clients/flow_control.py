@@ -130,13 +130,9 @@ class VideoWindow:
             return
         self._slow = 0
         if self._starved >= self._TRIAL_ACKNOWLEDGEMENTS and now_s >= self._not_before_s:
-            self._grow(delay_s, now_s)
-
-    def _grow(self, delay_s: float, now_s: float) -> None:
-        if self.size < self.LARGEST:
-            self.size += 1
-        self._starved = 0
-        self._not_before_s = now_s + 4 * delay_s
+            self.size = min(self.size + 1, self.LARGEST)
+            self._starved = 0
+            self._not_before_s = now_s + 4 * delay_s
 
     def _shrink(self, now_s: float) -> None:
         self._begin()

@@ -88,12 +88,8 @@ class Route(APIRoute):
 
 def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any]:
     """Return `/openapi.json`: of each route its values, its answer and its errors."""
-    detail = {"detail": {"type": "string"}, "error": {"type": "string"}}
-    refusal = {"type": "object", "properties": detail, "required": ["detail"]}
-    content = {"application/json": {"schema": refusal}}
-    errors: dict[int | str, dict[str, Any]] = {
-        status: {"description": why, "content": content} for status, why in _WHY.items()
-    }
+    content = {"application/json": {"schema": {"$ref": "#/components/schemas/Refusal"}}}
+    errors: Any = {code: {"description": why, "content": content} for code, why in _WHY.items()}
     twin = FastAPI(title=app.title)
     for route in (route for router in routers for route in router.routes):
         if isinstance(route, APIRoute) and route.include_in_schema:
@@ -106,4 +102,8 @@ def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any
                 responses={**route.responses, **errors},
                 openapi_extra=route.openapi_extra,
             )
-    return twin.openapi()
+    found = twin.openapi()
+    detail = {"detail": {"type": "string"}, "error": {"type": "string"}}
+    refusal = {"type": "object", "properties": detail, "required": ["detail"]}
+    found["components"]["schemas"]["Refusal"] = refusal
+    return found

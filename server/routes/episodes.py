@@ -15,7 +15,7 @@ from robot.devices.png import encode_png
 from robot.driver import describe as describe_moves
 from robot.policy.image import to_rgb
 from robot.store.episodes.editing import EpisodeFrame, choose, moments, read_move
-from robot.store.episodes.edits import Edit, trim
+from robot.store.episodes.edits import Edit, Notes, trim
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
@@ -102,10 +102,19 @@ class StorageAnswer:
 
 
 @dataclass
+class EditAnswer:
+    """One edit: what was done to which frames."""
+
+    verb: str
+    ranges: Sequence[Sequence[int]]
+    label: str | None
+
+
+@dataclass
 class EditList:
     """The edits of an episode."""
 
-    edit_list: Sequence[Edit]
+    edit_list: Sequence[EditAnswer]
 
 
 @dataclass
@@ -117,7 +126,7 @@ class EpisodeDetails(EpisodeAnswer):
     declared_moves: list[dict[str, Any]]
     first_frame: int | None
     last_frame: int | None
-    edit_list: Sequence[Edit]
+    edit_list: Sequence[EditAnswer]
     redoable: int
 
 
@@ -180,16 +189,14 @@ def list_episodes(request: Request) -> Response:
     """List all episodes, the newest first."""
     persistence = persistence_of(request)
     recorder = persistence.recorder.queue
-    summaries = persistence.episodes.summaries()
     found = EpisodeList(
         recording=recorder.episode_id,
         fault=recorder.fault,
         dropped_frames=recorder.lost["frames"],
-        episodes=[_describe(summary, recorder.episode_id) for summary in summaries],
+        episodes=[_describe(one, recorder.episode_id) for one in persistence.episodes.summaries()],
     )
     # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.
-    text = json.dumps(found, default=vars, allow_nan=False)
-    return Response(text, media_type="application/json")
+    return Response(json.dumps(found, default=vars, allow_nan=False), media_type="application/json")
 
 
 @router.get("/storage")
@@ -212,17 +219,16 @@ def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE)
     """Describe one episode, with its edits and the run's metadata."""
     episode, notes = store.open(episode_id), store.notes(episode_id)
     ids = list(episode.frames)
+    declared = describe_moves(episode.moves, episode.declared_moves)
     return answer(
         EpisodeDetails,
         _describe(store.summary(episode_id), persistence_of(request).recording),
         run=episode.run,
         moves=[move.value for move in episode.moves],
-        declared_moves=[
-            move.describe() for move in describe_moves(episode.moves, episode.declared_moves)
-        ],
+        declared_moves=[move.describe() for move in declared],
         first_frame=ids[0] if ids else None,
         last_frame=ids[-1] if ids else None,
-        edit_list=notes.edits,
+        edit_list=_edits(notes).edit_list,
         redoable=len(notes.undone),
     )
 
@@ -243,7 +249,7 @@ def show_strip(
         if (first is None or moment.frame_id >= first) and (last is None or moment.frame_id <= last)
     ]
     chosen = choose(found, min(max(count, 1), _MOST_IN_A_STRIP))
-    return Strip(frames=[_describe_frame(moment) for moment in chosen], of=len(found))
+    return Strip(frames=list(map(_describe_frame, chosen)), of=len(found))
 
 
 @router.get("/episodes/{episode_id}/timeline")
@@ -291,25 +297,23 @@ def change_episode(
 @router.post("/episodes/{episode_id}/edits", status_code=201)
 def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> EditList:
     """Delete or relabel frames, or all others."""
-    episode = store.open(episode_id)
+    episode, between = store.open(episode_id), (body.first, body.last)
     if body.verb == "trim":
-        edit = trim(list(episode.frames), body.first, body.last)
-    else:
-        label = read_move(body.label, episode) if body.verb == "relabel" else None
-        edit = Edit(verb=body.verb, ranges=((body.first, body.last),), label=label)
-    return EditList(store.edit(episode_id, edit).edits)
+        return _edits(store.edit(episode_id, trim(list(episode.frames), *between)))
+    label = read_move(body.label, episode) if body.verb == "relabel" else None
+    return _edits(store.edit(episode_id, Edit(verb=body.verb, ranges=(between,), label=label)))
 
 
 @router.delete("/episodes/{episode_id}/edits/last")
 def undo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Undo the last edit."""
-    return EditList(store.undo_edit(episode_id).edits)
+    return _edits(store.undo_edit(episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits/redo")
 def redo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
     """Redo the edit that was undone last."""
-    return EditList(store.redo_edit(episode_id).edits)
+    return _edits(store.redo_edit(episode_id))
 
 
 @router.post("/episodes/{episode_id}/split", status_code=201)
@@ -340,3 +344,7 @@ def _describe_frame(moment: EpisodeFrame) -> FrameAnswer:
         deleted=moment.is_deleted,
         intervention=moment.is_intervention,
     )
+
+
+def _edits(notes: Notes) -> EditList:
+    return EditList([answer(EditAnswer, edit) for edit in notes.edits])

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
 from robot.devices.outside import text
 from robot.store.models.model import decode_model
 from robot.store.models.store import StoredModel
-from server.routes.answers import PNG, NameAnswer, Route, UndoAnswer, attachment, media, png
+from server.routes.answers import PNG, NameAnswer, Route, UndoAnswer, answer, attachment, media, png
 from server.routes.bodies import NAMED, NO_SESSION, Key, Named, do
 from server.services import persistence_of
 
@@ -30,6 +32,10 @@ class NewModel(ModelChange):
 
 
 _NEW = NewModel()
+_UNREADABLE: Any = SimpleNamespace(
+    place="", saved_at_s=None, learner=None, moves=(), taught={}, n_examples=0, n_nodes=0
+)
+"""What is known of a model that cannot be read."""
 
 
 @dataclass
@@ -41,13 +47,13 @@ class ModelAnswer:
     bytes: int
     damaged: Sequence[str]
     readable: bool
-    place: str = ""
-    saved_at_s: float | None = None
-    learner: str | None = None
-    moves: Sequence[str] = ()
-    taught: Mapping[str, int] = field(default_factory=dict)
-    lessons: int = 0
-    nodes: int = 0
+    place: str
+    saved_at_s: float | None
+    learner: str | None
+    moves: Sequence[str]
+    taught: Mapping[str, int]
+    lessons: int
+    nodes: int
 
 
 @dataclass
@@ -144,22 +150,15 @@ async def upload_model(request: Request, name: str) -> NameAnswer:
 
 
 def _describe(saved: StoredModel) -> ModelAnswer:
-    read = ModelAnswer(
+    known = saved.summary or _UNREADABLE
+    return answer(
+        ModelAnswer,
+        known,
         name=saved.name,
         current=saved.is_current,
         bytes=saved.bytes,
         damaged=saved.damaged,
         readable=saved.summary is not None,
-    )
-    if saved.summary is None:
-        return read
-    return replace(
-        read,
-        place=saved.summary.place,
-        saved_at_s=saved.summary.saved_at_s,
-        learner=saved.summary.learner,
-        moves=saved.summary.moves,
-        taught={move.value: count for move, count in saved.summary.taught.items()},
-        lessons=saved.summary.n_examples,
-        nodes=saved.summary.n_nodes,
+        lessons=known.n_examples,
+        nodes=known.n_nodes,
     )

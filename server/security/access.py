@@ -53,8 +53,6 @@ class Role(StrEnum):
     """The board of a class: changes what a pilot may and what is locked, and never drives."""
 
 
-TEACHER = "teacher"
-"""What the session of the board is counted by."""
 PAIRED = (Role.VIEWER, Role.PILOT, Role.EYE)
 """What a browser can be paired as."""
 
@@ -146,7 +144,7 @@ class Access:
     def session_of(self, headers: Mapping[str, str], address: str) -> Session | None:
         """Return the session of a request; None for an unpaired browser."""
         if self.members is not None and self.members.knows(headers.get("authorization", "")):
-            return Session(Role.TEACHER, TEACHER)
+            return Session(Role.TEACHER, Role.TEACHER)  # all boards are counted as one
         if self.find_session is None:
             return Session(Role.PILOT, address, is_crowd=True)
         return self.find_session(session_of(headers, self.cookie))

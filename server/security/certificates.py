@@ -33,6 +33,9 @@ _PRIVATE_NETWORKS = (
     "fc00::/7",
     "fe80::/10",
 )
+_Authority = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
+_Extensions = list[tuple[x509.ExtensionType, bool]]
+"""Each with whether it is critical."""
 _AUTHORITY_DAYS, _SERVER_DAYS = 3650, 397  # phones reject a server certificate that is valid longer
 
 
@@ -59,10 +62,10 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
     )
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        authority, authority_key = _load_or_make_authority(folder, names, now)
-        key, certificate = _make_server(authority, authority_key, names, now)
+        authority = _load_or_make_authority(folder, names, now)
+        key, certificate = _make_server(authority, names, now)
         write_whole(files.key, key, mode=0o600)
-        write_whole(files.chain, certificate + _pem(authority), mode=0o600)
+        write_whole(files.chain, certificate + _pem(authority[0]), mode=0o600)
     except (OSError, ValueError) as error:
         raise ConfigurationError(
             f"the certificates in {folder} cannot be made: {error}; repair or remove that folder"
@@ -70,9 +73,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
     return files
 
 
-def _load_or_make_authority(
-    folder: Path, names: Sequence[str], now: dt.datetime
-) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
+def _load_or_make_authority(folder: Path, names: Sequence[str], now: dt.datetime) -> _Authority:
     key_file, certificate_file = folder / "ca.key", folder / "ca.crt"
     if key_file.exists() and certificate_file.exists():
         key = serialization.load_pem_private_key(key_file.read_bytes(), None)
@@ -80,64 +81,58 @@ def _load_or_make_authority(
         if not isinstance(key, ec.EllipticCurvePrivateKey):
             raise ValueError("ca.key is not an elliptic curve key")
         return certificate, key
-    key, name = ec.generate_private_key(ec.SECP256R1()), _named("Drivelesson on this network")
-    extensions: list[tuple[x509.ExtensionType, bool]] = [
+    key = ec.generate_private_key(ec.SECP256R1())
+    extensions: _Extensions = [
         (x509.BasicConstraints(ca=True, path_length=0), True),
         (_key_usage(signs_certificates=True), True),
         (_only_private(names), True),
         (x509.SubjectKeyIdentifier.from_public_key(key.public_key()), False),
     ]
-    builder = _builder(name, name, key, _AUTHORITY_DAYS, now, extensions)
-    certificate = builder.sign(key, hashes.SHA256())
+    name, until = "Drivelesson on this network", now + dt.timedelta(days=_AUTHORITY_DAYS)
+    certificate = _sign(name, key, None, now, until, extensions)
     write_whole(key_file, _key_pem(key), mode=0o600)
     write_whole(certificate_file, _pem(certificate), mode=0o600)
     return certificate, key
 
 
 def _make_server(
-    authority: x509.Certificate,
-    authority_key: ec.EllipticCurvePrivateKey,
-    names: Sequence[str],
-    now: dt.datetime,
+    authority: _Authority, names: Sequence[str], now: dt.datetime
 ) -> tuple[bytes, bytes]:
     key = ec.generate_private_key(ec.SECP256R1())
-    issuer = x509.AuthorityKeyIdentifier.from_issuer_public_key(authority_key.public_key())
-    extensions: list[tuple[x509.ExtensionType, bool]] = [
+    issuer = x509.AuthorityKeyIdentifier.from_issuer_public_key(authority[1].public_key())
+    extensions: _Extensions = [
         (x509.BasicConstraints(ca=False, path_length=None), True),
         (_key_usage(signs_certificates=False), True),
         (x509.ExtendedKeyUsage([x509.oid.ExtendedKeyUsageOID.SERVER_AUTH]), False),
         (x509.SubjectAlternativeName([_general_name(name) for name in names]), False),
         (issuer, False),
     ]
-    builder = _builder(_named("Drivelesson"), authority.subject, key, _SERVER_DAYS, now, extensions)
-    return _key_pem(key), _pem(builder.sign(authority_key, hashes.SHA256()))
+    until = now + dt.timedelta(days=_SERVER_DAYS)
+    return _key_pem(key), _pem(_sign("Drivelesson", key, authority, now, until, extensions))
 
 
-def _builder(
-    subject: x509.Name,
-    issuer: x509.Name,
+def _sign(
+    name: str,
     key: ec.EllipticCurvePrivateKey,
-    days: int,
+    authority: _Authority | None,
     now: dt.datetime,
-    extensions: Sequence[tuple[x509.ExtensionType, bool]],
-) -> x509.CertificateBuilder:
-    """Return what is to be signed; each extension comes with whether it is critical."""
+    until: dt.datetime,
+    extensions: _Extensions,
+) -> x509.Certificate:
+    """Return the certificate of a key, signed by an authority or else by itself."""
+    subject = x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, name)])
     builder = (
         x509.CertificateBuilder()
         .subject_name(subject)
-        .issuer_name(issuer)
+        .issuer_name(authority[0].subject if authority else subject)
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - dt.timedelta(days=1))  # a robot's clock may be a little off
-        .not_valid_after(now + dt.timedelta(days=days))
+        .not_valid_after(until)
     )
     for extension, is_critical in extensions:
         builder = builder.add_extension(extension, critical=is_critical)
-    return builder
-
-
-def _named(name: str) -> x509.Name:
-    return x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, name)])
+    return builder.sign(authority[1] if authority else key, hashes.SHA256())
 
 
 def _only_private(names: Sequence[str]) -> x509.NameConstraints:

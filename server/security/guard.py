@@ -14,14 +14,13 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from fastapi import Depends, HTTPException
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.requests import ClientDisconnect, HTTPConnection, Request
+from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from robot.clock import Clock
-from server.security.access import ONLY_PILOTS, Access, Refusal, Role, Session
+from server.security.access import Access, Refusal, Role, Session
 from server.security.door import Door, PlaceInUse, address_key
 from server.security.proxies import PEER, PREFIX, Proxies
 
@@ -54,17 +53,6 @@ def note_use(scope: Scope, now_s: float) -> None:
     place = scope.get(_PLACE)
     if isinstance(place, PlaceInUse):
         place.used_s = now_s
-
-
-def require_pilot(request: Request) -> Role:
-    """Dependency of routes that show what only a pilot may see: 403 for a viewer."""
-    role = role_of(request)
-    if role not in (Role.PILOT, Role.TEACHER):
-        raise HTTPException(403, ONLY_PILOTS)
-    return role
-
-
-PILOT = Depends(require_pilot)
 
 
 @dataclass(frozen=True)
@@ -175,6 +163,7 @@ class Guard:
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
+                message.setdefault("headers", [])
                 headers = MutableHeaders(scope=message)
                 for name, value in extra.items():
                     headers.setdefault(name, value)

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from robot.devices.outside import Outside, must_be, text, whole
 from robot.errors import ConfigurationError
@@ -16,8 +16,8 @@ from robot.study.session import SessionStep
 from server.extension import Extension
 from server.routes.answers import NameAnswer, Route, attachment, media
 from server.routes.bodies import do
-from server.security.access import Role
-from server.security.guard import PILOT, role_of
+from server.security.access import ONLY_PILOTS, Role
+from server.security.guard import role_of
 from server.services import persistence_of, services_of
 from server.study.conductor import Conductor
 from server.study.folder import StudyFolder
@@ -134,6 +134,15 @@ def describe_session(conductor: Conductor) -> dict[str, Any] | None:
 
 
 _GO_ON = Going()
+
+
+def _require_pilot(request: Request) -> None:
+    """Refuse a viewer: what a study has is for pilots, and the teacher."""
+    if role_of(request) not in (Role.PILOT, Role.TEACHER):
+        raise HTTPException(403, ONLY_PILOTS)
+
+
+PILOT = Depends(_require_pilot)
 
 
 def _conductor(request: Request) -> Conductor:
