@@ -7,7 +7,6 @@ step down only after the link has been clearly better for a while (hysteresis).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -105,7 +104,8 @@ class LinkGovernor:
     def judge(
         self,
         command: PilotCommand,
-        times_of: Callable[[int], tuple[float, float] | None],
+        named_s: tuple[float, float],
+        seen_s: float,
         camera: CameraState,
         now_s: float,
     ) -> None:
@@ -113,17 +113,13 @@ class LinkGovernor:
 
         Args:
             command: Any command, even one that is too old to be obeyed.
-            times_of: Returns when a frame was taken and when it reached the loop.
+            named_s: When the frame that it names was taken, and when it reached the loop.
+            seen_s: When the newest frame that was acknowledged reached the loop.
             camera: How fast pictures come.
             now_s: The loop's clock.
         """
-        times = None if command.frame_id is None else times_of(command.frame_id)
-        if command.frame_id is None or times is None:
-            return
-        captured_s, delivered_s = times
-        seen_id = command.frame_id if command.seen_id is None else command.seen_id
-        seen = times_of(min(seen_id, command.frame_id))
-        self.note_seen((seen or times)[1])
+        captured_s, delivered_s = named_s
+        self.note_seen(seen_s)
         reported_s = command.frame_age_s
         if reported_s is not None:
             reported_s -= delivered_s - captured_s

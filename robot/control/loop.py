@@ -25,16 +25,7 @@ from robot.control.state import Publisher, Tick
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
 from robot.policy.policy import Policy
-from robot.types import (
-    Action,
-    Decision,
-    DrivenBy,
-    Frame,
-    Mode,
-    PilotCommand,
-    Sensors,
-    StopReason,
-)
+from robot.types import Action, Decision, DrivenBy, Frame, Mode, PilotCommand, Sensors, StopReason
 
 log = logging.getLogger(__name__)
 _Commands = list[PilotCommand]
@@ -232,7 +223,7 @@ class ControlLoop:
 
     def _look(self, now_s: float) -> Frame | None:
         """Process the newest frame; return it if it is new."""
-        frame, last = self._camera.latest(), self.state
+        last, frame = self.state, self._camera.latest()
         delivered_s = max(now_s, self.clock.now_s())
         is_robots = last.decision.driven_by is DrivenBy.ROBOT
         try:
@@ -307,7 +298,9 @@ class ControlLoop:
 
     def _note(self, command: PilotCommand) -> None:
         """Take in a command; even one that comes too late is a measurement of the link."""
-        self._link.judge(command, self.learning.times_of, self._timing.state, self.clock.now_s())
+        times = self.learning.times_of(command.frame_id, command.seen_id)
+        if times is not None:
+            self._link.judge(command, *times, self._timing.state, self.clock.now_s())
         self._commands.append(command)
 
     def _start(
@@ -318,7 +311,7 @@ class ControlLoop:
         if is_taken and mode is not Mode.STOPPED:
             self._forget_drive()
             self._fault, self._last_mode = None, mode
-            times = self.learning.times_of(frame_id) if frame_id is not None else None
+            times = self.learning.times_of(frame_id)
             self._link.note_seen(times[1] if times else now_s)
         return is_taken
 

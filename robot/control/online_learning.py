@@ -248,15 +248,19 @@ class OnlineLearning:
         with self._guarded():
             self.history.begin_drive()
 
-    def times_of(self, frame_id: int) -> tuple[float, float] | None:
-        """Return when a frame was taken and when it reached the loop; for a frame that is no longer
-        remembered, the times of the oldest that is. None before the first."""
-        if not self._seen:
+    def times_of(
+        self, frame_id: int | None, seen_id: int | None = None
+    ) -> tuple[tuple[float, float], float] | None:
+        """Return when a frame was taken and when it reached the loop; and the latter of the newest
+        that was acknowledged, if that is an older one. For a frame that is no longer remembered,
+        the times of the oldest that is. None before the first, and if no frame is named."""
+        if not self._seen or frame_id is None:
             return None
-        newest_id = next(reversed(self._seen))
-        oldest = next(iter(self._seen.values()))
-        seen = self._seen.get(min(frame_id, newest_id), oldest)
-        return seen.captured_s, seen.delivered_s
+        newest_id, oldest = next(reversed(self._seen)), next(iter(self._seen.values()))
+        named = self._seen.get(min(frame_id, newest_id), oldest)
+        seen_id = frame_id if seen_id is None else min(seen_id, frame_id)
+        seen = self._seen.get(min(seen_id, newest_id), oldest)
+        return (named.captured_s, named.delivered_s), seen.delivered_s
 
     def take_events(self) -> tuple[HistoryEvent, ...]:
         """Return and remove the latest changes of the learner, in order."""

@@ -124,7 +124,7 @@ class Publisher:
             stops=dict(gate.stops),
             camera=self._timing.state,
             taught=dict(learning.history.taught),
-            n_nodes=policy.n_nodes,
+            n_nodes=policy.learner.n_nodes_,
             max_nodes=policy.max_nodes,
             learner=policy.name,
             moves=policy.moves,

@@ -10,12 +10,11 @@ from typing import Any
 
 from robot.learner.base import Vector
 from robot.policy.action_filter import ActionFilter
-from robot.policy.design import Design
 from robot.policy.features import GreyFeatures
 from robot.policy.part import Seen
 from robot.policy.pilot_pace import PilotPace
 from robot.policy.policy import Policy
-from robot.policy.registry import split_name
+from robot.policy.registry import Design, split_name
 from robot.types import Action, Prediction
 
 

@@ -11,7 +11,6 @@ Example:
 from robot.learner.base import (
     Abilities,
     BaseLearner,
-    ContextualLearner,
     Evidence,
     Label,
     Learner,
@@ -29,7 +28,6 @@ __all__ = [
     "Abilities",
     "BSOCClassifier",
     "BaseLearner",
-    "ContextualLearner",
     "Evidence",
     "Label",
     "Learner",

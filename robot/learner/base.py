@@ -73,8 +73,8 @@ class Abilities:
         images: It keeps images that `nodes` lists and that can be relabelled and deleted.
         pinning: An image can be kept from being merged.
         novelty: `Evidence.novelty` shows how unlike all that was learned a view is.
-        contexts: What it predicts can depend on what is under way: it is a `ContextualLearner`.
-        angles: It learns an angle beside the label: it is an `AngularLearner`.
+        contexts: What it predicts can depend on what is under way: `learn_in`, `explain_in`.
+        angles: It learns an angle beside the label: `begin_angles`.
     """
 
     images: bool = False
@@ -113,34 +113,52 @@ class State:
 class Learner(Protocol):
     """Protocol of an online classifier: learns one frame at a time, and predicts its label.
 
-    A learner that keeps no images derives from `BaseLearner` and leaves out what it has not.
-
-    Attributes:
-        abilities: What it can do beyond learning and predicting.
-        sharpness: The power that turns shares of votes into calibrated chances; 1 for none.
-        n_nodes_: How many images it keeps.
-        last_node_: Id of the image that took in the latest example; None if there is none.
+    To one that has `contexts` the same view can mean one thing in one context, another in another.
+    A context is a small number; what it stands for is its user's affair.
     """
 
     @property
-    def abilities(self) -> Abilities: ...
+    def abilities(self) -> Abilities:
+        """What it can do beyond learning and predicting."""
+        ...
 
     @property
-    def sharpness(self) -> float: ...
+    def sharpness(self) -> float:
+        """The power that turns shares of votes into calibrated chances; 1 for none."""
+        ...
 
     @property
-    def n_nodes_(self) -> int: ...
+    def n_nodes_(self) -> int:
+        """How many images it keeps."""
+        ...
 
     @property
-    def last_node_(self) -> int | None: ...
+    def last_node_(self) -> int | None:
+        """Id of the image that took in the latest example; None if there is none."""
+        ...
 
     @abstractmethod
     def learn_one(self, x: Vector, y: Label) -> None:
         """Add one labelled vector. Refuses bad input with ValueError and is then unchanged."""
 
+    def learn_in(
+        self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
+    ) -> None:
+        """Add one that counts in these contexts alone, with its angle once `begin_angles` was."""
+        self.learn_one(x, y)
+
     @abstractmethod
     def explain_one(self, x: Vector) -> Evidence:
         """Return the prediction with its evidence. Raises NotFittedError before any example."""
+
+    def explain_in(self, x: Vector, context: int | None) -> Evidence:
+        """Return the prediction in one context; None: in any, as `explain_one`."""
+        return self.explain_one(x)
+
+    def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
+        """Learn an angle from -1 to 1 with each example from now on; each frame so far had the
+        angle of its label, or 0. Before, angles cost nothing."""
+        return
 
     def predict_one(self, x: Vector) -> Label:
         """Return the most likely label, the first learned on a tie; raises as `explain_one`."""
@@ -170,8 +188,8 @@ class Learner(Protocol):
         """Return the learned images, in a fixed order; none without that ability."""
         return []
 
-    def relabel_node(self, node_id: int, y: Label) -> None:
-        """Let one image vote for `y` alone.
+    def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
+        """Let one image vote for `y` alone, and steer so.
 
         Raises:
             LookupError: If there is no image of this id.
@@ -189,47 +207,9 @@ class Learner(Protocol):
 
 
 class BaseLearner(Learner):
-    """A `Learner` without images and other abilities, to derive from."""
+    """A `Learner` without images and other abilities, to derive from: four methods are to write."""
 
     abilities = Abilities()
     sharpness = 1.0
     n_nodes_ = 0
     last_node_: int | None = None
-
-
-@runtime_checkable
-class ContextualLearner(Learner, Protocol):
-    """Protocol of a learner to which the same view can mean one thing in one context, another in
-    another. A context is a small number; what it stands for is its user's affair.
-    """
-
-    def learn_in(self, x: Vector, y: Label, contexts: Collection[int]) -> None:
-        """Add one labelled vector that counts in these contexts; refuses as `learn_one`.
-
-        `learn_one` adds one that counts in all.
-        """
-        ...
-
-    def explain_in(self, x: Vector, context: int | None) -> Evidence:
-        """Return the prediction in one context; None: in any, as `explain_one`."""
-        ...
-
-
-@runtime_checkable
-class AngularLearner(Learner, Protocol):
-    """Protocol of a learner that learns an angle from -1 to 1 beside each label.
-
-    It costs nothing before `begin_angles`; from then on each example and each change has one.
-    """
-
-    def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
-        """Learn angles from now on; each frame so far had the angle of its label, or 0."""
-        ...
-
-    def learn_in(self, x: Vector, y: Label, contexts: Collection[int], angle: float = 0.0) -> None:
-        """Add one labelled vector with its angle; refuses as `learn_one`."""
-        ...
-
-    def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
-        """Let one image vote for `y` alone, and steer so."""
-        ...

@@ -21,12 +21,10 @@ from robot.learner.base import (
 )
 from robot.learner.bsoc import BSOC
 from robot.learner.change_of_mind import ChangeOfMind
-from robot.learner.clusters import MOST_FRAMES
-from robot.learner.context_ridge import N_CONTEXTS, ContextRidge
-from robot.learner.novelty import MARGIN, Novelty
+from robot.learner.clusters import MOST_FRAMES, Clusters
 from robot.learner.part import Array, Arrays, Params, Stateful, Value
 from robot.learner.published import PublishedBSOC
-from robot.learner.ridge import LinearPart
+from robot.learner.ridge import N_CONTEXTS, LinearPart
 from robot.learner.values import count
 
 GROUP_COST = 1000.0
@@ -72,6 +70,7 @@ class BSOCClassifier(Stateful, Learner):
         ),
     )
     last_node_: int | None = None
+    sharpness: float = 1.0
 
     def __init__(
         self,
@@ -82,9 +81,9 @@ class BSOCClassifier(Stateful, Learner):
         linear: LinearPart | None = None,
         linear_share: float = LINEAR_SHARE,
         balance: float = 0.0,
-        novelty_margin: float = MARGIN,
+        novelty_margin: float = votes.MARGIN,
         integer: bool = False,
-        cluster: BSOC | PublishedBSOC | None = None,
+        cluster: Clusters | None = None,
         forgets: bool = True,
     ) -> None:
         if n_voters < 1:
@@ -96,10 +95,11 @@ class BSOCClassifier(Stateful, Learner):
         self.labels_: list[Label] = []
         self.n_seen_ = 0
         self.linear = linear
-        self._contextual = linear if isinstance(linear, ContextRidge) else None
         self.linear_share = linear_share
+        if linear is not None:
+            self.sharpness = SHARPNESS
         self.balance = balance
-        self.novelty_ = Novelty(margin=novelty_margin)
+        self.novelty_ = votes.Novelty(margin=novelty_margin)
         self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
         # Of each node's frames the sums of the terms of their angles, from -1 to 1.
@@ -123,14 +123,9 @@ class BSOCClassifier(Stateful, Learner):
             images=True,
             pinning=True,
             novelty=self.cluster.measures_novelty,
-            contexts=self._contextual is not None,
+            contexts=self.linear is not None and self.linear.knows_contexts,
             angles=True,
         )
-
-    @property
-    def sharpness(self) -> float:
-        """The power that turns shares of votes into chances: 1 for plain counts."""
-        return 1.0 if self.linear is None else SHARPNESS
 
     @property
     def histograms_(self) -> NDArray[np.int64]:
@@ -152,35 +147,37 @@ class BSOCClassifier(Stateful, Learner):
             if self.linear is not None:
                 self.linear.begin_angles(angles)
 
-    def learn_in(self, x: Vector, y: Label, contexts: Collection[int], angle: float = 0.0) -> None:
+    def learn_in(
+        self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
+    ) -> None:
         """Add one labelled frame that counts in these contexts; raises as `learn_one`."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
-        node = self.cluster.train(x, column)
+        cluster = self.cluster
+        node = cluster.train(x, column)
         self._know(y)
-        if self._mind is not None and isinstance(self.cluster, BSOC):  # as it was before any merge
-            distances, taught = self.cluster.last_distances_, self.cluster.last_touched_
-            owners = self._histograms[: len(distances)].argmax(axis=1)
-            self._mind.note(column, distances, owners, taught, self.cluster.n_trained_)
-        if (merge := self.cluster.last_merge_) is not None:
+        distances, taught = cluster.last_distances_, cluster.last_touched_  # before any merge
+        owners = self._histograms[: len(distances)].argmax(axis=1)
+        if (merge := cluster.last_merge_) is not None:
             for sums in self._sums():
                 sums[merge.kept] += sums[merge.removed]
                 sums[merge.removed] = 0
         self._histograms[node, column] += 1
+        self.n_seen_ += 1
+        self.last_node_ = int(cluster.names[node])
         steered: votes.Floats | float = 0.0
         if self._node_angles is not None:
-            terms = votes.angle_terms(angle)
+            terms = votes.angle_terms(angle or 0.0)
             self._node_angles[node] += terms
             steered = terms[:2]
-        self.n_seen_ += 1
-        self.last_node_ = self.cluster.node_id(node)
-        if self.cluster.last_distance_ is not None:
-            self.novelty_.learn(self.cluster.last_distance_)
-        if self._contextual is not None:
-            self._contextual.learn_in(x, column, contexts, steered)
-        elif self.linear is not None:
-            self.linear.learn(x, np.eye(len(self.labels_))[column], angle=steered)
+        if self._mind is not None:
+            self._mind.note(column, distances, owners, taught, cluster.n_trained_)
+        if cluster.last_distance_ is not None:
+            self.novelty_.learn(cluster.last_distance_)
+        if self.linear is not None:
+            targets = np.eye(len(self.labels_))[column]
+            self.linear.learn(x, targets, angle=steered, contexts=contexts)
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; adds one for a new label."""
@@ -205,7 +202,23 @@ class BSOCClassifier(Stateful, Learner):
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
         """Return the prediction in one context; raises as `explain_one`."""
-        distances, shares = self._votes(x, context)
+        cluster, linear, mind = self.cluster, self.linear, self._mind
+        n_nodes = cluster.n_nodes_
+        if n_nodes == 0:
+            raise NotFittedError("nothing was learned yet")
+        taught = None if mind is None else cluster.touched_
+        distances, histograms = cluster.distances(x), self._histograms[:n_nodes]
+        scores = None if linear is None else linear.scores(x, context)
+        shares = votes.nearest_nodes(distances, histograms, self.n_voters)
+        if linear is not None and scores is not None:
+            is_known = context is not None and linear.knows_contexts
+            share = max(self.linear_share, CONTEXT_SHARE) if is_known else self.linear_share
+            shares = share * np.maximum(scores, 0.0) + (1.0 - share) * shares
+        if self.balance:
+            shares = shares * votes.rarity(histograms.sum(axis=0), self.balance)
+        if mind is not None and taught is not None:
+            shares = mind.applied(shares, distances, histograms.argmax(axis=1), taught)
+        shares = votes.shares(shares)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
         angle, size, spread = self._angle(x, distances)
@@ -214,7 +227,7 @@ class BSOCClassifier(Stateful, Learner):
             probabilities=dict(zip(self.labels_, listed, strict=True)),
             confidence=votes.chance(listed, best, self.sharpness),
             novelty=self.novelty_.score(float(distances[node])),
-            node=self.cluster.node_id(node),
+            node=int(cluster.names[node]),
             distance=float(distances[node]),
             angle=angle,
             size=size,
@@ -231,30 +244,6 @@ class BSOCClassifier(Stateful, Learner):
         if linear is not None:
             both = both + self.linear_share * (linear - both)
         return (*both.tolist(), spread)
-
-    def _votes(self, x: Vector, context: int | None = None) -> tuple[votes.Distances, votes.Floats]:
-        """Return the distances to the nodes, and each label's share."""
-        if self.cluster.n_nodes_ == 0:
-            raise NotFittedError("nothing was learned yet")
-        distances = self.cluster.distances(x)
-        histograms = self._histograms[: self.cluster.n_nodes_]
-        if self.n_voters == 1:
-            shares = votes.majority(distances, histograms)
-        else:
-            shares = votes.nearest_nodes(distances, histograms, self.n_voters)
-        if self.linear is not None:
-            if self._contextual is None or context is None:
-                share, linear = self.linear_share, self.linear.scores(x)
-            else:
-                share = max(self.linear_share, CONTEXT_SHARE)
-                linear = self._contextual.scores_in(x, context)
-            shares = share * np.maximum(linear, 0.0) + (1.0 - share) * shares
-        if self.balance:
-            shares = shares * votes.rarity(histograms.sum(axis=0), self.balance)
-        if self._mind is not None and isinstance(self.cluster, BSOC):
-            owners, taught = histograms.argmax(axis=1), self.cluster.touched_
-            shares = self._mind.applied(shares, distances, owners, taught)
-        return distances, votes.shares(shares)
 
     def nodes(self) -> list[Node]:
         """Return the learned images, in the clustering's order."""

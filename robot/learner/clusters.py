@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector
-from robot.learner.part import Arrays, Params, Stateful
+from robot.learner.part import Array, Arrays, Params, Stateful, Value
+from robot.learner.values import count
 
 Distances = NDArray[np.float32] | NDArray[np.float64]
 
@@ -20,10 +21,12 @@ CACHED_FROM = 200
 
 
 class Edges:
-    """A symmetric matrix of weights; infinite where there is no edge."""
+    """A symmetric matrix of weights; infinite where there is no edge, and to a pinned node."""
 
     def __init__(self, n: int, dtype: type[Any]) -> None:
         self.weights = np.full((n, n), np.inf, dtype)
+        self.pinned = np.zeros(n, np.bool_)
+        self.n_pinned = 0
         self._n = n
         self._is_cached = n >= CACHED_FROM
         self._least = np.full(n, np.inf, dtype)
@@ -41,6 +44,8 @@ class Edges:
         """Write one node's weights to the first `len(weights)` nodes."""
         weights[node] = np.inf
         size = weights.size
+        if self.n_pinned:
+            weights[self.pinned[:size] | self.pinned[node]] = np.inf
         self.weights[node, :size] = weights
         self.weights[:size, node] = weights
         if self._is_cached:
@@ -89,28 +94,47 @@ class Merge(NamedTuple):
     removed: int
 
 
+SHARED: tuple[Value | Array, ...] = (
+    Value("max_nodes", count(), "max_nodes", is_fixed=True),
+    Value("size", count(), "n_nodes_"),
+    Value("next_id", count(), "n_trained_"),
+    Array("ids", np.int64, ("n_rows",), attribute="names"),
+    Array("pinned", np.bool_, ("n_rows",), attribute="_edges.pinned"),
+    Array("counts", np.int64, ("n_rows",), high=MOST_FRAMES),
+)
+"""What every clustering keeps."""
+
+
 class Clusters(Stateful, ABC):
     """At most `max_nodes` nodes: each an image that sums up frames, with a name that lasts.
 
     Attributes:
         max_nodes: How many nodes to keep at most.
         n_nodes_: How many there are.
+        n_trained_: How many frames there were.
+        names: Of each row: a merged node keeps that of its heavier parent.
         last_merge_: What the latest `train` merged; None if the frame became a node without a
             merge, or was itself merged into the node that `train` returned.
-        last_distance_: Squared distance of the latest frame from the nodes before it, if measured.
+        last_distance_: Squared distance of the latest frame from the nearest node before it that
+            none of the `HELD_OUT` frames before it went into (of all, if there is no such node);
+            None for the first frames, and if it is not measured.
+        last_distances_: Squared distances of the latest frame from the nodes before any merge.
+        last_touched_: When each node had got a frame then.
     """
+
+    measures_novelty: ClassVar[bool]
 
     def __init__(self, max_nodes: int, n_rows: int, dtype: type[Any]) -> None:
         if max_nodes < 1:
             raise ValueError(f"max_nodes must be at least 1, not {max_nodes}")
-        self.max_nodes = max_nodes
+        self.max_nodes, self.n_rows = max_nodes, n_rows
         self.last_merge_: Merge | None = None
         self.last_distance_: float | None = None
-        self.n_nodes_ = 0
-        self._next_id = 0
-        self._ids = np.zeros(n_rows, np.int64)
-        self._pinned = np.zeros(n_rows, np.bool_)
-        self._n_pinned = 0
+        self.last_distances_: Distances = np.zeros(0, np.float32)
+        self.last_touched_ = np.zeros(0, np.int64)
+        self.n_nodes_ = self.n_trained_ = 0
+        self.names = np.zeros(n_rows, np.int64)
+        self._counts = np.zeros(n_rows, np.int64)
         self._edges = Edges(n_rows, dtype)
 
     def __len__(self) -> int:
@@ -118,27 +142,49 @@ class Clusters(Stateful, ABC):
 
     @property
     @abstractmethod
+    def kind(self) -> str:
+        """Name of the format of its state."""
+
+    @property
+    @abstractmethod
     def nodes_(self) -> NDArray[Any]:
         """Node images, shape (n, d)."""
 
     @property
-    @abstractmethod
     def counts_(self) -> NDArray[np.int64]:
         """Frames per node, shape (n,)."""
+        return self._counts[: self.n_nodes_].copy()
 
     @property
     def ids_(self) -> NDArray[np.int64]:
-        """Names of the nodes, shape (n,): a merged node keeps that of its heavier parent."""
-        return self._ids[: self.n_nodes_].copy()
+        """Names of the nodes, shape (n,)."""
+        return self.names[: self.n_nodes_].copy()
 
     @property
     def pinned_(self) -> NDArray[np.bool_]:
         """Which nodes are pinned, shape (n,)."""
-        return self._pinned[: self.n_nodes_].copy()
+        return self._edges.pinned[: self.n_nodes_].copy()
 
-    def node_id(self, index: int) -> int:
-        """Return the name of one node."""
-        return int(self._ids[index])
+    @property
+    def groups_(self) -> NDArray[np.int64]:
+        """Group of each node, shape (n,); of no node, where there are no groups."""
+        return np.zeros(0, np.int64)
+
+    @property
+    def touched_(self) -> NDArray[np.int64]:
+        """When each node last got a frame, as a count of frames, shape (n,), if it is measured."""
+        return np.zeros(self.n_nodes_, np.int64)
+
+    @abstractmethod
+    def train(self, x: Vector, group: int = 0) -> int:
+        """Add one frame; merge the two nodes cheapest to merge if there are too many.
+
+        Returns:
+            The index of the node nearest to `x` afterwards.
+
+        Raises:
+            ValueError: If `x` is of another shape than before or not finite; nothing changes.
+        """
 
     def lookup(self, x: Vector) -> tuple[int, float]:
         """Return the nearest node's index and its squared distance; the lowest index on a tie.
@@ -159,12 +205,8 @@ class Clusters(Stateful, ABC):
     def _costs(self, node: int) -> Distances:
         """Return what merging a node with each of all nodes costs, without pins, shape (n,)."""
 
-    def _weigh(self, node: int) -> None:
-        """Write what merging a node costs: infinitely much for a pinned one."""
-        weights = self._costs(node)
-        if self._n_pinned:
-            weights[self._pinned[: weights.size] | self._pinned[node]] = np.inf
-        self._edges.set_row(node, weights)
+    def set_group(self, node: int, group: int) -> None:
+        """Move one node to another group."""
 
     def pin(self, node: int, pinned: bool = True) -> None:
         """Keep one node out of all merges, or let it take part again.
@@ -172,14 +214,14 @@ class Clusters(Stateful, ABC):
         Raises:
             ValueError: If no node would be left for new frames to merge with.
         """
-        others = self._n_pinned - bool(self._pinned[node])
+        edges = self._edges
+        others = edges.n_pinned - bool(edges.pinned[node])
         if pinned and others >= self.max_nodes - 1:
             raise ValueError(
                 f"at most {self.max_nodes - 1} of {self.max_nodes} nodes can be pinned"
             )
-        self._pinned[node] = pinned
-        self._n_pinned = others + pinned
-        self._weigh(node)
+        edges.pinned[node], edges.n_pinned = pinned, others + pinned
+        edges.set_row(node, self._costs(node))
 
     def delete(self, node: int) -> int:
         """Forget one node and return the index of the last, which takes its place.
@@ -187,16 +229,19 @@ class Clusters(Stateful, ABC):
         Raises:
             ValueError: If it is pinned.
         """
-        if self._pinned[node]:
+        if self._edges.pinned[node]:
             raise ValueError("a pinned node cannot be deleted; unpin it first")
         last = self.n_nodes_ - 1
         self._move(last, node)
         self.n_nodes_ = last
         return last
 
-    @abstractmethod
     def _move(self, last: int, node: int) -> None:
         """Let the last node take the place of another."""
+        for array in (self._counts, self.names, self._edges.pinned):
+            array[node] = array[last]
+        self._edges.pinned[last] = False
+        self._edges.remove(node, last)
 
     def upgrade(self, params: Params, arrays: Arrays) -> None:
         """Leave out the weights, which follow from the rest."""
@@ -204,20 +249,20 @@ class Clusters(Stateful, ABC):
 
     def restored(self) -> None:
         self.last_merge_ = None
-        self._n_pinned = int(self._pinned.sum())
+        self._edges.n_pinned = int(self._edges.pinned.sum())
         self._edges.weights[:] = np.inf
         with np.errstate(all="ignore"):  # of a model that is still to be checked
             for node in range(min(self.n_nodes_, self.max_nodes)):
-                self._weigh(node)
+                self._edges.set_row(node, self._costs(node))
 
     def faults(self) -> Iterator[str]:
         """Yield what the nodes say of one another that cannot be."""
-        size, ids = self.n_nodes_, self.ids_
-        if size > self.max_nodes or size > self._next_id:
-            yield f"size is {size}, and next_id {self._next_id}"
-        if len(np.unique(ids)) < size or ids.max(initial=-1) >= self._next_id:
+        size, ids, pinned = self.n_nodes_, self.ids_, self._edges.pinned
+        if size > self.max_nodes or size > self.n_trained_:
+            yield f"size is {size}, and next_id {self.n_trained_}"
+        if len(np.unique(ids)) < size or ids.max(initial=-1) >= self.n_trained_:
             yield "two images have one id, or an id is above next_id"
         if self.counts_.min(initial=1) < 1:
             yield "an image stands for no frame"
-        if self._pinned.sum() > max(self.max_nodes - 1, 0) or self._pinned[size:].any():
+        if pinned.sum() > max(self.max_nodes - 1, 0) or pinned[size:].any():
             yield "all images are pinned, or one that is none"

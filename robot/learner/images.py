@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
-from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Arrays, Params, Stateful
+from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Arrays, Params, Stateful, Value
 
 Floats = NDArray[np.float32]
 
 
-class FloatImages(Stateful):
-    """float32 images relative to the first frame.
+class Images(Stateful):
+    """Node images in rows, and one frame `x` at a time that is compared with them.
 
-    float32 products of raw bytes lose the small differences between near-duplicates; without
-    what all frames have in common they keep them.
+    They are float32 relative to the first frame: float32 products of raw bytes lose the small
+    differences between near-duplicates; without what all frames have in common they keep them.
     """
 
-    fields = (
+    fields: Sequence[Value | Array] = (
         Array(
             "images", np.float32, ("max_nodes", "d"), -2.0 * MOST_VALUES, 2.0 * MOST_VALUES, "_rows"
         ),
@@ -32,13 +32,11 @@ class FloatImages(Stateful):
     def __init__(self, max_nodes: int) -> None:
         self.max_nodes = max_nodes
         self.is_empty = True
-        self._shape: tuple[int, ...] = ()
-        self._origin = np.zeros(0, np.float32)
-        self._rows = np.zeros((max_nodes, 0), np.float32)
-        self._norms = np.zeros(max_nodes, np.float32)
-        self._x = np.zeros(0, np.float32)
-        self._step = np.zeros(0, np.float32)
+        self._rows: NDArray[Any] = np.zeros((max_nodes, 0), np.float32)
+        self._norms: NDArray[Any] = np.zeros(max_nodes, np.float32)
+        self._x: NDArray[Any] = np.zeros(0, np.float32)
         self._x_norm = 0.0
+        self._set_origin(np.zeros(0, np.float32))
 
     def begin(self, x: Vector) -> None:
         """Fix length and origin by the first vector."""
@@ -48,11 +46,10 @@ class FloatImages(Stateful):
         self._set_origin(origin)
         self._rows = np.zeros((self.max_nodes, origin.size), np.float32)
 
-    def _set_origin(self, origin: NDArray[np.float32]) -> None:
-        self.is_empty = False
-        self._origin = origin
+    def _set_origin(self, origin: Floats) -> None:
+        self.is_empty = origin.size == 0
+        self._origin, self._step = origin, np.zeros_like(origin)
         self._shape = origin.shape
-        self._step = np.zeros_like(origin)
 
     def measure(self, x: Vector, size: int) -> Floats:
         """Return |n|^2 / 2 - n.x + |x|^2 / 2 for each image, shape (size,)."""
@@ -79,12 +76,13 @@ class FloatImages(Stateful):
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
-        """Move an image towards the measured vector by 1 / (count + 1)."""
+        """Move the image of so many frames towards the measured vector, by its share."""
         self._blend(row, self._x, 1.0 / (count + 1))
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
-        """Move one image towards another by its share of the frames."""
+        """Move one image towards another, whose row the measured vector takes."""
         self._blend(kept, self._rows[removed], count_removed / (count_kept + count_removed))
+        self.put(removed)
 
     def _blend(self, row: int, other: NDArray[np.float32], share: float) -> None:
         image, step = self._rows[row], self._step
@@ -104,11 +102,11 @@ class FloatImages(Stateful):
         return images
 
     def compared(self, size: int) -> Floats:
-        """Return the images relative to the first frame."""
+        """Return of each image what is compared, relative to any one vector."""
         return self._rows[:size]
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Do nothing: means are kept, not sums."""
+        """Make what follows from how many frames each image stands for: nothing of means."""
 
     def faults(self) -> Iterator[str]:
         norms = 0.5 * np.einsum("ij,ij->i", self._rows, self._rows)
@@ -117,7 +115,6 @@ class FloatImages(Stateful):
 
     def restored(self) -> None:
         self._set_origin(self._origin)
-        self.is_empty = self._origin.size == 0
 
 
 _INT32 = 2**31
@@ -125,7 +122,7 @@ _MOST_STEPS, _FEWEST_STEPS = 256, 16
 """Steps between two grey levels in the images of `IntegerImages`."""
 
 
-class IntegerImages(Stateful):
+class IntegerImages(Images):
     """Whole numbers alone on every pixel, for machines without a floating-point unit.
 
     Vectors are whole numbers from 0 to 255. A row keeps the exact sum of its frames, so that
@@ -142,20 +139,15 @@ class IntegerImages(Stateful):
     fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)
 
     def __init__(self, max_nodes: int, n_compared: int | None = None) -> None:
-        self.max_nodes = max_nodes
+        super().__init__(max_nodes)
         self.n_compared = n_compared
-        self.is_empty = True
         self._sums = np.zeros((max_nodes, 0), np.int32)
         self._frames = np.zeros(max_nodes, np.int64)
-        self._rows: NDArray[Any] = np.zeros((max_nodes, 0), np.int32)
         self._norms = np.zeros(max_nodes)
-        self._x: NDArray[Any] = np.zeros(0, np.uint8)
         self._near: NDArray[Any] = np.zeros(0, np.int32)
-        self._x_norm = 0.0
         self._steps = _MOST_STEPS
 
     def begin(self, x: Vector) -> None:
-        """Fix the length by the first vector."""
         self._set_sums(np.zeros((self.max_nodes, checked_vector(x).size), np.int32))
         self.is_empty = False
 
@@ -169,7 +161,6 @@ class IntegerImages(Stateful):
         self._rows = np.zeros((self.max_nodes, size), np.int32 if is_short else np.int64)
 
     def measure(self, x: Vector, size: int) -> Floats:
-        """Return |n|^2 / 2 - n.x + |x|^2 / 2 for each image, shape (size,)."""
         self._x = checked_bytes(x, self._sums.shape[1])
         self._near = near = self._x[: self._rows.shape[1]].astype(self._rows.dtype)
         self._x_norm = 0.5 * float(near.dot(near))
@@ -179,22 +170,20 @@ class IntegerImages(Stateful):
         return single
 
     def put(self, row: int) -> None:
-        """Make the measured vector the image of a row."""
         self._sums[row] = self._x
         self._frames[row] = 1
         self._rows[row] = self._near * self._steps
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
-        """Add the measured vector to a row's sum."""
         sums = self._sums[row]
         np.add(sums, self._x, out=sums, casting="unsafe")  # whole numbers, whatever their type
         self._divide(row, count + 1)
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
-        """Add one row's sum to another's."""
         self._sums[kept] += self._sums[removed]
         self._divide(kept, count_kept + count_removed)
+        self.put(removed)
 
     def _divide(self, row: int, count: int) -> None:
         self._frames[row] = count
@@ -207,22 +196,18 @@ class IntegerImages(Stateful):
         self._norms[row] = 0.5 * float(wide.dot(wide)) / self._steps**2
 
     def move(self, source: int, target: int) -> None:
-        """Copy one row over another."""
         for array in (self._sums, self._frames, self._rows, self._norms):
             array[target] = array[source]
 
     def nodes(self, size: int) -> NDArray[np.float32]:
-        """Return the images, the exact means of their frames, shape (size, d)."""
         frames = np.maximum(self._frames[:size, None], 1).astype(np.float32)
         means: NDArray[np.float32] = self._sums[:size].astype(np.float32) / frames
         return means
 
     def compared(self, size: int) -> Floats:
-        """Return the values that are compared, as means."""
         return self._rows[:size].astype(np.float32) / np.float32(self._steps)
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Make the images of the sums again."""
         self._set_sums(self._sums)
         self._frames[:] = 0
         self._norms[:] = 0.0
@@ -240,10 +225,6 @@ class IntegerImages(Stateful):
             yield "the array sums holds more than its frames"
         if self._sums.sum(axis=0, dtype=np.int64).max(initial=0) > 2**30:
             yield "the array sums has no room for more frames"
-
-
-Images = FloatImages | IntegerImages
-"""Node images in rows, and one frame `x` at a time that is compared with them."""
 
 
 def checked_bytes(x: Vector, n_features: int | None = None) -> Vector:

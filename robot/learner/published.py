@@ -14,20 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
-from robot.learner.clusters import MOST_FRAMES, Clusters, Merge
+from robot.learner.clusters import SHARED, Clusters, Merge
 from robot.learner.images import checked_bytes
 from robot.learner.part import MOST_VALUES, Array, Value
-from robot.learner.values import count
-
-Integers = NDArray[np.int64]
 
 
 class PublishedBSOC(Clusters):
     """`BSOC` as published; two passes over the nodes a step, one for x, one for a merged node.
 
-    With `integer`, vectors are bytes and so are images, rounded to nearest on a merge as in the
-    authors' program: no floating-point operation on any pixel. Else images are exact means.
-    Pinning is not in the paper; the gallery needs it.
+    It has no groups. With `integer`, vectors are bytes and so are images, rounded to nearest on a
+    merge as in the authors' program: no floating-point operation on any pixel. Else images are
+    exact means. Pinning is not in the paper; the gallery needs it.
     """
 
     measures_novelty = False
@@ -36,22 +33,13 @@ class PublishedBSOC(Clusters):
         super().__init__(max_nodes, max_nodes + 1, np.float64)
         self.integer = integer
         self._dtype: type[Any] = np.int32 if integer else np.float64
-        self._images: NDArray[Any] = np.zeros((max_nodes + 1, 0), self._dtype)
-        self._counts = np.zeros(max_nodes + 1, np.int64)
+        self._images: NDArray[Any] = np.zeros((self.n_rows, 0), self._dtype)
 
     @property
     def fields(self) -> Sequence[Value | Array]:
         """What it keeps: bytes with `integer`, else exact means."""
         least, most = (0.0, 255.0) if self.integer else (-MOST_VALUES, MOST_VALUES)
-        return (
-            Value("max_nodes", count(), "max_nodes", is_fixed=True),
-            Value("size", count(), "n_nodes_"),
-            Value("next_id", count()),
-            Array("images", self._dtype, ("max_nodes+1", "d"), least, most),
-            Array("counts", np.int64, ("max_nodes+1",), high=MOST_FRAMES),
-            Array("ids", np.int64, ("max_nodes+1",)),
-            Array("pinned", np.bool_, ("max_nodes+1",)),
-        )
+        return (*SHARED, Array("images", self._dtype, ("n_rows", "d"), least, most))
 
     @property
     def nodes_(self) -> NDArray[Any]:
@@ -59,33 +47,18 @@ class PublishedBSOC(Clusters):
         images = self._images[: self.n_nodes_]
         return images.astype(np.uint8) if self.integer else images.copy()
 
-    @property
-    def counts_(self) -> Integers:
-        """Frames per node, shape (n,)."""
-        return self._counts[: self.n_nodes_].copy()
-
-    @property
-    def groups_(self) -> Integers:
-        """Of no node: the published algorithm has no groups."""
-        return np.zeros(0, np.int64)
-
     def distances(self, x: Vector) -> NDArray[np.float64]:
-        """Return the squared distance of `x` to every node, shape (n,); raises as `lookup`."""
         if self.n_nodes_ == 0:
             raise ValueError("nothing was learned yet")
         return self._measure(self._checked(x))
 
     def train(self, x: Vector, group: int = 0) -> int:
-        """Add one frame, merge the closest pair if there are too many; return x's nearest node.
-
-        `group` is ignored: the published algorithm has no groups. Raises as `lookup`.
-        """
         image = self._checked(x)
         if self.n_nodes_ == 0:
-            self._images = np.zeros((self.max_nodes + 1, image.size), self._dtype)
+            self._images = np.zeros((self.n_rows, image.size), self._dtype)
         self.n_nodes_ += 1
-        self._insert(self.n_nodes_ - 1, image, 1, self._next_id)
-        self._next_id += 1
+        self._insert(self.n_nodes_ - 1, image, 1, self.n_trained_)
+        self.n_trained_ += 1
         self.last_merge_ = None
         if self.n_nodes_ > self.max_nodes:
             self._merge_closest()
@@ -107,8 +80,8 @@ class PublishedBSOC(Clusters):
     def _insert(self, index: int, image: NDArray[Any], count: int, name: int) -> None:
         self._images[index] = image
         self._counts[index] = count
-        self._ids[index] = name
-        self._weigh(index)
+        self.names[index] = name
+        self._edges.set_row(index, self._costs(index))
 
     def _costs(self, node: int) -> NDArray[np.float64]:
         masses = np.maximum(self._counts[: self.n_nodes_], self._counts[node])
@@ -119,7 +92,7 @@ class PublishedBSOC(Clusters):
         _, kept, removed = self._edges.smallest()
         counts = int(self._counts[kept]), int(self._counts[removed])
         merged = self._merged(kept, removed, *counts)
-        name = int(self._ids[kept] if counts[0] >= counts[1] else self._ids[removed])
+        name = int(self.names[kept] if counts[0] >= counts[1] else self.names[removed])
         last = self.n_nodes_ - 1
         self._move(last, removed)
         self.n_nodes_ = last
@@ -139,15 +112,9 @@ class PublishedBSOC(Clusters):
         return rounded
 
     def _move(self, last: int, node: int) -> None:
-        for array in (self._images, self._counts, self._ids, self._pinned):
-            array[node] = array[last]
-        self._pinned[last] = False
-        self._edges.remove(node, last)
-
-    def set_group(self, node: int, group: int) -> None:
-        """Do nothing: the published algorithm has no groups."""
+        self._images[node] = self._images[last]
+        super()._move(last, node)
 
     @property
     def kind(self) -> str:
-        """Name of the form that its state has."""
         return "published-integer" if self.integer else "published"

@@ -5,6 +5,11 @@ After any number of frames the weights are those of batch ridge regression on al
 
 The inverse is large, and writing it is what a frame would cost. So its last few changes wait as
 vectors, which count as if they were in it, and are written together: three times as fast.
+
+A driver begins a turn late and ends it late. Between the two the same view means FORWARD to who
+drives straight and LEFT to who turns, and a single linear map takes the mean. So there is one ridge
+for every view, and one for each context: it learns the moves made in it, and the first examples of
+what followed them.
 """
 
 from __future__ import annotations
@@ -12,19 +17,21 @@ from __future__ import annotations
 import functools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Collection, Iterator, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.part import MOST_VALUES, Array, Arrays, Params, Stateful
+from robot.learner.values import demand
 
 Floats = NDArray[np.float64]
 _WAITING = 8
 """So many changes of the inverse are written at once."""
 _MOST_INVERSE = 1e3
 """Beyond what an inverse holds: 1 / penalty at first, and less with every frame."""
+N_CONTEXTS = 2
 
 
 @functools.cache
@@ -36,6 +43,8 @@ def _upper(size: int) -> NDArray[np.bool_]:
 class LinearPart(Stateful, ABC):
     """A linear score per label, learned one frame at a time."""
 
+    knows_contexts: ClassVar[bool] = False
+
     @abstractmethod
     def add_label(self) -> None:
         """Add a label, which no frame so far had."""
@@ -45,7 +54,7 @@ class LinearPart(Stateful, ABC):
         """Learn an angle, too, from now on; each frame so far had the angle of its label."""
 
     @abstractmethod
-    def scores(self, x: NDArray[Any]) -> Floats:
+    def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
         """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
 
     @abstractmethod
@@ -54,9 +63,17 @@ class LinearPart(Stateful, ABC):
 
     @abstractmethod
     def learn(
-        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
+        self,
+        x: NDArray[Any],
+        targets: Floats,
+        weight: float = 1.0,
+        angle: Floats | float = 0.0,
+        contexts: Collection[int] | None = None,
     ) -> None:
-        """Add a frame with its target scores `weight` times; a negative weight takes it back."""
+        """Add a frame with its target scores `weight` times; a negative weight takes it back.
+
+        With `contexts` it counts once, in these; else in each by the share of its label there.
+        """
 
     @abstractmethod
     def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
@@ -74,7 +91,7 @@ class RecursiveRidge(LinearPart):
         scale: What the values are divided by, so that they lie about in [0, 1].
     """
 
-    fields = (
+    fields: Sequence[Array] = (
         Array("triangle", np.float64, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
         Array("linear", np.float64, ("size", "n_labels"), -1e9, 1e9, attribute="_weights"),
         Array("waiting", np.float64, (_WAITING, "size"), -MOST_VALUES, MOST_VALUES),
@@ -84,8 +101,7 @@ class RecursiveRidge(LinearPart):
     def __init__(self, n_features: int, *, penalty: float = 3.0, scale: float = 255.0) -> None:
         if n_features < 1 or penalty <= 0.0 or scale <= 0.0:
             raise ValueError("n_features, penalty and scale must be above 0")
-        self.n_features = n_features
-        self.scale = scale
+        self.n_features, self.penalty, self.scale = n_features, penalty, scale
         self.size = size = n_features + 1
         self.n_triangle = size * (size + 1) // 2
         self._inverse = np.eye(size) / penalty
@@ -96,16 +112,11 @@ class RecursiveRidge(LinearPart):
         self._waiting = np.zeros((_WAITING, size))
         self._n_waiting = 0
 
-    @property
-    def n_columns(self) -> int:
-        """How many labels it has a score for."""
-        return self._weights.shape[1]
-
     def add_label(self) -> None:
         self._weights = np.hstack([self._weights, np.zeros((len(self._weights), 1))])
 
-    def scores(self, x: NDArray[Any]) -> Floats:
-        scores: Floats = self.scaled(x) @ self._weights
+    def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
+        scores: Floats = self._scaled(x) @ self._weights
         return scores
 
     def begin_angles(self, of_labels: Floats) -> None:
@@ -114,18 +125,22 @@ class RecursiveRidge(LinearPart):
 
     def angle(self, x: NDArray[Any]) -> Floats:
         assert self._angles is not None
-        both: Floats = self.scaled(x) @ self._angles
+        both: Floats = self._scaled(x) @ self._angles
         return both
 
     def learn(
-        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
+        self,
+        x: NDArray[Any],
+        targets: Floats,
+        weight: float = 1.0,
+        angle: Floats | float = 0.0,
+        contexts: Collection[int] | None = None,
     ) -> None:
-        self.learn_scaled(self.scaled(x), targets, weight, angle)
+        self._learn(self._scaled(x), targets, weight, angle)
 
-    def learn_scaled(
+    def _learn(
         self, z: Floats, targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
     ) -> None:
-        """Do as `learn` with what `scaled` returned: ridges of one kind need it once."""
         direction = self._solve(z)
         rest = 1.0 + weight * float(z @ direction)
         if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
@@ -152,7 +167,7 @@ class RecursiveRidge(LinearPart):
         self._n_waiting = 0
 
     def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
-        direction = self._solve(self.scaled(x))
+        direction = self._solve(self._scaled(x))
         self._weights += np.outer(direction, change)
         if self._angles is not None:
             self._angles += np.outer(direction, angle)
@@ -163,7 +178,7 @@ class RecursiveRidge(LinearPart):
         solution: Floats = self._inverse @ z - (waiting @ z) @ waiting
         return solution
 
-    def scaled(self, x: NDArray[Any]) -> Floats:
+    def _scaled(self, x: NDArray[Any]) -> Floats:
         """Return the values that are used, scaled, and the constant; shape (n_features + 1,)."""
         z = np.ones(self.n_features + 1)
         np.divide(x[: self.n_features], self.scale, out=z[:-1])
@@ -205,3 +220,122 @@ class RecursiveRidge(LinearPart):
             yield "the array waiting is over-full, or has gaps"
         if self.is_indefinite:
             yield "the array triangle is the inverse of nothing that was learned"
+
+
+class ContextRidge(RecursiveRidge):
+    """A ridge for every view, and one for each context as soon as a frame did not count in all.
+
+    The angle is learned whatever is under way.
+    """
+
+    knows_contexts = True
+    fields = (
+        *RecursiveRidge.fields,
+        Array("context_counts", np.int64, (1 + N_CONTEXTS, "n_labels"), high=1e9, may_miss=True),
+    )
+
+    def __init__(self, n_features: int, *, penalty: float = 3.0, scale: float = 255.0) -> None:
+        super().__init__(n_features, penalty=penalty, scale=scale)
+        self._ridges: list[RecursiveRidge] = []
+        self._counts = np.zeros((1 + N_CONTEXTS, 0), np.int64)
+        self._held_back: list[list[Floats]] = []
+
+    def add_label(self) -> None:
+        super().add_label()
+        for ridge in self._ridges:
+            ridge.add_label()
+        self._counts = np.hstack([self._counts, np.zeros((1 + N_CONTEXTS, 1), np.int64)])
+
+    def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
+        if context is None or not self._ridges:
+            return super().scores(x)
+        return self._ridges[context].scores(x)
+
+    def learn(
+        self,
+        x: NDArray[Any],
+        targets: Floats,
+        weight: float = 1.0,
+        angle: Floats | float = 0.0,
+        contexts: Collection[int] | None = None,
+    ) -> None:
+        if contexts is not None and len(contexts) < N_CONTEXTS and not self._ridges:
+            self._ridges = self._copies(N_CONTEXTS)
+        z = self._scaled(x)
+        self._learn(z, targets, weight, angle)
+        if contexts is None:
+            for ridge, shares in zip(self._ridges, self._shares(), strict=False):
+                part = float((targets * shares).sum())
+                if part > 0.0:
+                    ridge._learn(z, targets * shares / part, weight * part)
+            return
+        column = int(targets.argmax())
+        self._counts[0, column] += 1
+        for context in contexts:
+            self._counts[1 + context, column] += 1
+            if self._ridges:
+                self._ridges[context]._learn(z, targets)
+
+    def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
+        super().retarget(x, change, angle)
+        lost = np.minimum(change, 0.0)
+        for ridge, shares in zip(self._ridges, self._shares(), strict=False):
+            part = float((lost * shares).sum()) / (float(lost.sum()) or 1.0)
+            ridge.retarget(x, lost * shares + part * np.maximum(change, 0.0))
+
+    def _shares(self) -> Floats:
+        """Return how many of each label's frames each context has, shape (N_CONTEXTS, n_labels)."""
+        shares: Floats = self._counts[1:] / np.maximum(self._counts[0], 1)
+        return shares
+
+    def _copies(self, count: int) -> list[RecursiveRidge]:
+        """Return ridges that know what all contexts have in common so far, but no angles."""
+        ridges = [
+            RecursiveRidge(self.n_features, penalty=self.penalty, scale=self.scale)
+            for _ in range(count)
+        ]
+        for ridge in ridges:
+            for name in ("_inverse", "_weights", "_waiting"):
+                setattr(ridge, name, getattr(self, name).copy())
+            ridge.restored()
+        return ridges
+
+    @property
+    def _context_counts(self) -> NDArray[np.int64] | None:
+        """The counts, as soon as they tell contexts apart."""
+        return self._counts if self._ridges else None
+
+    @_context_counts.setter
+    def _context_counts(self, counts: NDArray[np.int64] | None) -> None:
+        together = np.ones((1 + N_CONTEXTS, self._weights.shape[1]), np.int64)
+        self._counts = together if counts is None else counts
+
+    def parts(self) -> Sequence[tuple[str, Stateful]]:
+        return [(f"context{context}", ridge) for context, ridge in enumerate(self._ridges)]
+
+    def upgrade(self, params: Params, arrays: Arrays) -> None:
+        """Make as many ridges as were saved; those of version 0.2 held some frames back."""
+        super().upgrade(params, arrays)
+        names = [f"context{context}" for context in range(N_CONTEXTS) if "context_counts" in arrays]
+        self._ridges = self._copies(len(names))
+        self._held_back = [
+            [arrays.pop(f"{name}_block_{what}", np.zeros((0, 0))) for what in ("frames", "targets")]
+            for name in names
+        ]
+
+    def restored(self) -> None:
+        super().restored()
+        for i, (frames, targets) in enumerate(self._held_back):
+            for field in self._ridges[i].fields:  # else what is out of bounds would be mended away
+                field.check(self._ridges[i])
+            if self._ridges[i].is_indefinite:  # frames of the other context were taken back from it
+                self._ridges[i : i + 1] = self._copies(1)
+            ridge = self._ridges[i]
+            if len(frames):
+                sides = ((len(frames), ridge.size), (len(frames), ridge._weights.shape[1]))
+                is_like_it = frames.dtype == targets.dtype == np.float64
+                demand(is_like_it and (frames.shape, targets.shape) == sides, "frames do not fit")
+                demand(bool(np.abs(frames).max() <= MOST_VALUES), "frames are out of bounds")
+                for z, target in zip(frames[frames[:, -1] != 0.0], targets, strict=False):
+                    ridge._learn(z, target)
+        self._held_back = []

@@ -19,8 +19,8 @@ from typing import Self
 
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import PolicyPart, Seen
-from robot.policy.pilot_pace import Headway, PilotPace
-from robot.policy.stall_detector import StallDetector
+from robot.policy.pilot_pace import Allowances, PilotPace
+from robot.policy.stall_detector import Headway, StallDetector
 from robot.types import Action, Point
 
 VOTES_KEPT = 0.4
@@ -63,7 +63,9 @@ class RunningVotes:
             at_s: When the frame was taken; None: a tenth of a second after the last.
             usual_run_s: How long the pilot keeps to a move; None if it is not known.
         """
-        keep = self.kept = self._kept(self._step_s(at_s), usual_run_s)
+        before_s, self._at_s = self._at_s, at_s
+        step_s = USUAL_STEP_S if at_s is None or before_s is None else max(at_s - before_s, 0.0)
+        keep = self.kept = self._kept(step_s, usual_run_s)
         old = self._average or shares
         mixed = {
             action: keep * old.get(action, 0.0) + (1.0 - keep) * share
@@ -80,12 +82,6 @@ class RunningVotes:
         if usual_run_s is not None:
             constant_s = max(min(constant_s, SHARE_OF_RUN * usual_run_s), 1e-3)
         return math.exp(-step_s / constant_s)
-
-    def _step_s(self, at_s: float | None) -> float:
-        before_s, self._at_s = self._at_s, at_s
-        if at_s is None or before_s is None:
-            return USUAL_STEP_S
-        return max(at_s - before_s, 0.0)
 
     def reset(self) -> None:
         """Forget the past: a new drive begins."""
@@ -152,18 +148,19 @@ class ActionFilter(PolicyPart):
 
     def on_frame(self, seen: Seen) -> None:
         """Average the votes, and choose the move with most of them, or the one under way."""
-        seen.shares = self._average.update(seen.shares, seen.at_s, self.pace.usual_run_s)
+        pace = self.pace.allowances()
+        seen.shares = self._average.update(seen.shares, seen.at_s, pace.usual_run_s)
         seen.kept = self._average.kept
         self._now_s = self._now_s + USUAL_STEP_S if seen.at_s is None else seen.at_s
-        seen.action = self._choose(seen, self._now_s)
+        seen.action = self._choose(seen, self._now_s, pace)
         seen.is_stalled, seen.needs_help = self._stall_detector.is_stalled, self.needs_help
         self._last = seen
         if self._gives_up:
             self._headway.turn(seen.action, self._now_s)
 
-    def _choose(self, seen: Seen, at_s: float) -> Action:
+    def _choose(self, seen: Seen, at_s: float, pace: Allowances) -> Action:
         """Return the best move that is not barred; the first on a tie."""
-        under_way, shares, pace, turns = seen.under_way, seen.shares, self.pace, self._kinds.turns
+        under_way, shares, turns = seen.under_way, seen.shares, self._kinds.turns
         urge = 0.0
         if self._gives_up:  # on an EV3 each comparison of pictures counts
             self._stall_detector.patience_s = pace.patience_s
@@ -172,7 +169,7 @@ class ActionFilter(PolicyPart):
                 under_way,
                 at_s,
                 bumped=seen.bumped,
-                taught=pace.scale,
+                taught=self.pace.scale,
                 stands=pace.stands,
             )
             urge = self._watch(under_way, at_s, ALLOWANCE * pace.longest_debt_s)

@@ -69,22 +69,20 @@ def measure(
     max_nodes: int,
     *,
     kind: str = "default",
-    integer: bool | None = None,
     repeats: int = 60,
     frames: Sequence[Frame] | None = None,
-    now_s: Callable[[], float] = _MACHINE.now_s,
 ) -> Cost:
     """Time a full learner of this size on this machine."""
-    policy = make_policy(f"{kind}-{max_nodes}", integer=integer)
+    policy = make_policy(f"{kind}-{max_nodes}")
     frames = sample_frames(60) if frames is None else frames
-    extract = times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20), now_s)
+    extract = times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20))
     xs = [policy.extract(frame) for frame in frames]
     rng = np.random.default_rng(0)
     for i in range(max_nodes):  # fill it: a half-empty learner is faster than it will be
         noisy = xs[i % len(xs)].astype(np.int16) + rng.integers(-8, 9, xs[0].size)
         policy.learn(noisy.clip(0, 255).astype(np.uint8), DEFAULT_MOVES[i % 3])
-    propose = times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats, now_s)
-    learn = times(lambda i: policy.learn(xs[i % len(xs)], DEFAULT_MOVES[i % 3]), repeats, now_s)
+    propose = times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats)
+    learn = times(lambda i: policy.learn(xs[i % len(xs)], DEFAULT_MOVES[i % 3]), repeats)
     return Cost(
         max_nodes=max_nodes,
         extract_s=float(np.median(extract)),
@@ -99,7 +97,6 @@ def choose_max_nodes(
     rate_hz: float,
     *,
     kind: str = "default",
-    integer: bool | None = None,
     cost_of: Callable[[int], Cost] | None = None,
 ) -> Cost:
     """Return the cost of the largest size in `SIZES` that holds the rate with a margin.
@@ -113,7 +110,7 @@ def choose_max_nodes(
     if rate_hz <= 0:
         raise ConfigurationError(f"a frame rate is above 0, not {rate_hz}")
     if cost_of is None:
-        cost_of = partial(measure, kind=kind, integer=integer, frames=sample_frames(60))
+        cost_of = partial(measure, kind=kind, frames=sample_frames(60))
     best = None
     for size in SIZES:
         cost = cost_of(size)
@@ -128,13 +125,11 @@ def choose_max_nodes(
     return best
 
 
-def times(
-    step: Callable[[int], object], repeats: int, now_s: Callable[[], float] = _MACHINE.now_s
-) -> list[float]:
+def times(step: Callable[[int], object], repeats: int) -> list[float]:
     """Return how long each step took, in seconds."""
     took_s = []
     for i in range(repeats):
-        start_s = now_s()
+        start_s = _MACHINE.now_s()
         step(i)
-        took_s.append(now_s() - start_s)
+        took_s.append(_MACHINE.now_s() - start_s)
     return took_s

@@ -13,6 +13,7 @@ from robot.types import Frame
 
 THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT = 40, 30
 """The paper's picture: 160x120 shrunk by four."""
+COMMON_SIDES = 4 * THUMBNAIL_WIDTH, 4 * THUMBNAIL_HEIGHT
 CELL_COLUMNS, CELL_ROWS = 8, 6
 """Parts of a picture, to say where two views are alike."""
 
@@ -49,7 +50,6 @@ class GreyFeatures:
         return image.to_small_grey(frame, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT).ravel()
 
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (30, 40)."""
         return _as_picture(np.asarray(x))
 
     def grey(self, x: Vector) -> NDArray[np.uint8]:
@@ -83,12 +83,11 @@ class GradientFeatures:
 
     def extract(self, frame: Frame) -> Vector:
         """Return shape (1584,), uint8: 6x8 cells of 8 bins, then 30x40 pixels halved."""
-        grey = at_common_scale(image.to_grey(frame))
+        grey = image.at_common_scale(image.to_grey(frame), *COMMON_SIDES)
         small = image.shrink(grey, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT)
         return np.concatenate([self._histograms(grey), small.ravel() >> 1])
 
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (30, 40)."""
         return _as_picture(np.asarray(x)[self.n_gradients :] * 2.0)
 
     def grey(self, x: Vector) -> NDArray[np.uint8]:
@@ -141,18 +140,6 @@ class GradientFeatures:
         across = lines[:, np.minimum(columns + 1, grey.shape[1] - 1)] - lines[:, columns - 1]
         down = stripes[np.minimum(rows + 1, grey.shape[0] - 1)] - stripes[rows - 1]
         return across, down
-
-
-def at_common_scale(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a picture of one to two times the sides of 160x120: its details have one size."""
-    pixels = image.enlarge(pixels, 4 * THUMBNAIL_WIDTH, 4 * THUMBNAIL_HEIGHT)
-    rows, columns = (
-        side if length >= 2 * side else length
-        for length, side in zip(
-            pixels.shape[:2], (4 * THUMBNAIL_HEIGHT, 4 * THUMBNAIL_WIDTH), strict=True
-        )
-    )
-    return pixels if pixels.shape[:2] == (rows, columns) else image.shrink(pixels, columns, rows)
 
 
 def _sampled(length: int, n_points: int) -> NDArray[np.intp]:

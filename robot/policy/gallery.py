@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Learner, Node, Vector
-from robot.learner.part import Value
-from robot.learner.values import Names, count, table
 from robot.policy.features import Features
-from robot.policy.part import Lesson, PolicyPart, Seen
+from robot.policy.recognition import LastMet
 from robot.types import Action
 
 _COMPARED = 128
@@ -55,42 +52,19 @@ class Explanation:
     alike: NDArray[np.float64]
 
 
-def _node_id(plain: Any, names: Names) -> int:
-    if not isinstance(plain, str) or not plain.isascii() or not plain.isdecimal():
-        raise ValueError("no number of a node")
-    return int(plain[:17])
-
-
-class Gallery(PolicyPart):
-    """Remembers by a node's id which proposal and which example matched it last.
+class Gallery:
+    """Shows the images of a learner.
 
     Args:
         learner: Whose images are shown.
         features: Makes a picture of an image.
+        met: When each was used and taught last.
     """
 
-    fields = (Value("last_taught", table(_node_id, count()), "_kept_last_taught"),)
-
-    def __init__(self, learner: Learner, features: Features) -> None:
+    def __init__(self, learner: Learner, features: Features, met: LastMet) -> None:
         self._learner = learner
         self._features = features
-        self._last_used: dict[int, int] = {}
-        self._last_taught: dict[int, int] = {}
-
-    def on_frame(self, seen: Seen) -> None:
-        self._note(self._last_used, seen.evidence.node, seen.number)
-
-    def on_example(self, lesson: Lesson) -> None:
-        self._note(self._last_taught, self._learner.last_node_, lesson.number)
-
-    def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
-        if node_id is None:
-            return
-        when[node_id] = now
-        if len(when) > 4 * self._learner.n_nodes_ + 64:  # most of these nodes are gone
-            alive = {node.id for node in self._learner.nodes()}
-            for gone in [node for node in when if node not in alive]:
-                del when[gone]
+        self._met = met
 
     def images(self) -> list[LearnedImage]:
         """Return every learned image, in the order of the nodes; none if the learner keeps none."""
@@ -103,8 +77,8 @@ class Gallery(PolicyPart):
             thumbnail=self._features.thumbnail(node.image),
             votes={Action(label): count for label, count in node.votes.items()},
             frames=node.frames,
-            last_used=self._last_used.get(node.id, 0),
-            last_taught=self._last_taught.get(node.id, 0),
+            last_used=self._met.used.get(node.id, 0),
+            last_taught=self._met.taught.get(node.id, 0),
             is_pinned=node.is_pinned,
             angle=node.angle,
         )
@@ -134,12 +108,3 @@ class Gallery(PolicyPart):
             present=features.thumbnail(x),
             alike=alike.clip(0.0, 1.0),
         )
-
-    @property
-    def _kept_last_taught(self) -> dict[str, int]:
-        """Which example each node took in last; a table in JSON has texts for keys."""
-        return {str(node): at for node, at in self._last_taught.items()}
-
-    @_kept_last_taught.setter
-    def _kept_last_taught(self, last_taught: dict[int, int]) -> None:
-        self._last_used, self._last_taught = {}, last_taught

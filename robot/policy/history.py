@@ -106,7 +106,7 @@ class TrainingHistory:
 
     def _begin(self, policy: Policy, taught: Counter[Action]) -> None:
         self.policy = policy
-        policy.describe_moves(self._declared)
+        policy.kinds.describe(self._declared)
         self.taught = taught
         self._events: list[LogEvent] = []
         self._forgotten = 0

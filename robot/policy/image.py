@@ -82,6 +82,16 @@ def enlarge(pixels: Pixels, width: int, height: int) -> Pixels:
     return pixels
 
 
+def at_common_scale(pixels: Pixels, width: int, height: int) -> Pixels:
+    """Return a picture of one to two times these sides: its details have one size."""
+    pixels = enlarge(pixels, width, height)
+    rows, columns = (
+        side if length >= 2 * side else length
+        for length, side in zip(pixels.shape[:2], (height, width), strict=True)
+    )
+    return pixels if pixels.shape[:2] == (rows, columns) else shrink(pixels, columns, rows)
+
+
 def _stretched(pixels: Pixels, axis: int, length: int) -> Pixels:
     """Interpolate between the pixels' middles, in whole numbers."""
     old = pixels.shape[axis]

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import statistics
 from collections import deque
+from collections.abc import Collection
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +18,7 @@ from robot.learner.part import Array, Arrays, Params, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
-from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter
+from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter, Headway
 from robot.types import DEFAULT_MOVES, Action, Point
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
@@ -35,88 +37,14 @@ PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
 
 
-PAYS_BACK = 4.0
-"""A second of driving straight pays for so many seconds of turning."""
-EFFECT_S = 0.2
-"""A straight move pays from here on: sooner nobody can tell if it has an effect."""
-STRAIGHT_S = 0.3
-"""Turns are paid back after driving straight for so long, and as long as the clock wants."""
-_LONGEST_STEP_S = 0.25
+class Allowances(NamedTuple):
+    """How long a robot may do what its pilot does; see the properties of `PilotPace`."""
 
-
-class Headway:
-    """What a body, the pilot's or the robot's, has done since it last got on.
-
-    Turning either way, and pushing without effect, add to a debt in seconds; driving straight with
-    effect takes four times as much off; it is never below 0. A curve by degrees gets on by what it
-    lacks to full lock, and pays for as much turning. Changes from one side to the other count until
-    the debt is paid.
-
-    Args:
-        kinds: Which moves are turns, and to which side.
-
-    Attributes:
-        debt_s: The debt.
-        side: The side that it turned to last; None since the debt was paid.
-        sides_s: When it changed sides, the last two times.
-    """
-
-    def __init__(self, kinds: MoveKinds) -> None:
-        self._kinds = kinds
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin anew."""
-        self.debt_s = self._straight_s = 0.0
-        self._last_s: float | None = None
-        self._free()
-
-    def _free(self) -> None:
-        self.side: float | None = None
-        self.sides_s: list[float] = []
-
-    def note(
-        self, action: Action, at_s: float, point: Point | None = None, *, is_stalled: bool = False
-    ) -> None:
-        """Update the debt by the move that has been under way since the last call.
-
-        Args:
-            action: The move; STOP changes nothing.
-            at_s: Now, in seconds.
-            point: The move by degrees, if it was driven so.
-            is_stalled: True if it has no effect.
-        """
-        last_s, self._last_s = self._last_s, at_s
-        step_s = 0.0 if last_s is None else min(max(at_s - last_s, 0.0), _LONGEST_STEP_S)
-        if action in self._kinds.turns or is_stalled:
-            turned = 1.0 if point is None or is_stalled else abs(point.steering)
-            self.debt_s = max(0.0, self.debt_s + (2.0 * turned - 1.0) * step_s)
-            self._straight_s = 0.0
-        elif action is not Action.STOP:
-            self._straight_s += step_s
-            if self._straight_s > EFFECT_S:
-                self.debt_s = max(0.0, self.debt_s - PAYS_BACK * step_s)
-        if self.debt_s == 0.0 and self._straight_s >= STRAIGHT_S:
-            self._free()
-
-    def turn(self, action: Action, at_s: float) -> float | None:
-        """Take note of a move; return how long two changes of side took if this is the second."""
-        side = self._kinds.turns.get(action)
-        if side is None:
-            return None
-        is_change, self.side = self.side == -side, side
-        if is_change:
-            self.sides_s = [*self.sides_s[-1:], at_s]
-        return self.sides_s[1] - self.sides_s[0] if is_change and len(self.sides_s) == 2 else None
-
-    @property
-    def clock(self) -> tuple[float, float, float | None]:
-        """Debt, time straight with effect, and the time of the last call."""
-        return self.debt_s, self._straight_s, self._last_s
-
-    @clock.setter
-    def clock(self, values: tuple[float, float, float | None]) -> None:
-        self.debt_s, self._straight_s, self._last_s = values
+    usual_run_s: float | None
+    patience_s: float
+    longest_debt_s: float
+    to_and_fro_s: float
+    stands: Collection[Action]
 
 
 class PilotPace(PolicyPart):
@@ -164,6 +92,12 @@ class PilotPace(PolicyPart):
         self._stand_s = 0.0
         self.stands: list[Action] = []
         self._headway = Headway(self.kinds)
+
+    def allowances(self) -> Allowances:
+        """Return how long the robot may, in one value."""
+        return Allowances(
+            self.usual_run_s, self.patience_s, self.longest_debt_s, self.to_and_fro_s, self.stands
+        )
 
     @property
     def patience_s(self) -> float:

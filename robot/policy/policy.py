@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from robot.driver import Move
 from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector
 from robot.learner.part import Arrays, Params, Stateful, Value
@@ -19,7 +18,7 @@ from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.policy.pilot_pace import PilotPace
-from robot.policy.recognition import Degrees, Recognition
+from robot.policy.recognition import Degrees, LastMet, Recognition
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _DOUBT = 0.5
@@ -46,12 +45,14 @@ class Policy(Stateful):
             view in the light that it was taught in (`light.py`).
 
     Attributes:
-        kinds: Which of the moves are turns, and which drive straight.
+        kinds: Which of the moves are turns, and which drive straight: `describe` tells it what a
+            body says of its own.
+        n_seen: How many examples were learned.
     """
 
     fields = (
         Value("name", lambda plain, names: str(plain), "name", is_fixed=True),
-        Value("lessons", count(), "_n_examples"),
+        Value("lessons", count(), "n_seen"),
     )
 
     def __init__(
@@ -72,38 +73,29 @@ class Policy(Stateful):
         self.learner = learner
         self.features = features
         self.kinds = MoveKinds(moves)
-        self._n_examples = 0
+        self.n_seen = 0
         self._n_proposals = 0
-        self._gallery = Gallery(learner, features)
-        pace, smoothing = PilotPace(self.kinds), action_filter(self.kinds)
+        met, pace, smoothing = LastMet(learner), PilotPace(self.kinds), action_filter(self.kinds)
+        self._gallery = Gallery(learner, features, met)
         smoothing.pace = pace
         self._smoothing = smoothing
         self._degrees = degrees = Degrees(learner, moves, self.kinds)
         parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())] if thins else []
-        if brighten is not None:
-            parts.append(("light", LightAdaptation(brighten)))
         if learner.abilities.contexts:
             parts.append(("context", MoveContext(self.kinds)))
-        parts += [("", Recognition(learner, moves, degrees)), ("pace", pace), ("", smoothing)]
-        parts += [("degrees", degrees), ("", self._gallery)]
+        if brighten is not None:
+            parts.append(("light", LightAdaptation(brighten)))
+        parts += [("", Recognition(learner, moves, degrees)), ("", met)]
+        parts += [("pace", pace), ("", smoothing), ("degrees", degrees)]
         self._parts = parts
         self._on_frame = _overridden(parts, "on_frame")
         self._on_example = _overridden(parts, "on_example")
         self._begun, _ = self.save()
 
-    def describe_moves(self, declared: Iterable[Move]) -> None:
-        """Take in what a body says of its moves: which are turns, which drive straight."""
-        self.kinds.describe(declared)
-
     @property
     def n_nodes(self) -> int:
         """How many learned images there are; 0 for learners that keep none."""
         return self.learner.n_nodes_
-
-    @property
-    def n_seen(self) -> int:
-        """How many examples were learned."""
-        return self._n_examples
 
     def usual_point(self, move: Action) -> Point | None:
         """Return what a move means by degrees, whatever the view; None before any such lesson."""
@@ -188,7 +180,7 @@ class Policy(Stateful):
         """
         self._check_move(label)
         lesson = Lesson(
-            number=self._n_examples + 1,
+            number=self.n_seen + 1,
             x=x,
             picture=self.features.grey(x),
             label=label if isinstance(label, Action) else Action(label),
@@ -197,7 +189,7 @@ class Policy(Stateful):
         )
         for on_example in self._on_example:
             on_example(lesson)
-        self._n_examples += 1
+        self.n_seen += 1
 
     def _check_move(self, label: Action) -> None:
         if label not in self.moves:
@@ -277,8 +269,9 @@ class Policy(Stateful):
             ValueError: If `label` is none of `moves`.
         """
         self._check_move(label)
-        if not self._degrees.relabel(node_id, Action(label)):
-            self.learner.relabel_node(node_id, Action(label))
+        usual = self.usual_point(label) if self.learner.abilities.angles else None
+        steered = () if usual is None else (usual.steering,)
+        self.learner.relabel_node(node_id, Action(label), *steered)
 
     def delete_node(self, node_id: int) -> None:
         """Forget one learned image; raises LookupError if there is none."""

@@ -12,14 +12,16 @@ Before the first point is taught nothing is kept and nothing is answered.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot.driver import side_of
-from robot.learner.base import AngularLearner, ContextualLearner, Learner
+from robot.learner.base import Learner
 from robot.learner.clusters import MOST_FRAMES
-from robot.learner.part import Array
+from robot.learner.part import Array, Value
+from robot.learner.values import Names, count, table
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.types import Action, Point
@@ -29,6 +31,13 @@ BAND = 2.5
 one cuts off how a curve ends: it would stay as hard as most of it was."""
 _LEAST = 1e-6
 """Votes for a move that was taught: more than for one that never was."""
+_FEW = 64
+
+
+def _node_id(plain: Any, names: Names) -> int:
+    if not isinstance(plain, str) or not plain.isascii() or not plain.isdecimal():
+        raise ValueError("no number of a node")
+    return int(plain[:17])
 
 
 class Degrees(PolicyPart):
@@ -46,9 +55,7 @@ class Degrees(PolicyPart):
     fields = (Array("sums", np.float64, ("n_moves", 4), -MOST_FRAMES, MOST_FRAMES, may_miss=True),)
 
     def __init__(self, learner: Learner, moves: tuple[Action, ...], kinds: MoveKinds) -> None:
-        self._learner: AngularLearner | None = None
-        if learner.abilities.angles and isinstance(learner, AngularLearner):
-            self._learner = learner
+        self._learner, self._is_angular = learner, learner.abilities.angles
         self._moves = moves
         self._kinds = kinds
         self.n_moves = len(moves)
@@ -56,20 +63,18 @@ class Degrees(PolicyPart):
         self.angle: float | None = None
         self._steering: float | None = None  # the running average
 
-    def teach(self, lesson: Lesson) -> bool:
-        """Teach the learner an example with its angle; False if it is to learn none."""
-        learner = self._learner
-        if learner is None or (self._sums is None and lesson.point is None):
-            return False
+    def angle_of(self, lesson: Lesson) -> float | None:
+        """Return the angle that the learner is to learn with an example; None if it learns none."""
+        if not self._is_angular or (self._sums is None and lesson.point is None):
+            return None
         points = self._kinds.points
         if self._sums is None:
-            learner.begin_angles({move: point.steering for move, point in points.items()})
-        point = lesson.point or points.get(lesson.label, Point(0.0, 0.0))
-        learner.learn_in(lesson.x, lesson.label, lesson.contexts, point.steering)
-        return True
+            self._learner.begin_angles({move: point.steering for move, point in points.items()})
+        return (lesson.point or points.get(lesson.label, Point(0.0, 0.0))).steering
 
-    def on_example(self, lesson: Lesson) -> None:
-        if lesson.is_learned and lesson.point is not None:
+    def note(self, lesson: Lesson) -> None:
+        """Take note of how an example was steered that the learner has learned."""
+        if lesson.point is not None:
             if self._sums is None:
                 self._sums = np.zeros((self.n_moves, 4))
             steering, throttle = lesson.point
@@ -111,14 +116,6 @@ class Degrees(PolicyPart):
         n, steering, square, _ = self._sums[self._moves.index(move)].tolist()
         return math.sqrt(max(square / n - (steering / n) ** 2, 0.0)) if n else 0.0
 
-    def relabel(self, node_id: int, label: Action) -> bool:
-        """Let an image steer as its new move usually does; False if no angles are learned."""
-        usual = self.usual(label)
-        if self._learner is None or self._sums is None:
-            return False
-        self._learner.relabel_node(node_id, label, usual.steering if usual else 0.0)
-        return True
-
     def reset(self) -> None:
         self.angle = self._steering = None
 
@@ -136,27 +133,60 @@ class Recognition(PolicyPart):
         self._learner = learner
         self._moves = moves
         self._degrees = degrees
-        self._contextual: ContextualLearner | None = None
-        if learner.abilities.contexts and isinstance(learner, ContextualLearner):
-            self._contextual = learner
 
     def on_frame(self, seen: Seen) -> None:
-        if self._contextual is None:
+        if seen.context is None:
             seen.evidence = self._learner.explain_one(seen.x)
         else:
-            seen.evidence = self._contextual.explain_in(seen.x, seen.context)
+            seen.evidence = self._learner.explain_in(seen.x, seen.context)
         known = seen.evidence.probabilities
         seen.shares = {
             move: max(known[move], _LEAST) if move in known else 0.0 for move in self._moves
         }
 
     def on_example(self, lesson: Lesson) -> None:
-        if not lesson.is_learned or self._degrees.teach(lesson):
-            return
-        if self._contextual is None:
-            self._learner.learn_one(lesson.x, lesson.label)
-        else:
-            self._contextual.learn_in(lesson.x, lesson.label, lesson.contexts)
+        if lesson.is_learned:
+            angle = self._degrees.angle_of(lesson)
+            if angle is None and not lesson.contexts:
+                self._learner.learn_one(lesson.x, lesson.label)
+            else:
+                self._learner.learn_in(lesson.x, lesson.label, lesson.contexts, angle)
+            self._degrees.note(lesson)
 
     def reset(self) -> None:
         self._learner.reset()
+
+
+class LastMet(PolicyPart):
+    """Remembers by an image's id which proposal and which example matched it last."""
+
+    fields = (Value("last_taught", table(_node_id, count()), "_kept_taught"),)
+
+    def __init__(self, learner: Learner) -> None:
+        self._learner = learner
+        self.used: dict[int, int] = {}
+        self.taught: dict[int, int] = {}
+
+    def on_frame(self, seen: Seen) -> None:
+        self._note(self.used, seen.evidence.node, seen.number)
+
+    def on_example(self, lesson: Lesson) -> None:
+        self._note(self.taught, self._learner.last_node_, lesson.number)
+
+    def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
+        if node_id is None:
+            return
+        when[node_id] = now
+        if len(when) > _FEW and len(when) > 4 * self._learner.n_nodes_ + _FEW:
+            alive = {node.id for node in self._learner.nodes()}  # most of these nodes are gone
+            for gone in [node for node in when if node not in alive]:
+                del when[gone]
+
+    @property
+    def _kept_taught(self) -> dict[str, int]:
+        """Which example each node took in last; a table in JSON has texts for keys."""
+        return {str(node): at for node, at in self.taught.items()}
+
+    @_kept_taught.setter
+    def _kept_taught(self, taught: dict[int, int]) -> None:
+        self.used, self.taught = {}, taught

@@ -7,14 +7,17 @@ from __future__ import annotations
 
 import platform
 import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
 from robot.errors import ConfigurationError, MissingExtraError, PluginError, did_you_mean
-from robot.learner.classifier import BSOCClassifier
+from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
+from robot.learner.ridge import ContextRidge, RecursiveRidge
 from robot.policy.action_filter import ActionFilter
-from robot.policy.design import DEFAULT, Maker
-from robot.policy.features import GreyFeatures
+from robot.policy.features import Features, GradientFeatures, GreyFeatures
+from robot.policy.move_kinds import MoveKinds
 from robot.policy.policy import Policy
 from robot.types import DEFAULT_MOVES, Action
 
@@ -25,7 +28,64 @@ DEFAULT_NODES = 32
 MOST_NODES = 1024
 """A learner of more images is refused: its table of distances grows with their square."""
 
-make_default = DEFAULT.make
+Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
+"""Makes a policy of a number of nodes, a name and the moves; True: in whole numbers alone."""
+BALANCE = 0.2
+"""By how much a rare label weighs more: few examples of a turn are enough to see it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """The parts and constants of a learner; the defaults are those that measured best."""
+
+    features: Callable[[], Features] = GradientFeatures
+    action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter
+    is_linear: bool = True
+    is_contextual: bool = True
+    """The linear part knows what is under way; else the move under way has inertia."""
+    linear_share: float = LINEAR_SHARE
+    group_cost: float = GROUP_COST
+    n_voters: int = N_VOTERS
+    balance: float = BALANCE
+    is_integer: bool = False
+    """Whole numbers alone, on any machine."""
+    forgets: bool = True
+    thins: bool = True
+    adapts: bool = True
+    policy: type[Policy] = Policy
+
+    def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+        """Return the policy; a `Maker`."""
+        features, is_whole = self.features(), integer or self.is_integer
+        # The linear part costs a floating-point step over all pairs of gradients an example.
+        ridge = ContextRidge if self.is_contextual else RecursiveRidge
+        is_linear = self.is_linear and not is_whole
+        learner = BSOCClassifier(
+            number,
+            group_cost=self.group_cost,
+            n_voters=self.n_voters,
+            linear=ridge(GradientFeatures.n_gradients) if is_linear else None,
+            linear_share=self.linear_share,
+            balance=self.balance,
+            integer=is_whole,
+            forgets=self.forgets and not is_whole,
+        )
+        brighten = None
+        if self.adapts and not integer and isinstance(features, GradientFeatures):
+            brighten = features.brightened
+        return self.policy(
+            name,
+            number,
+            learner,
+            features,
+            moves=moves,
+            action_filter=self.action_filter,
+            thins=self.thins,
+            brighten=brighten,
+        )
+
+
+make_default = Design().make
 
 
 def make_published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:

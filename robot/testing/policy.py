@@ -46,10 +46,10 @@ class FakePolicy(Policy):
     ) -> None:
         if self.first is None:
             self.first, self.point = label, point
-        self._n_examples += 1
+        self.n_seen += 1
 
     def get_state(self) -> State:
-        return State(kind="fake", params={"first": self.first, "lessons": self._n_examples})
+        return State(kind="fake", params={"first": self.first, "lessons": self.n_seen})
 
     def set_state(self, state: State) -> None:
-        self.first, self._n_examples = state.params["first"], state.params["lessons"]
+        self.first, self.n_seen = state.params["first"], state.params["lessons"]

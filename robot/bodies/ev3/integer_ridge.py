@@ -8,7 +8,7 @@ Here a step goes all the way to the least error of its coordinate.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -75,7 +75,7 @@ class IntegerRidge(LinearPart):
         self._weights = np.vstack([self._weights, row])
         self._residual = np.vstack([self._residual, row])
 
-    def scores(self, x: NDArray[Any]) -> Floats:
+    def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
         scores: Floats = self._weights.dot(self._input(x)) / _ONE
         return scores
 
@@ -86,7 +86,12 @@ class IntegerRidge(LinearPart):
         """Return no angle."""
 
     def learn(
-        self, x: NDArray[Any], targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
+        self,
+        x: NDArray[Any],
+        targets: Floats,
+        weight: float = 1.0,
+        angle: Floats | float = 0.0,
+        contexts: Collection[int] | None = None,
     ) -> None:
         """Add a frame with its target scores `weight` times; a negative weight takes it back.
 

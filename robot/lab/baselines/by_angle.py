@@ -40,11 +40,13 @@ class AngleBaseline(Baseline):
         self._of_labels.update(of_labels)
 
     def learn_one(self, x: Vector, y: Label) -> None:
-        self.learn_in(x, y, (), self._of_labels.get(y, 0.0))
+        self.learn_in(x, y, ())
 
-    def learn_in(self, x: Vector, y: Label, contexts: Collection[int], angle: float = 0.0) -> None:
+    def learn_in(
+        self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
+    ) -> None:
         super().learn_one(x, y)
-        self._angles.append(angle)
+        self._angles.append(self._of_labels.get(y, 0.0) if angle is None else angle)
 
     def explain_one(self, x: Vector) -> Evidence:
         model, vector = self._fitted(x)
@@ -56,9 +58,6 @@ class AngleBaseline(Baseline):
         return Evidence(
             label=best, probabilities=shares, confidence=1.0, angle=angle, size=abs(angle)
         )
-
-    def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
-        super().relabel_node(node_id, y)
 
     def set_state(self, state: State) -> None:
         super().set_state(state)

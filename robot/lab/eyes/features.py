@@ -9,9 +9,9 @@ from robot.lab.eyes.network import CHANNELS, COLUMNS, HEIGHT, ROWS, WIDTH, Netwo
 from robot.learner.base import Vector
 from robot.policy import image
 from robot.policy.features import (
+    COMMON_SIDES,
     THUMBNAIL_HEIGHT,
     THUMBNAIL_WIDTH,
-    at_common_scale,
     sum_over_cells,
 )
 from robot.types import Frame
@@ -46,7 +46,7 @@ class EyesFeatures:
         """Return shape (2000,), uint8: 80 channels of 2x5 parts, then 30x40 pixels quartered."""
         import cv2
 
-        rgb = at_common_scale(image.to_rgb(frame))
+        rgb = image.at_common_scale(image.to_rgb(frame), *COMMON_SIDES)
         small = image.rgb_to_grey(image.shrink(rgb, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT))
         outputs = self._network.run(np.asarray(cv2.resize(rgb, (WIDTH, HEIGHT)), np.uint8))
         high, wide = ROWS // self.n_rows, COLUMNS // self.n_columns

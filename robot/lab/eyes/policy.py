@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from robot.lab.eyes.features import EyesFeatures
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.context_ridge import ContextRidge
-from robot.learner.ridge import RecursiveRidge
+from robot.learner.ridge import ContextRidge
 from robot.policy.policy import Policy
 from robot.types import Action
 
@@ -13,7 +12,7 @@ from robot.types import Action
 def make_eyes(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
     """Return the default's parts on what a frozen vision net sees; needs the extra `eyes`."""
     features = EyesFeatures()
-    linear = ContextRidge(lambda: RecursiveRidge(features.n_outputs, penalty=EyesFeatures.penalty))
+    linear = ContextRidge(features.n_outputs, penalty=EyesFeatures.penalty)
     learner = BSOCClassifier(
         number,
         linear=linear,

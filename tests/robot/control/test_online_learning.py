@@ -78,7 +78,8 @@ def test_when_a_frame_was_taken_and_came_is_known_before_the_first_command(
     assert online_learning.times_of(1) is None
     frame = camera.show(1)
     online_learning.look(frame, delivered_s=clock.now_s() + 0.25)
-    assert online_learning.times_of(frame.frame_id) == (frame.captured_s, clock.now_s() + 0.25)
+    came_s = clock.now_s() + 0.25
+    assert online_learning.times_of(frame.frame_id) == ((frame.captured_s, came_s), came_s)
 
 
 def test_the_frame_rate_is_that_of_the_camera(

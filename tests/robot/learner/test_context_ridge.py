@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.context_ridge import N_CONTEXTS, ContextRidge
-from robot.learner.ridge import RecursiveRidge
+from robot.learner.ridge import N_CONTEXTS, ContextRidge, RecursiveRidge
 
 SIZE = 6
 ALL = range(N_CONTEXTS)
 
 
 def make():
-    return ContextRidge(lambda: RecursiveRidge(SIZE, penalty=2.0, scale=1.0))
+    return ContextRidge(SIZE, penalty=2.0, scale=1.0)
 
 
 @pytest.fixture
@@ -29,7 +28,7 @@ def taught(examples):
     for _ in range(3):
         ridge.add_label()
     for x, column, contexts in examples:
-        ridge.learn_in(x, column, contexts)
+        ridge.learn(x, np.eye(3)[column], contexts=contexts)
     return ridge
 
 
@@ -43,7 +42,7 @@ def alone(examples):
 
 
 def opinions(ridge, x):
-    return [ridge.scores(x), *(ridge.scores_in(x, context) for context in ALL)]
+    return [ridge.scores(x), *(ridge.scores(x, context) for context in ALL)]
 
 
 @pytest.mark.parametrize("together", [0, 3, 8, 30])
@@ -54,11 +53,11 @@ def test_contexts_are_one_until_they_differ(examples, together):
     arrays = ridge.save()[1]
     assert not any(name.startswith("context") for name in arrays)
     for x, column, contexts in mixed[together:]:
-        ridge.learn_in(x, column, contexts)
+        ridge.learn(x, np.eye(3)[column], contexts=contexts)
     x = examples[2][0]
     for context in ALL:
         own = alone([example for example in mixed if context in example[2]])
-        np.testing.assert_allclose(ridge.scores_in(x, context), own.scores(x), atol=1e-12)
+        np.testing.assert_allclose(ridge.scores(x, context), own.scores(x), atol=1e-12)
 
 
 def test_each_context_knows_its_own_examples_and_the_rest_knows_all(examples):
@@ -67,7 +66,7 @@ def test_each_context_knows_its_own_examples_and_the_rest_knows_all(examples):
     np.testing.assert_array_equal(ridge.scores(x), alone(examples).scores(x))
     for context in ALL:
         own = [example for example in examples if context in example[2]]
-        np.testing.assert_allclose(ridge.scores_in(x, context), alone(own).scores(x), atol=1e-12)
+        np.testing.assert_allclose(ridge.scores(x, context), alone(own).scores(x), atol=1e-12)
 
 
 def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):
@@ -85,13 +84,13 @@ def test_each_context_changes_by_its_share_of_the_label(examples):
     shares = [0.5, 1.0]
     zeros = [(x, 0, (0, 1) if i % 2 else (1,)) for i, (x, _, _) in enumerate(examples)]
     ridge, x = taught(zeros), examples[3][0]
-    before = [ridge.scores_in(x, context) for context in ALL]
+    before = [ridge.scores(x, context) for context in ALL]
     pure = [alone([e for e in zeros if context in e[2]]) for context in ALL]
     change = np.array([-4.0, 4.0, 0.0])
     ridge.retarget(x, change)
     for context in ALL:
         pure[context].retarget(x, shares[context] * change)
-        after = ridge.scores_in(x, context)
+        after = ridge.scores(x, context)
         np.testing.assert_allclose(after, pure[context].scores(x), atol=1e-12)
         assert after[0] < before[context][0]
 
@@ -101,8 +100,8 @@ def test_a_context_without_frames_of_a_label_keeps_its_targets(examples):
     x = examples[0][0]
     ridge.retarget(x, np.array([-4.0, 4.0, 0.0]))
     ridge.learn(x, np.array([1.0, 0.0, 0.0]), -1.0)
-    assert not ridge.scores_in(x, 0).any()
-    assert ridge.scores_in(x, 1).any()
+    assert not ridge.scores(x, 0).any()
+    assert ridge.scores(x, 1).any()
 
 
 def test_a_model_from_before_contexts_has_the_same_opinion_in_all(examples):
@@ -120,7 +119,7 @@ def test_a_model_from_before_contexts_has_the_same_opinion_in_all(examples):
         one.retarget(x, change)
     for scores in opinions(ridge, x):
         np.testing.assert_allclose(scores, expected.scores(x), atol=1e-12)
-    ridge.learn_in(x, 1, (0,))
+    ridge.learn(x, np.eye(3)[1], contexts=(0,))
     assert np.ptp([scores[1] for scores in opinions(ridge, x)]) > 0.0
 
 
@@ -147,7 +146,7 @@ def test_frames_that_version_0_2_held_back_are_learned_when_its_model_opens(exam
 
 def test_a_model_of_other_features_is_refused(examples):
     arrays = taught(examples).save()[1]
-    other = ContextRidge(lambda: RecursiveRidge(SIZE + 1))
+    other = ContextRidge(SIZE + 1)
     with pytest.raises(ValueError, match=r"the array triangle|does not belong"):
         other.load({}, arrays)
     with pytest.raises(ValueError, match=r"the array triangle|does not belong"):
@@ -156,7 +155,7 @@ def test_a_model_of_other_features_is_refused(examples):
 
 def test_one_view_means_one_thing_to_who_drives_and_another_to_who_turns():
     """Far means FORWARD, near LEFT; in between goes on what was begun."""
-    learner = BSOCClassifier(8, linear=ContextRidge(lambda: RecursiveRidge(SIZE, penalty=0.01)))
+    learner = BSOCClassifier(8, linear=ContextRidge(SIZE, penalty=0.01))
 
     def view(near: float) -> np.ndarray:
         return (255 * np.linspace(near, 1.0 - near, SIZE)).astype(np.uint8)

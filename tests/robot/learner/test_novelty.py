@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.learner.bsoc import BSOC
-from robot.learner.novelty import HELD_OUT, Novelty, percentile
+from robot.learner.votes import HELD_OUT, Novelty, percentile
 
 
 def filled(lengths, **options):

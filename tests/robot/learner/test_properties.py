@@ -9,9 +9,8 @@ from hypothesis.extra.numpy import arrays
 from robot.bodies.ev3.integer_ridge import IntegerRidge
 from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
-from robot.learner.context_ridge import ContextRidge
 from robot.learner.published import PublishedBSOC
-from robot.learner.ridge import RecursiveRidge
+from robot.learner.ridge import ContextRidge, RecursiveRidge
 
 LABELS = ("forward", "left", "right")
 KINDS = [
@@ -35,7 +34,7 @@ def make(kind, max_nodes):
         cluster = BSOC(max_nodes, group_cost=GROUP_COST, integer=True, n_compared=4)
         return BSOCClassifier(max_nodes, linear=IntegerRidge(3), cluster=cluster)
     if kind == "context":
-        return BSOCClassifier(max_nodes, linear=ContextRidge(lambda: RecursiveRidge(4)))
+        return BSOCClassifier(max_nodes, linear=ContextRidge(4))
     linear = RecursiveRidge(4) if kind == "linear" else None
     return BSOCClassifier(max_nodes, linear=linear, integer=kind == "integer")
 
@@ -127,7 +126,7 @@ def test_pinned_nodes_stay(xs, pins):
     for pin in pins[:3]:
         if pin < len(learner):
             learner.pin(pin)
-            pinned[learner.node_id(pin)] = learner.nodes_[pin].copy()
+            pinned[int(learner.ids_[pin])] = learner.nodes_[pin].copy()
     for x in xs[5:]:
         learner.train(x)
     alive = dict(zip(learner.ids_.tolist(), learner.nodes_, strict=True))

@@ -14,8 +14,7 @@ from robot.control.online_learning import CORRECTS_BEYOND
 from robot.driver import CLASSIC, move_at, point_of
 from robot.learner.base import State
 from robot.learner.classifier import BSOCClassifier
-from robot.learner.context_ridge import ContextRidge
-from robot.learner.ridge import RecursiveRidge
+from robot.learner.ridge import ContextRidge
 from robot.policy.history import Taught, TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.recognition import BAND
@@ -161,13 +160,13 @@ def test_the_linear_angle_is_that_of_all_examples_whenever_degrees_began() -> No
     labels = dice.integers(0, 3, 70)
     angles = np.where(np.arange(70) < 30, labels - 1.0, dice.uniform(-1.0, 1.0, 70))
     both = np.stack([angles, abs(angles)], axis=1)
-    ridge = ContextRidge(lambda: RecursiveRidge(12))
+    ridge = ContextRidge(12)
     for _ in range(3):
         ridge.add_label()
     for i, x in enumerate(xs):
         if i == 30:
             ridge.begin_angles(np.array([-1.0, 0.0, 1.0]))
-        ridge.learn_in(x, int(labels[i]), (i % 2,), both[i])
+        ridge.learn(x, np.eye(3)[labels[i]], angle=both[i], contexts=(i % 2,))
     z = np.hstack([xs / 255.0, np.ones((70, 1))])
     batch = np.linalg.solve(z.T @ z + 3.0 * np.eye(13), z.T @ both)
     for x, row in zip(xs, z, strict=True):
