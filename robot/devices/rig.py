@@ -35,8 +35,7 @@ class Rig(StartStop):
         config: LoopConfig | None = None,
     ) -> None:
         self.clock = clock or RealClock()
-        self.driver = driver
-        self.camera = camera
+        self.driver, self.camera = driver, camera
         self.loop = ControlLoop(driver, camera, policy, self.clock, config)
         self._ending = threading.Event()
         self._thread: Worker | None = None
@@ -102,12 +101,10 @@ def build_rig(
     Raises:
         RobotError: If a name, an option or a library is missing; the message says which.
     """
-    given = options or {}
-    clock = RealClock()
+    given, clock = options or {}, RealClock()
     driver_type = load_driver(robot)
     driver = driver_type(make_options(driver_type.options_type, given))
     camera_type = load_camera(camera or driver_type.default_camera)
     eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
-    policy = make_policy(learner, moves=driver.first_moves)
     body = DriverThread(driver, clock) if driver.is_remote else driver
-    return Rig(body, eye, policy, clock, config)
+    return Rig(body, eye, make_policy(learner, moves=driver.first_moves), clock, config)

@@ -17,10 +17,8 @@ from robot.store.folder import is_text, move_aside, write_whole
 
 ASIDE = "set-aside"
 _FOLDERS = ("models", "episodes", "exports", "trash", "journal", "lessons", "tls")
-_FILES = (
-    *(".lock", ".lock.pid", "README.txt", "robot.json", "paired.json"),
-    *("models/current.txt", "models/current.twin.txt"),
-)
+_FILES = (".lock", ".lock.pid", "README.txt", "robot.json", "paired.json")
+_NOTES = ("models/current.txt", "models/current.twin.txt")
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _PROBE = b"x" * 4096
 
@@ -44,7 +42,6 @@ class Prepared:
 def prepare(root: Path) -> Prepared:
     """Make the folder and what belongs in it, and set aside what is in the way. Never raises."""
     moved: list[tuple[str, str]] = []
-
     root = root.expanduser()
 
     def clear(path: Path, is_usable: bool, into: Path = root / ASIDE) -> None:
@@ -59,7 +56,7 @@ def prepare(root: Path) -> Prepared:
         clear(root / ASIDE, (root / ASIDE).is_dir(), root)
         for folder in folders:
             clear(folder, folder.is_dir() and os.access(folder, os.R_OK | os.X_OK))
-        for file in (root / name for name in _FILES):
+        for file in (root / name for name in _FILES + _NOTES):
             clear(file, _is_a(file, stat.S_ISREG) and os.access(file, os.R_OK | os.W_OK))
         for folder in (root, *folders):
             for path in _found_in(folder):
@@ -93,9 +90,8 @@ def _move(path: Path, into: Path) -> str:
     into.mkdir(parents=True, exist_ok=True)
     shown = _shown(path.name)
     found = move_aside(path, (into / f"{shown}.{number}" for number in range(1, 10_000)))
-    if found == path:
-        return f"{path.parent.name}/{shown}, where it was"
-    return f"{into.name}/{found.name}"
+    stays = f"{path.parent.name}/{shown}, where it was"
+    return stays if found == path else f"{into.name}/{found.name}"
 
 
 def _shown(name: str) -> str:

@@ -68,10 +68,8 @@ class PlanTable(Outside):
 def refuse_unknown(table: Mapping[str, Any], known: Sequence[str], where: str) -> None:
     for name in table:
         if name not in known:
-            hint = did_you_mean(name, known)
-            raise ConfigurationError(
-                f"{where}: there is no field {name!r}{hint}; known are {', '.join(known)}"
-            )
+            hint = f"{did_you_mean(name, known)}; known are {', '.join(known)}"
+            raise ConfigurationError(f"{where}: there is no field {name!r}{hint}")
 
 
 def refuse_twins(names: Sequence[str], what: str, where: str) -> None:
@@ -106,8 +104,6 @@ def _check(name: str, value: Any) -> None:
             raise ValueError(f"{name!r} has {code[:40]!r}; write {_TEXT}")
     if name == "moves" and (not value or Action.STOP in map(Action, value)):
         raise ValueError("'moves' must have at least one move, and not 'stop': every robot stops")
-    if name == "learner":
-        kind, _ = split_name(value)
-        if not is_learner_kind(kind):
-            hint = did_you_mean(kind, learner_kinds())
-            raise ValueError(f"'learner' is {value!r}{hint}; default-32 is the usual one")
+    if name == "learner" and not is_learner_kind(kind := split_name(value)[0]):
+        hint = did_you_mean(kind, learner_kinds())
+        raise ValueError(f"'learner' is {value!r}{hint}; default-32 is the usual one")

@@ -61,14 +61,10 @@ class Baseline(Stateful, BaseLearner):
 
     def explain_one(self, x: Vector) -> Evidence:
         model, vector = self._fitted(x)
-        shares = model.predict_proba(vector)[0]
-        labels = [str(label) for label in model.classes_]
-        best = int(shares.argmax())
-        return Evidence(
-            label=labels[best],
-            probabilities=dict(zip(labels, shares.tolist(), strict=True)),
-            confidence=float(shares[best]),
-        )
+        shares = model.predict_proba(vector)[0].tolist()
+        probabilities = dict(zip(map(str, model.classes_), shares, strict=True))
+        best = max(probabilities, key=probabilities.__getitem__)
+        return Evidence(label=best, probabilities=probabilities, confidence=probabilities[best])
 
     def _fitted(self, x: Vector) -> tuple[Any, Any]:
         """Return the model of all examples, and the vector as it takes it."""

@@ -94,9 +94,8 @@ class HumanDelayModel:
                 _, self._held, self._point = self._wishes.popleft()
         if now_s < self._pauses_until_s:
             return None
-        if self._held is not None and now_s < self._slips_until_s:
-            return self._slip
-        return self._held
+        slips = self._held is not None and now_s < self._slips_until_s
+        return self._slip if slips else self._held
 
     def _begin_by_chance(self, now_s: float, dt_s: float) -> None:
         """Begin a tremor or a lapse at random; every call draws equally many random numbers."""
