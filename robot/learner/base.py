@@ -205,6 +205,14 @@ class Learner(Protocol):
         """Keep one image from being merged or deleted; raises as `relabel_node`."""
         raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
+    def outdate(self) -> None:
+        """Let what is taught from now on count more than what was taught before.
+
+        Raises:
+            ValueError: If the learner cannot.
+        """
+        raise ValueError("This learner cannot tell old from new. Begin an empty model instead.")
+
 
 class BaseLearner(Learner):
     """A `Learner` without images and other abilities, to derive from: four methods are to write."""

@@ -11,6 +11,9 @@ images was last taught before that began. So it does where another label's image
 and was taught much later. That is read when votes are counted: no histogram is changed, and the old
 label used again at such views takes it all back.
 
+The pilot's own word is better evidence than any of this: `outdate`. From then on a label whose
+nearest image was taught before passes its votes to the nearest image that was taught since.
+
 The label that is taken up most often, such as FORWARD, is left out: it follows every other, and
 where is a matter of a tenth of a second.
 """
@@ -22,8 +25,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.part import Array, Stateful
-from robot.learner.values import WHOLE
+from robot.learner.part import Array, Stateful, Value
+from robot.learner.values import WHOLE, count
 from robot.learner.votes import Distances, Floats
 
 CLEARLY = 0.9
@@ -52,6 +55,7 @@ class ChangeOfMind(Stateful):
         Array("contradicted", np.float64, ("n_labels+1", "n_labels"), older=0.0),
         Array("contradicted_since", np.int64, ("n_labels", "n_labels"), 0, WHOLE, "_since", 0),
         Array("taken_up", np.int64, ("n_labels+1",), 0, WHOLE, "_kept_taken_up", 0),
+        Value("outdated_before", count(), older=(0,)),
     )
 
     def __init__(self) -> None:
@@ -59,6 +63,7 @@ class ChangeOfMind(Stateful):
         self._since = np.zeros((0, 0), np.int64)
         self._taken_up = np.zeros(0, np.int64)
         self._last = -1
+        self._outdated_before = 0
         self._before = np.zeros(0)  # this turn: what spoke against each label
 
     def add_label(self) -> None:
@@ -105,6 +110,10 @@ class ChangeOfMind(Stateful):
             if (near & (owners == label) & (taught < self._since[label, new])).any():
                 self._against[label, new] = max(self._against[label, new] - CONFIRMED, 0.0)
 
+    def outdate(self, now: int) -> None:
+        """Let what is taught from example `now` on count more than what was taught before."""
+        self._outdated_before = now
+
     def applied(
         self,
         shares: Floats,
@@ -132,6 +141,7 @@ class ChangeOfMind(Stateful):
                 (distances[other], new)
                 for new, other in nearest.items()
                 if (self._against[old, new] >= ENOUGH and is_before[new])
+                or taught[image] < self._outdated_before <= taught[other]
                 or (distances[other] <= distances[image] and taught[other] > taught[image] + LATER)
             ]
             if followers:

@@ -192,16 +192,15 @@ class BSOCClassifier(Stateful, Learner):
         return self.labels_.index(y)
 
     def explain_one(self, x: Vector) -> Evidence:
-        """Return the prediction and the node it rests on.
+        return self.explain_in(x, None)
+
+    def explain_in(self, x: Vector, context: int | None) -> Evidence:
+        """Return the prediction in one context, and the node it rests on.
 
         Raises:
             NotFittedError: Before the first example.
             ValueError: If `x` is of another shape or not finite.
         """
-        return self.explain_in(x, None)
-
-    def explain_in(self, x: Vector, context: int | None) -> Evidence:
-        """Return the prediction in one context; raises as `explain_one`."""
         cluster, linear, mind = self.cluster, self.linear, self._mind
         n_nodes = cluster.n_nodes_
         if n_nodes == 0:
@@ -249,6 +248,7 @@ class BSOCClassifier(Stateful, Learner):
         """Return the learned images, in the clustering's order."""
         cluster, angles = self.cluster, self._node_angles
         images, frames, pinned = cluster.nodes_, cluster.counts_.tolist(), cluster.pinned_.tolist()
+        ids, histograms = cluster.ids_.tolist(), self.histograms_.tolist()
         return [
             Node(
                 id=node_id,
@@ -258,9 +258,7 @@ class BSOCClassifier(Stateful, Learner):
                 is_pinned=pinned[i],
                 angle=None if angles is None else float(angles[i, 0]) / max(sum(counts), 1),
             )
-            for i, (node_id, counts) in enumerate(
-                zip(cluster.ids_.tolist(), self.histograms_.tolist(), strict=True)
-            )
+            for i, (node_id, counts) in enumerate(zip(ids, histograms, strict=True))
         ]
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
@@ -327,6 +325,12 @@ class BSOCClassifier(Stateful, Learner):
     def _sums(self) -> list[NDArray[Any]]:
         """Return what each node has of its frames in sum."""
         return [sums for sums in (self._histograms, self._node_angles) if sums is not None]
+
+    def outdate(self) -> None:
+        if self._mind is None or not isinstance(self.cluster, BSOC):
+            super().outdate()
+        else:
+            self._mind.outdate(self.cluster.n_trained_ + 1)
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep the node of this id as it is: never merged, never deleted."""

@@ -37,7 +37,8 @@ class Taught:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Edited:
-    """One change that a person made to a learned image: `relabel`, `delete` or `pin`."""
+    """One change that a person made: `relabel`, `delete` or `pin` of a learned image, or `outdate`
+    of all that was taught before, whose node is 0."""
 
     verb: str
     node_id: int
@@ -141,8 +142,9 @@ class TrainingHistory:
             self._is_drive_new = True
             self.drives += 1
 
-    def edit(self, verb: str, node_id: int, value: Any = None) -> None:
-        """Relabel (`value`: an Action), delete, or pin (`value`: a bool) one learned image.
+    def edit(self, verb: str, node_id: int = 0, value: Any = None) -> None:
+        """Relabel (`value`: an Action), delete, or pin (`value`: a bool) one learned image, or
+        outdate all that was taught before.
 
         Raises:
             LookupError: If there is no such image.
@@ -252,5 +254,7 @@ def _make(policy: Policy, event: LogEvent) -> None:
         policy.delete_node(event.node_id)
     elif event.verb == "pin":
         policy.pin_node(event.node_id, bool(event.value))
+    elif event.verb == "outdate":
+        policy.outdate()
     else:
-        raise ValueError(f"unknown edit {event.verb!r}; known: relabel, delete, pin")
+        raise ValueError(f"unknown edit {event.verb!r}; known: relabel, delete, pin, outdate")

@@ -281,6 +281,10 @@ class Policy(Stateful):
         """Keep one learned image from merging; raises LookupError if there is none."""
         self.learner.pin_node(node_id, pinned)
 
+    def outdate(self) -> None:
+        """Let what is taught from now on count more; raises ValueError if the learner cannot."""
+        self.learner.outdate()
+
     def _chance(self, shares: Mapping[Action, float], action: Action, novelty: float) -> float:
         """Return how likely the action is right; near a guess on an unknown view."""
         listed, sharpness = list(shares.values()), self.learner.sharpness

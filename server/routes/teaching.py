@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, HTTPException, Query, Request
 
 from robot.control.readiness import Readiness
 from robot.devices.outside import Outside, number
@@ -121,6 +121,17 @@ async def undo(request: Request, body: TrainingUndo) -> dict[str, int]:
     services = services_of(request)
     gone = await services.change_learner(lambda history: history.undo(body.seconds))
     return {"undone": len(gone)}
+
+
+@router.post("/outdate")
+async def outdate(request: Request) -> dict[str, int]:
+    """Let what is taught from now on count more than what was taught before."""
+    services = services_of(request)
+    try:
+        await services.change_learner(lambda history: history.edit("outdate"))
+    except ValueError as error:
+        raise HTTPException(409, str(error)) from error
+    return {"outdated": sum(services.robot.loop.state.taught.values())}
 
 
 def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAnswer:

@@ -70,6 +70,20 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
     wait_for(lambda: world.lessons < lessons, "the page's own button undoes as well")
 
 
+def test_a_pilot_says_that_he_does_it_differently_and_takes_that_back(
+    phone: Any, world: World
+) -> None:
+    def outdated_before() -> int:
+        return int(state_of(world).params["learner"]["outdated_before"])
+
+    teach_both_moves(phone, world)
+    phone.goto(world.address + "/#teaching")
+    phone.get_by_role("button", name="I do it differently now").tap()
+    wait_for(lambda: outdated_before() > 0, "what was taught before is outdated")
+    phone.locator("toast-bar").get_by_role("button", name="Undo").tap()
+    wait_for(lambda: outdated_before() == 0, "it counts again")
+
+
 def _seconds_of_last(world: World, lessons: int) -> float:
     """How many seconds of training the last so many examples cover."""
     seconds = 0.05

@@ -9,6 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 
+from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
 from robot.store.models.replay import recover
@@ -178,15 +179,20 @@ def test_a_mode_change_saves(bench: Bench) -> None:
     assert bench.names() == ["bench"]
 
 
-@pytest.mark.parametrize("what", ["pin", "relabel", "undo", "undo of an edit"])
+@pytest.mark.parametrize("what", ["pin", "relabel", "undo", "undo of an edit", "outdate"])
 def test_a_change_that_is_acknowledged_survives_a_kill_at_that_very_moment(
     bench: Bench, tmp_path: Path, what: str
 ) -> None:
     """The folder is copied when the answer is there; the models are left out: no save helps."""
+    if what == "outdate":
+        able = make_policy("default-8")
+        bench.server.ask_loop(lambda: bench.rig.loop.history.replace_policy(able))
     bench.teach(6)
     [node, *_] = [image["node"] for image in bench.client.get("/api/gallery").json()["images"]]
     if what == "undo":
         asked = bench.client.post("/api/teaching/undo", json={"seconds": 0.12})
+    elif what == "outdate":
+        asked = bench.client.post("/api/teaching/outdate")
     else:
         verb, value = ("relabel", "right") if what == "relabel" else ("pin", True)
         asked = bench.client.post(f"/api/gallery/{node}", json={"verb": verb, "value": value})
@@ -198,3 +204,4 @@ def test_a_change_that_is_acknowledged_survives_a_kill_at_that_very_moment(
     now = bench.server.ask_loop(lambda: bench.rig.loop.history.policy.get_state())
     recovered = recover(left.journal, ModelStore(left))
     assert recovered is not None and same_nodes(recovered.model.state, now)
+    assert recovered.model.state.params["learner"] == now.params["learner"]

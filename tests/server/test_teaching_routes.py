@@ -103,6 +103,20 @@ def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: Virtual
     assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False}
 
 
+def test_the_word_of_a_changed_mind_is_taken_back_as_an_edit_is(taught: VirtualServer) -> None:
+    assert ask(taught, "POST", "/api/teaching/outdate").json() == {"outdated": 40}
+    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True}
+    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False}
+
+
+def test_a_learner_that_cannot_follow_a_changed_mind_says_so(taught: VirtualServer) -> None:
+    loop = taught.rig.loop
+    published = make_policy("published-8")
+    taught.clock.result(loop.submit(lambda: loop.history.replace_policy(published)), 5)
+    answer = ask(taught, "POST", "/api/teaching/outdate")
+    assert (answer.status_code, "empty model" in answer.json()["detail"]) == (409, True)
+
+
 @pytest.mark.parametrize(
     ("node", "body", "status"),
     [

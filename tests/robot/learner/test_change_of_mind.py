@@ -123,18 +123,32 @@ def test_what_was_shown_much_later_as_near_by_counts_more() -> None:
     assert shares.sum() == pytest.approx(1.0)
 
 
+def test_who_says_so_is_followed_from_the_first_turn_on() -> None:
+    lesson = taught_left()
+    lesson.mind.outdate(lesson.now + 1)
+    assert lesson.shares_at(1) == pytest.approx(SHARES), "nothing new was shown"
+    lesson.turn(RIGHT, 3)
+    assert lesson.shares_at(1)[RIGHT] > lesson.shares_at(1)[LEFT]
+    lesson.turn(LEFT, 1)
+    assert lesson.shares_at(1)[LEFT] >= SHARES[LEFT], "what is shown anew counts again"
+    assert lesson.shares_at(2)[RIGHT] > lesson.shares_at(2)[LEFT], "but not elsewhere"
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 3)), max_size=80), st.integers(0, 80))
 def test_restored_it_goes_on_the_same(turns: list[tuple[int, int]], cut: int) -> None:
     whole, other = Lesson(), Lesson()
     for i, turn in enumerate(turns):
         if i == cut:
+            other.mind.outdate(other.now + 1)
+            whole.mind.outdate(whole.now + 1)
             restored = ChangeOfMind()
             restored.load(*other.mind.save())
             other.mind = restored
         whole.turn(*turn)
         other.turn(*turn)
-    ours, theirs = whole.mind.save()[1], other.mind.save()[1]
+    (says, ours), (others, theirs) = whole.mind.save(), other.mind.save()
+    assert says == others
     assert all(np.array_equal(ours[name], theirs[name]) for name in ours)
 
 
@@ -176,6 +190,23 @@ def test_it_turns_right_at_the_same_walls_after_a_few_turns(
     follows, keeps = (taught(lessons, max_nodes, is_linear, forgets) for forgets in (True, False))
     assert share_of(follows, "right") > 0.95
     assert share_of(keeps, "right") < 0.7
+
+
+@pytest.mark.parametrize("is_linear", [False, True])
+@pytest.mark.parametrize("max_nodes", [8, 16, 32, 64])
+def test_a_pilot_who_says_so_shows_it_at_one_wall_for_all(max_nodes: int, is_linear: bool) -> None:
+    told, untold = (taught(lesson("left", 16, 1), max_nodes, is_linear) for _ in range(2))
+    told.outdate()
+    for learner in (told, untold):
+        for x, y in lesson("right", 1, 2):
+            learner.learn_one(x, y)
+    assert share_of(told, "right") > 0.95
+    assert share_of(untold, "right") < 0.5
+
+
+def test_a_learner_that_cannot_tell_old_from_new_says_so() -> None:
+    with pytest.raises(ValueError, match="empty model"):
+        BSOCClassifier.published(8).outdate()
 
 
 @pytest.mark.parametrize("is_linear", [False, True])

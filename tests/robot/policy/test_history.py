@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from typing import Any
 from unittest import mock
 
 import numpy as np
@@ -89,6 +90,25 @@ def test_an_edit_is_undone_alone_and_lessons_stay() -> None:
     assert history.undo_edit()
     assert same(history.policy.get_state(), before)
     assert not history.undo_edit()
+
+
+def test_the_word_that_all_before_is_outdated_is_an_edit() -> None:
+    history = TrainingHistory(make_policy("default-8"))
+    xs = vectors(history.policy, 30)
+    teach(history, xs[:20])
+
+    def outdated_before() -> int:
+        params: dict[str, Any] = history.policy.get_state().params["learner"]
+        return int(params["outdated_before"])
+
+    assert outdated_before() == 0
+    history.edit("outdate")
+    assert outdated_before() > 0
+    teach(history, xs[20:], first=20)
+    history.undo(0.25)
+    assert outdated_before() > 0, "it stays when lessons are undone"
+    assert history.undo_edit()
+    assert outdated_before() == 0
 
 
 def test_only_the_last_edit_is_taken_back() -> None:

@@ -25,6 +25,8 @@ export class TeachingScreen extends Screen {
       h('div', { class: 'row' },
         h('a', { class: 'button', href: '#undo' }, icon('undo'), t('screen.undo')),
         h('a', { class: 'button', href: '#gallery' }, t('screen.gallery'))),
+      h('h2', {}, t('outdate.title')), h('p', { class: 'hint' }, t('outdate.lead')),
+      h('div', { class: 'row' }, h('button', { type: 'button', onclick: () => this.outdate() }, t('outdate.say'))),
     ]);
     this.watch(['robot'], ({ robot }) => robot && this.render(robot));
     return this.every(2000, () => this.refreshIfTaught());
@@ -43,6 +45,13 @@ export class TeachingScreen extends Screen {
     if (!this.isConnected) return;
     if (teaching && !this.page?.store.state.session) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
+  }
+
+  async outdate() {
+    await this.attempt(async () => {
+      await ask('POST', 'api/teaching/outdate');
+      this.page?.toast(t('outdate.done'), { label: t('undo'), act: () => this.attempt(() => ask('POST', 'api/gallery/undo')) });
+    });
   }
 
   /** @param {import('../protocol.js').RobotState} robot */
