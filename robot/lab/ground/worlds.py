@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.driver import Move, move_at
+from robot.driver import Move, move_at, side_of
 from robot.errors import ConfigurationError, MissingExtraError, did_you_mean
 from robot.types import Action, Point
 
@@ -249,11 +249,15 @@ class CarRacingByDegrees(CarRacing):
         return np.array([steering, max(throttle, 0.0), max(-throttle, 0.0)], np.float32)
 
     def wanted(self) -> str:
-        """Steer to a point ahead the more, the farther aside it is."""
+        """Steer to a point ahead the more, the farther aside it is.
+
+        Who coasts or brakes through a bend still steers: it counts as a turn, not as coasting.
+        """
         bearing, speed, fastest = self._ahead()
         throttle = -0.8 if speed > 1.3 * fastest else 0.2 if speed < fastest else 0.0
         self.point = Point(min(max(-2.5 * bearing, -1.0), 1.0), throttle)
-        return move_at(self.point, self._moves) or "coast"
+        turn = {-1: "left", 1: "right"}.get(side_of(self.point.steering))
+        return turn or move_at(self.point, self._moves) or "coast"
 
 
 class VizDoom(ForeignWorld):
