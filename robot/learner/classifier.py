@@ -157,8 +157,10 @@ class BSOCClassifier(Stateful, Learner):
         cluster = self.cluster
         node = cluster.train(x, column)
         self._know(y)
-        distances, taught = cluster.last_distances_, cluster.last_touched_  # before any merge
-        owners = self._histograms[: len(distances)].argmax(axis=1)
+        if self._mind is not None:  # as it was before any merge
+            distances, taught = cluster.last_distances_, cluster.last_touched_
+            owners = self._histograms[: len(distances)].argmax(axis=1)
+            self._mind.note(column, distances, owners, taught, cluster.n_trained_)
         if (merge := cluster.last_merge_) is not None:
             for sums in self._sums():
                 sums[merge.kept] += sums[merge.removed]
@@ -171,8 +173,6 @@ class BSOCClassifier(Stateful, Learner):
             terms = votes.angle_terms(angle or 0.0)
             self._node_angles[node] += terms
             steered = terms[:2]
-        if self._mind is not None:
-            self._mind.note(column, distances, owners, taught, cluster.n_trained_)
         if cluster.last_distance_ is not None:
             self.novelty_.learn(cluster.last_distance_)
         if self.linear is not None:
@@ -205,18 +205,18 @@ class BSOCClassifier(Stateful, Learner):
         n_nodes = cluster.n_nodes_
         if n_nodes == 0:
             raise NotFittedError("nothing was learned yet")
-        taught = None if mind is None else cluster.touched_
         distances, histograms = cluster.distances(x), self._histograms[:n_nodes]
-        scores = None if linear is None else linear.scores(x, context)
         shares = votes.nearest_nodes(distances, histograms, self.n_voters)
-        if linear is not None and scores is not None:
+        if linear is not None:
             is_known = context is not None and linear.knows_contexts
             share = max(self.linear_share, CONTEXT_SHARE) if is_known else self.linear_share
-            shares = share * np.maximum(scores, 0.0) + (1.0 - share) * shares
+            scores = np.maximum(linear.scores(x, context), 0.0)
+            shares = share * scores + (1.0 - share) * shares
         if self.balance:
             shares = shares * votes.rarity(histograms.sum(axis=0), self.balance)
-        if mind is not None and taught is not None:
-            shares = mind.applied(shares, distances, histograms.argmax(axis=1), taught)
+        if mind is not None:
+            owners = histograms.argmax(axis=1)
+            shares = mind.applied(shares, distances, owners, cluster.touched_)
         shares = votes.shares(shares)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
@@ -327,7 +327,7 @@ class BSOCClassifier(Stateful, Learner):
         return [sums for sums in (self._histograms, self._node_angles) if sums is not None]
 
     def outdate(self) -> None:
-        if self._mind is None or not isinstance(self.cluster, BSOC):
+        if self._mind is None:
             super().outdate()
         else:
             self._mind.outdate(self.cluster.n_trained_ + 1)

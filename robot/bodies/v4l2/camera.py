@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import select
 import time
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.v4l2.reader import CameraReader
@@ -17,10 +17,7 @@ from robot.types import Encoding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsbCameraOptions(Options):
-    """Which camera, and what is asked of it; it answers with the nearest that it has.
-
-    The order is that of `CameraReader`'s arguments.
-    """
+    """Which camera, and what is asked of it; it answers with the nearest that it has."""
 
     device: str = option("auto", "the camera, as /dev/video0; auto takes the first")
     width: int = option(160, "width of the picture in pixels", range=(40, 3840))
@@ -40,7 +37,10 @@ class V4l2Camera(ThreadedCamera):
     options_type: ClassVar[type[Any]] = UsbCameraOptions
 
     def _begin(self) -> None:
-        reader = CameraReader(*astuple(self.options))
+        options = self.options
+        reader = CameraReader(
+            options.device, options.width, options.height, options.frame_rate, options.encoding
+        )
         reader.poll(time.monotonic())
         if reader.video is None:
             raise CameraError(reader.fault or "the camera cannot be opened")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
@@ -24,7 +25,7 @@ _HALF_WIDTH_M = 0.45
 """Of a lane that MiniWorld's agent, 80 cm wide, fits through."""
 
 
-class ForeignWorld:
+class ForeignWorld(ABC):
     """One world: episodes of pictures and moves, a score, and a teacher who knows the truth.
 
     Attributes:
@@ -64,9 +65,9 @@ class ForeignWorld:
         self._note(float(reward))
         return self._picture(seen), any(is_over) or self._n_steps >= self.longest
 
+    @abstractmethod
     def wanted(self) -> str:
         """Return what the teacher would do now."""
-        raise NotImplementedError
 
     def close(self) -> None:
         self._env.close()
@@ -77,9 +78,9 @@ class ForeignWorld:
     def _picture(self, seen: Any) -> Picture:
         return np.asarray(seen)
 
+    @abstractmethod
     def _note(self, reward: float) -> None:
         """Take in what the world says of a step."""
-        raise NotImplementedError
 
 
 class MiniWorld(ForeignWorld):
