@@ -24,6 +24,8 @@ Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
 _READ_S = 0.25
 """By then the first request of a new connection has been read, whatever else goes on."""
+_SELDOM_S = 1.0
+"""`expire` is called more often, unless the computer is busy."""
 
 
 @lru_cache(maxsize=1024)
@@ -136,7 +138,7 @@ class Door:
         )
         self._connections: dict[Peer, PlaceInUse] = {}
         self._paces = Paces()
-        self._read_until_s = self._asked_s = 0.0
+        self._read_until_s = self._asked_s = self._expired_s = 0.0
 
     @property
     def open(self) -> int:
@@ -199,8 +201,14 @@ class Door:
             self.admitted.give_back(place)
 
     def expire(self, now_s: float) -> None:
-        """Close pending connections that have timed out."""
+        """Close pending connections that have timed out.
+
+        A computer that was held up has read nothing meanwhile: that time does not count.
+        """
+        held_up_s = max(0.0, now_s - self._expired_s - _SELDOM_S)
+        self._expired_s = now_s
         for place in self.pending:
+            place.used_s = min(now_s, place.used_s + held_up_s)
             if now_s - place.used_s >= self.limits.pending_s:
                 self.pending.end(place)
 

@@ -104,6 +104,19 @@ def test_a_newcomer_has_a_moment_in_the_middle_of_a_flood() -> None:
     assert gone == sorted(gone), "the oldest first"
 
 
+@pytest.mark.parametrize("held_up_s", [0.0, 3.0, 60.0])
+def test_who_says_nothing_is_closed_and_nobody_because_the_computer_was_held_up(
+    held_up_s: float,
+) -> None:
+    door, gone = Door(LIMITS, CAPACITY), list[int]()
+    door.arrive(("10.0.0.1", 1), 1000.0, lambda: gone.append(1))
+    door.expire(now_s := 1000.5 + held_up_s)
+    assert not gone
+    while not gone:
+        door.expire(now_s := now_s + 0.5)
+    assert 4.0 <= now_s - held_up_s - 1000.0 <= LIMITS.pending_s + 0.5
+
+
 def test_who_comes_often_enough_is_never_at_the_expense_of_who_has_less() -> None:
     places = Places(8, 6, KEPT.__contains__)
     gone = list[str]()
