@@ -6,6 +6,7 @@ press on the board's open page, is printed; a busy machine may take longer.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import subprocess
 import sys
@@ -25,6 +26,7 @@ from server.board.class_key import read_class_key
 from tests.server.live_robot import Pilot
 
 from .test_class_command import a_class, free_ports, robots_of, running
+from .world import wait_for
 
 pytestmark = [pytest.mark.slow]
 ROOT = Path(__file__).parents[2]
@@ -105,7 +107,10 @@ def stop_all(board: str, pupils: list[Pilot]) -> tuple[float, float]:
 @pytest.mark.timeout(600)
 def test_ten_pupils_of_a_class_from_the_wheel(delivered: Path, tmp_path: Path) -> None:
     port = free_ports(ROBOTS + 1)
-    with a_class(tmp_path, port, ROBOTS, [str(delivered)]) as (board, _):
+    with (
+        a_class(tmp_path, port, ROBOTS, [str(delivered)]) as (board, _),
+        contextlib.ExitStack() as leaving,
+    ):
         code = read_class_key(tmp_path / "class.key").code
         pupils = []
         for robot in robots_of(board):
@@ -114,18 +119,19 @@ def test_ten_pupils_of_a_class_from_the_wheel(delivered: Path, tmp_path: Path) -
             ) as phone:
                 phone.post("/api/pair", json={"token": code}).raise_for_status()
                 cookie = "; ".join(f"{name}={value}" for name, value in phone.cookies.items())
-            headers = {"Cookie": cookie}
+            options = {"additional_headers": {"Cookie": cookie}, "origin": robot["address"]}
             url = robot["address"].replace("http", "ws", 1) + "/ws/drive"
-            pupils.append(
-                Pilot(url, sees=True, additional_headers=headers, origin=robot["address"])
-            )
+            pupils.append(leaving.enter_context(Pilot(url, sees=True, **options)))
+
+        def shown(what: str, is_right: Callable[[dict[str, Any]], bool]) -> None:
+            """Wait for the board, which hears of a robot later than its pupil does."""
+            wait_for(lambda: all(is_right(robot) for robot in robots_of(board)), what, 60)
+
         at_once(pupils, teach)
-        assert all(robot["lessons"] >= 20 for robot in robots_of(board))
+        shown("20 examples each", lambda robot: robot["lessons"] >= 20)
         at_once(pupils, hand_over)
         stood_s, knew_s = stop_all(board, pupils)
         print(f"STOP ALL: {ROBOTS} robots stood after {1000 * stood_s:.0f} ms,", end=" ")
         print(f"their pupils knew after {1000 * knew_s:.0f} ms")
-        assert all(robot["emergency"] for robot in robots_of(board))
-        for pupil in pupils:
-            pupil.close()
+        shown("all were stopped", lambda robot: robot["emergency"])
     assert running(tmp_path) == [], "Ctrl-C leaves no process"
