@@ -208,7 +208,7 @@ class Door:
         held_up_s = max(0.0, now_s - self._expired_s - _SELDOM_S)
         self._expired_s = now_s
         for place in self.pending:
-            place.used_s = min(now_s, place.used_s + held_up_s)
+            place.used_s += held_up_s
             if now_s - place.used_s >= self.limits.pending_s:
                 self.pending.end(place)
 

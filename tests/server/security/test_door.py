@@ -110,11 +110,15 @@ def test_who_says_nothing_is_closed_and_nobody_because_the_computer_was_held_up(
 ) -> None:
     door, gone = Door(LIMITS, CAPACITY), list[int]()
     door.arrive(("10.0.0.1", 1), 1000.0, lambda: gone.append(1))
+    door.arrive(("10.0.0.1", 2), 1000.0, lambda: gone.append(2))
+    door.asked(("10.0.0.1", 2), None, 1000.0, lasts=True)
     door.expire(now_s := 1000.5 + held_up_s)
     assert not gone
     while not gone:
         door.expire(now_s := now_s + 0.5)
     assert 4.0 <= now_s - held_up_s - 1000.0 <= LIMITS.pending_s + 0.5
+    door.expire(now_s + 3600.0)
+    assert gone == [1], "a websocket stays"
 
 
 def test_who_comes_often_enough_is_never_at_the_expense_of_who_has_less() -> None:
