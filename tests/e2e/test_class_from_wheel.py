@@ -122,16 +122,12 @@ def test_ten_pupils_of_a_class_from_the_wheel(delivered: Path, tmp_path: Path) -
             options = {"additional_headers": {"Cookie": cookie}, "origin": robot["address"]}
             url = robot["address"].replace("http", "ws", 1) + "/ws/drive"
             pupils.append(leaving.enter_context(Pilot(url, sees=True, **options)))
-
-        def shown(what: str, is_right: Callable[[dict[str, Any]], bool]) -> None:
-            """Wait for the board, which hears of a robot later than its pupil does."""
-            wait_for(lambda: all(is_right(robot) for robot in robots_of(board)), what, 60)
-
         at_once(pupils, teach)
-        shown("20 examples each", lambda robot: robot["lessons"] >= 20)
+        # The board hears of a robot later than its pupil does.
+        wait_for(lambda: all(one["lessons"] >= 20 for one in robots_of(board)), "20 examples each")
         at_once(pupils, hand_over)
         stood_s, knew_s = stop_all(board, pupils)
         print(f"STOP ALL: {ROBOTS} robots stood after {1000 * stood_s:.0f} ms,", end=" ")
         print(f"their pupils knew after {1000 * knew_s:.0f} ms")
-        shown("all were stopped", lambda robot: robot["emergency"])
+        assert all(robot["emergency"] for robot in robots_of(board))
     assert running(tmp_path) == [], "Ctrl-C leaves no process"

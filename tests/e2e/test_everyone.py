@@ -226,10 +226,7 @@ def test_the_first_visit_shows_three_hints_once(chromium: Any, tmp_path: Path) -
 
 
 def _hint(page: Any, words: str) -> str:
-    """Wait for a hint; while it is shown the panel's own advice is silent.
-
-    What a busy computer has to say comes first.
-    """
-    page.locator(".notice p", has_text=words).wait_for(timeout=120_000)
+    """Wait for a hint; while it is shown the panel's own advice is silent."""
+    page.locator(".notice p", has_text=words).wait_for()
     assert page.locator(".advice").inner_text() == ""
     return str(page.locator(".notice p").inner_text())
