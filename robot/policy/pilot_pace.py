@@ -30,9 +30,9 @@ _MEANT = 3
 """A pilot who pushed so often for so long meant it: once may be a slip."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
-TO_AND_FRO_S, _QUICKER = 2.0, 0.75
-"""Who changes sides twice within so long turns to and fro, or for a pilot who does that himself
-within so much of the time that it takes him."""
+TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
+"""Who changes sides twice within so long turns to and fro; for a quick pilot, within so much of the
+time for which he usually keeps to a move."""
 PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
 
@@ -66,9 +66,6 @@ class PilotPace(PolicyPart):
         Value("runs_s", many(number(0.0), _RUNS), older=((),)),
         Value("run_s", number(0.0), older=(0.0,)),
         Value("label", optional(name), older=(None,)),
-        Value("side", optional(number(-1.0, 1.0)), "_headway.side", older=(None,)),
-        Value("sides_s", many(number(), 2), "_headway.sides_s", older=((),)),
-        Value("changes_s", many(number(0.0), _MEANT), older=((),)),
         Value("stand_s", number(0.0), older=(0.0,)),
         Value("stands", many(name, 64), "stands", older=((),)),
         Value("last_s", number()),
@@ -88,7 +85,6 @@ class PilotPace(PolicyPart):
         self._run_s = 0.0
         self._label: Action | None = None
         self._last_s = 0.0
-        self._changes_s: list[float] = []
         self._stand_s = 0.0
         self.stands: list[Action] = []
         self._headway = Headway(self.kinds)
@@ -112,8 +108,8 @@ class PilotPace(PolicyPart):
     @property
     def to_and_fro_s(self) -> float:
         """Within how long a robot that changes sides twice turns to and fro."""
-        is_his_way = len(self._changes_s) == _MEANT
-        return min(TO_AND_FRO_S, _QUICKER * self._changes_s[-1]) if is_his_way else TO_AND_FRO_S
+        run_s = self.usual_run_s
+        return TO_AND_FRO_S if run_s is None else min(TO_AND_FRO_S, OF_A_RUN * run_s)
 
     def on_example(self, lesson: Lesson) -> None:
         if lesson.at_s is not None:
@@ -162,9 +158,6 @@ class PilotPace(PolicyPart):
                 self._runs_s.append(self._run_s)
             self._label, self._run_s = label, 0.0
         self._headway.note(label, at_s, point, is_stalled=self._push_s > 0.0)
-        took_s = self._headway.turn(label, at_s)
-        if took_s is not None:
-            self._changes_s = sorted([*self._changes_s, took_s])[:_MEANT]
         debt_s = min(self._headway.debt_s, LONGEST_DEBT_S)
         self.longest_debt_s = max(self.longest_debt_s, debt_s)
 
@@ -180,6 +173,4 @@ class PilotPace(PolicyPart):
     def restored(self) -> None:
         self._runs_s = deque(self._runs_s, maxlen=_RUNS)
         self.scale.changes = deque(self.scale.changes, maxlen=MEMORY)
-        self._headway.sides_s = list(self._headway.sides_s)
-        self._changes_s = list(self._changes_s)
         self.stands = list(self.stands)

@@ -148,15 +148,13 @@ class Headway:
         if self.debt_s == 0.0 and self._straight_s >= STRAIGHT_S:
             self._free()
 
-    def turn(self, action: Action, at_s: float) -> float | None:
-        """Take note of a move; return how long two changes of side took if this is the second."""
+    def turn(self, action: Action, at_s: float) -> None:
+        """Take note of a move, and of when it changed sides."""
         side = self._kinds.turns.get(action)
-        if side is None:
-            return None
-        is_change, self.side = self.side == -side, side
-        if is_change:
-            self.sides_s = [*self.sides_s[-1:], at_s]
-        return self.sides_s[1] - self.sides_s[0] if is_change and len(self.sides_s) == 2 else None
+        if side is not None:
+            if self.side == -side:
+                self.sides_s = [*self.sides_s[-1:], at_s]
+            self.side = side
 
     @property
     def clock(self) -> tuple[float, float, float | None]:

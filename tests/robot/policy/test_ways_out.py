@@ -139,7 +139,7 @@ def test_it_does_not_turn_to_and_fro(rate_hz, period_s):
 @pytest.mark.parametrize("period_s", [0.3, 0.5, 0.8])
 def test_it_turns_to_and_fro_as_quickly_as_its_pilot(rate_hz, period_s):
     body = Body(rate_hz)
-    for frame in range(int(6 * rate_hz)):
+    for frame in range(int(8 * rate_hz)):
         at_s = frame / rate_hz
         label = L if at_s % (2 * period_s) < period_s else R
         body.pace.learn(label, np.zeros(400, np.uint8), at_s)
