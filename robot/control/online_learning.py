@@ -15,6 +15,7 @@ import logging
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from robot.clock import Clock
 from robot.driver import Move
@@ -154,6 +155,7 @@ class OnlineLearning:
         under_way: Action | None = None,
         *,
         bumped: bool = False,
+        by_degrees: bool = True,
         delivered_s: float | None = None,
     ) -> bool:
         """Process the camera's newest frame; False if it is not new, or there is none.
@@ -162,6 +164,7 @@ class OnlineLearning:
             frame: The newest frame of the camera; None before the first.
             under_way: The move that the policy is making, if it drives.
             bumped: True if a bumper is pressed.
+            by_degrees: True if the body can be driven so.
             delivered_s: When the loop got the frame; None: when it was taken.
 
         Raises:
@@ -173,7 +176,9 @@ class OnlineLearning:
         self.frame = frame
         self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
-        self.prediction = self._propose(frame, x, under_way, bumped)
+        self.prediction = self._propose(
+            frame, x, under_way=under_way, bumped=bumped, by_degrees=by_degrees
+        )
         self._note_time("propose", started_s)
         self._seen[frame.frame_id] = _Seen(
             x=x,
@@ -186,16 +191,14 @@ class OnlineLearning:
             del self._seen[next(iter(self._seen))]
         return True
 
-    def _propose(
-        self, frame: Frame, x: Vector, under_way: Action | None, bumped: bool
-    ) -> Prediction:
+    def _propose(self, frame: Frame, x: Vector, **seen: Any) -> Prediction:
         """Ask the policy; where its learner fails there is no proposal."""
         prediction = Prediction(
             frame_id=frame.frame_id, action=None, confidence=0.0, probabilities={}
         )
         with self._guarded():
             prediction = self.history.policy.propose(
-                frame.frame_id, x, under_way=under_way, at_s=frame.captured_s, bumped=bumped
+                frame.frame_id, x, at_s=frame.captured_s, **seen
             )
             self.fault = None
         return prediction

@@ -29,6 +29,7 @@ class Seen:
         at_s: When it was taken; None: a tenth of a second after the one before.
         under_way: The move that the robot is making by its own choice, if it drives.
         bumped: True if a bumper is pressed.
+        by_degrees: True if the body can be driven so.
         in_context: Votes are for what follows the move under way.
         context: Which context that move makes; None: any.
         evidence: What the learner says.
@@ -45,6 +46,7 @@ class Seen:
     at_s: float | None = None
     under_way: Action | None = None
     bumped: bool = False
+    by_degrees: bool = True
     in_context: bool = False
     context: int | None = None
     evidence: Evidence = _NOTHING

@@ -113,6 +113,7 @@ class Policy(Stateful):
         under_way: Action | None = None,
         at_s: float | None = None,
         bumped: bool = False,
+        by_degrees: bool = True,
     ) -> Prediction:
         """Return what to do on this frame. Call it once for each frame, in order.
 
@@ -124,6 +125,7 @@ class Policy(Stateful):
             under_way: The move that the robot is making by its own choice, if it drives.
             at_s: When the frame was taken; None: a tenth of a second after the one before.
             bumped: True if a bumper is pressed.
+            by_degrees: True if the body can be driven so; False: no point is proposed.
 
         Raises:
             Exception: If the learner fails; the next frame may succeed.
@@ -136,6 +138,7 @@ class Policy(Stateful):
             at_s=at_s,
             under_way=under_way,
             bumped=bumped,
+            by_degrees=by_degrees,
         )
         try:
             for on_frame in self._on_frame:

@@ -82,7 +82,7 @@ class Degrees(PolicyPart):
             self._sums[row] += 1.0, steering, steering * steering, throttle
 
     def on_frame(self, seen: Seen) -> None:
-        usual = self.usual(seen.action)
+        usual = self.usual(seen.action) if seen.by_degrees else None
         if usual is None:
             return
         steering, evidence = usual.steering, seen.evidence

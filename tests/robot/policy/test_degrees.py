@@ -113,6 +113,29 @@ def test_the_moves_are_learned_bit_for_bit_as_without_degrees(learner: str, seed
         assert (one.confidence, one.novelty) == (two.confidence, two.novelty)
 
 
+def test_on_a_body_of_moves_a_curve_counts_as_the_turn_that_it_is_there() -> None:
+    history = TrainingHistory(make_policy("default-8"))
+    teach(history, 0, 90)
+    policy, helpless_after_s = history.policy, {}
+    for by_degrees in (True, False):
+        policy.reset()
+        under_way = None
+        for i in range(600):
+            said = policy.propose(
+                i,
+                policy.extract(view(-0.4, i % 8)),
+                under_way=under_way,
+                at_s=20.0 + 0.1 * i,
+                by_degrees=by_degrees,
+            )
+            assert (said.point is not None) is by_degrees
+            under_way = Action.LEFT
+            if said.needs_help:
+                helpless_after_s[by_degrees] = 0.1 * i
+                break
+    assert helpless_after_s.keys() == {False}, "half of full lock gets on, a turn in place does not"
+
+
 @pytest.mark.parametrize("learner", LEARNERS)
 @pytest.mark.parametrize("seed", range(3))
 def test_points_are_undone_as_if_they_had_never_been(learner: str, seed: int) -> None:
@@ -277,8 +300,13 @@ def test_a_stick_that_agrees_with_the_robot_corrects_nothing() -> None:
         assert taught[-1].example.is_intervention is is_correction
     robot.hold(None)
     tick = robot.tick()
+    assert tick.prediction is not None
     assert tick.decision.point == tick.prediction.point is not None
     assert robot.driver.point == tick.decision.point
+    robot.driver.takes_points = False
+    robot.camera.show(1)
+    said = robot.tick().prediction
+    assert said is not None and said.action is Action.LEFT and said.point is None
 
 
 def test_an_example_by_degrees_is_kept_to_the_last_bit() -> None:
