@@ -32,11 +32,16 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
     ),
     "robot.control.link_governor": ("tests/robot/control/test_link_governor.py",),
     "robot.policy.history": ("tests/robot/policy/test_history.py",),
-    "robot.control.gate": ("tests/robot/control/test_gate.py", "tests/robot/control/test_loop.py"),
+    "robot.control.gate": (
+        "tests/robot/control/test_gate.py",
+        "tests/robot/control/test_loop.py",
+        "tests/robot/control/test_loop_stops.py",
+    ),
     "robot.control.loop": (
         "tests/robot/control/test_loop_turns.py",
         "tests/robot/control/test_loop_requests.py",
         "tests/robot/control/test_loop.py",
+        "tests/robot/control/test_loop_stops.py",
         "tests/robot/control",
     ),
 }

@@ -1,0 +1,180 @@
+"""The control loop on the test bench: every way to stop, and what is said of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from robot.errors import DriveError
+from robot.types import Action, Mode, StopReason
+from tests.robot.bench_robot import BenchRobot
+
+F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+
+
+@pytest.mark.parametrize("where", ["propose", "send_action"])
+def test_what_was_decided_before_the_process_was_held_up_is_not_driven_after(where: str) -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, F)
+    owner: Any = robot.loop.history.policy if where == "propose" else robot.driver
+    original = getattr(owner, where)
+
+    def held_up(*args: Any, **kwargs: Any) -> Any:
+        answer = original(*args, **kwargs)
+        robot.clock.advance(1.0)
+        return answer
+
+    moves_before, stops_before = len(robot.driver.sent), robot.driver.stops
+    setattr(owner, where, held_up)
+    robot.clock.advance(0.05)
+    robot.camera.show(1)
+    tick = robot.tick()
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.LOOP_FAULT)
+    assert robot.driver.stops > stops_before
+    assert len(robot.driver.sent) - moves_before == (1 if where == "send_action" else 0)
+    assert "held up for 1.0 s" in (robot.loop.state.fault or "")
+
+
+def test_a_stopped_robot_does_not_learn() -> None:
+    robot = BenchRobot()
+    robot.camera.show(1)
+    robot.tick()
+    robot.hold(F)
+    robot.tick()
+    assert robot.loop.state.n_nodes == 0
+    assert robot.driver.sent[-1][0] is Action.STOP
+
+
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+def test_silence_stops_it_and_only_a_start_moves_it_again(mode: Mode) -> None:
+    robot = BenchRobot()
+    robot.start(mode)
+    robot.step(1, F)
+    for _ in range(8):
+        robot.clock.advance(0.05)
+        robot.camera.show(1)
+        robot.tick()
+    assert robot.driver.sent[-1][0] is Action.STOP
+    assert robot.loop.state.decision.stop_reason is StopReason.PILOT_SILENT
+    assert robot.loop.state.stops == {StopReason.PILOT_SILENT: 1}
+    robot.step(1, F)
+    assert robot.driver.sent[-1][0] is Action.STOP
+    robot.start(mode, scene=1)
+    robot.step(1, F)
+    assert robot.driver.sent[-1][0] is F
+
+
+def test_a_silent_camera_stops_it_although_the_pilot_speaks() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, F)
+    for _ in range(5):
+        robot.clock.advance(0.05)
+        robot.hold(F)
+        robot.tick()
+    assert robot.driver.sent[-1][0] is Action.STOP
+    assert robot.loop.state.decision.stop_reason is StopReason.FRAME_STALE
+
+
+def test_a_camera_that_reports_a_fault_stops_it_and_is_said() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, F)
+    robot.camera.break_down("The camera was unplugged.")
+    robot.hold(F)
+    robot.tick()
+    assert robot.loop.state.decision.stop_reason is StopReason.CAMERA_FAULT
+    assert robot.loop.state.fault == "The camera was unplugged."
+
+
+def test_a_picture_that_is_none_is_left_out_and_said() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.camera.show_rubbish()
+    robot.hold(F)
+    assert robot.tick().frame is None
+    assert robot.loop.state.fault is not None
+    assert robot.loop.state.n_nodes == 0
+
+
+def test_a_drive_that_fails_is_stopped_and_said() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.driver.failure = "No motor on port B."
+    robot.step(1, F)
+    assert robot.driver.stops >= 1
+    state = robot.loop.state
+    assert state.decision.stop_reason is StopReason.DRIVE_FAULT
+    assert state.fault == "No motor on port B."
+
+
+def test_a_body_that_cannot_even_be_told_to_stop_is_stopped_in_the_loop() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+
+    def refuse() -> None:
+        raise DriveError("out of reach")
+
+    robot.driver.failure = "out of reach"
+    robot.driver.stop = refuse  # type: ignore[method-assign]
+    tick = robot.step(1, F)
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.DRIVE_FAULT)
+    assert tick.fault == "out of reach"
+
+
+def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+
+    def explode(*_: object, **__: object) -> None:
+        raise ArithmeticError("boom")
+
+    robot.driver.sense = explode  # type: ignore[method-assign,assignment]
+    robot.camera.show(1)
+    tick = robot.tick()
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.LOOP_FAULT)
+    assert robot.driver.stops >= 1
+    assert robot.loop.state.decision.stop_reason is StopReason.LOOP_FAULT
+    assert "boom" in (robot.loop.state.fault or "")
+    for scene in range(5):
+        robot.step(scene, F)
+    assert sum("the loop stopped the robot" in line for line in caplog.messages) == 1
+
+
+def test_an_emergency_latches() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.loop.latch_emergency()
+    robot.step(1, F)
+    assert robot.driver.stops == 1
+    refused = robot.loop.set_mode(Mode.TRAIN)
+    robot.tick()
+    assert refused.result(0) is False
+    robot.loop.release_emergency()
+    robot.tick()
+    assert robot.loop.state.decision.mode is Mode.STOPPED
+    robot.start(Mode.TRAIN, scene=1)
+
+
+def test_an_empty_command_stops_and_nothing_is_replayed() -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    robot.step(1, F)
+    robot.hold(F)
+    robot.loop.empty_command()
+    robot.tick()
+    assert robot.driver.sent[-1][0] is Action.STOP
+    assert robot.loop.state.decision.stop_reason is StopReason.PILOT_GONE
+
+
+def test_the_thread_turns_the_loop_and_stops_the_robot_at_its_end() -> None:
+    robot = BenchRobot()
+    robot.rig.start()
+    assert robot.clock.result(robot.loop.submit(lambda: "served"), 5.0) == "served"
+    robot.rig.stop()
+    robot.rig.stop()
+    assert robot.driver.sent[-1][0] is Action.STOP
