@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     if name in driver_names():
         raise ConfigurationError(f"the robot {name!r} exists already; choose another name")
     folder: Path = args.out or Path(f"drivelesson-{name}")
-    template = files("robot.testing.template")
+    template = files("robot.bodies.mybot")
     try:
         folder.mkdir(parents=True)
         for file in _FILES:
