@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot.errors import MissingExtraError
-from robot.lab.baselines.by_angle import KINDS as RIVALS
+from robot.lab.baselines import RIVALS
 from robot.lab.variants import VARIANTS
 from robot.learner import Learner, State
 from robot.policy.history import TrainingHistory
@@ -22,7 +22,7 @@ SIZE = 6
 STEP_S = 0.2
 
 
-@pytest.fixture(params=[*learner_kinds(), *VARIANTS, *RIVALS])
+@pytest.fixture(params=sorted({*learner_kinds(), *VARIANTS, *RIVALS}))
 def kind(request: pytest.FixtureRequest) -> str:
     try:
         make_policy(f"{request.param}-{SIZE}")

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from robot.errors import need
 from robot.lab.baselines.baseline import Baseline
+from robot.lab.baselines.by_angle import AngleBaseline, AnglePolicy
+from robot.lab.baselines.networks import BatchNetwork, ColourFeatures, ConvolutionalNetwork
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import Features, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
@@ -14,61 +17,90 @@ from robot.policy.registry import split_name
 from robot.types import Action
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rival:
+    """A kind of learner of another library.
+
+    Attributes:
+        make: Returns a new model, given the library's class, the number of the learner's name
+            (of neighbours, trees, hidden units; a penalty) and how many examples there are.
+        library: Module and class, and the extra that has them.
+        features: The default's are fair; the paper's, and colours, go with no action filter.
+        is_eager: It is fitted to every example; else with each tenth part more of them.
+        is_angular: It regresses the angle alone.
+    """
+
+    make: Callable[[Any, int, int], Any]
+    library: tuple[str, str, str] | None = None
+    features: Callable[[], Features] = GradientFeatures
+    is_eager: bool = False
+    is_angular: bool = False
+
+
+def _neighbours(make: Any, number: int, n_examples: int) -> Any:
+    return make(min(number, n_examples), algorithm="brute")
+
+
+_KNN = ("sklearn.neighbors", "KNeighborsClassifier", "evaluate")
+RIVALS = {
+    "knn": Rival(make=_neighbours, library=_KNN, features=GreyFeatures, is_eager=True),
+    "fair-knn": Rival(make=_neighbours, library=_KNN, is_eager=True),
+    # Extremely randomized trees (Geurts and others, 2006): a strong batch learner.
+    "fair-trees": Rival(
+        make=lambda make, number, n_examples: make(number, random_state=0, min_samples_leaf=2),
+        library=("sklearn.ensemble", "ExtraTreesClassifier", "evaluate"),
+        is_eager=True,
+    ),
+    "mlp": Rival(
+        make=lambda make, number, n_examples: BatchNetwork(make((number,), random_state=0)),
+        library=("sklearn.neural_network", "MLPClassifier", "learners"),
+        features=ColourFeatures,
+    ),
+    "cnn": Rival(
+        make=lambda make, number, n_examples: BatchNetwork(ConvolutionalNetwork(number)),
+        features=ColourFeatures,
+    ),
+    "angle-knn": Rival(
+        make=_neighbours,
+        library=("sklearn.neighbors", "KNeighborsRegressor", "evaluate"),
+        is_eager=True,
+        is_angular=True,
+    ),
+    "angle-ridge": Rival(
+        make=lambda make, number, n_examples: make(number * 255.0**2),
+        library=("sklearn.linear_model", "Ridge", "evaluate"),
+        is_angular=True,
+    ),
+    # Of the kind of donkeycar's `linear`.
+    "angle-cnn": Rival(
+        make=lambda make, number, n_examples: BatchNetwork(
+            ConvolutionalNetwork(number, has_softmax=False)
+        ),
+        features=ColourFeatures,
+        is_angular=True,
+    ),
+}
+
+
 def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a baseline on the paper's pictures; a `Maker`. The number is of neighbours."""
-    return _unfiltered(number, name, moves, GreyFeatures())
-
-
-def make_rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a baseline with the default's features and running average."""
-    return Policy(name, number, _make(name, number), GradientFeatures(), moves=moves)
-
-
-def make_network(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a network on small colour pictures; a `Maker`. The number is of hidden units."""
-    from robot.lab.baselines.networks import ColourFeatures
-
-    return _unfiltered(number, name, moves, ColourFeatures())
-
-
-def _unfiltered(number: int, name: str, moves: tuple[Action, ...], features: Features) -> Policy:
-    learner = _make(name, number)
-    return Policy(name, number, learner, features, moves=moves, action_filter=ActionFilter.none)
-
-
-def _make(name: str, number: int) -> Baseline:
-    """Return the baseline of a learner's name.
+    """Return a rival by its learner's name; a `Maker`.
 
     Raises:
         MissingExtraError: If its library is not installed.
     """
-    kind = split_name(name)[0].removeprefix("fair-")
-    make = _KINDS[kind](number)
-    return Baseline(kind, number, make, is_eager=kind in ("knn", "trees"))
-
-
-def _knn(number: int) -> Callable[[int], Any]:
-    make = need("sklearn.neighbors", "the learner knn", "evaluate").KNeighborsClassifier
-    return lambda n_examples: make(min(number, n_examples), algorithm="brute")
-
-
-def _trees(number: int) -> Callable[[int], Any]:
-    """Make extremely randomized trees (Geurts and others, 2006): a strong batch learner."""
-    make = need("sklearn.ensemble", "the learner trees", "evaluate").ExtraTreesClassifier
-    return lambda n_examples: make(number, random_state=0, min_samples_leaf=2)
-
-
-def _perceptron(number: int) -> Callable[[int], Any]:
-    from robot.lab.baselines.networks import BatchClassifier
-
-    make = need("sklearn.neural_network", "the learner mlp", "learners").MLPClassifier
-    return lambda n_examples: BatchClassifier(make((number,), random_state=0))
-
-
-def _convolution(number: int) -> Callable[[int], Any]:
-    from robot.lab.baselines.networks import BatchClassifier, ConvolutionalNetwork
-
-    return lambda n_examples: BatchClassifier(ConvolutionalNetwork(number))
-
-
-_KINDS = {"knn": _knn, "trees": _trees, "mlp": _perceptron, "cnn": _convolution}
+    kind = split_name(name)[0]
+    rival, make = RIVALS[kind], None
+    if rival.library is not None:
+        module, class_name, extra = rival.library
+        make = getattr(need(module, f"the learner {kind}", extra), class_name)
+    learner = (AngleBaseline if rival.is_angular else Baseline)(
+        kind.removeprefix("fair-"),
+        number,
+        lambda n_examples: rival.make(make, number, n_examples),
+        is_eager=rival.is_eager,
+    )
+    policy = AnglePolicy if rival.is_angular else Policy
+    features = rival.features()
+    is_fair = isinstance(features, GradientFeatures)
+    action_filter = ActionFilter if is_fair else ActionFilter.none
+    return policy(name, number, learner, features, moves=moves, action_filter=action_filter)

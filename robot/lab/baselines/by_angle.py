@@ -9,17 +9,11 @@ from typing import Any
 import numpy as np
 
 from robot.driver import CLASSIC, side_of
-from robot.errors import need
 from robot.lab.baselines.baseline import Baseline
 from robot.learner.base import Abilities, Evidence, Label, State, Vector
 from robot.learner.part import Array
-from robot.policy.action_filter import ActionFilter
-from robot.policy.features import GradientFeatures
 from robot.policy.policy import Policy
-from robot.policy.registry import split_name
-from robot.types import Action, Point, Prediction
-
-KINDS = ("angle-knn", "angle-ridge", "angle-cnn")
+from robot.types import Point, Prediction
 
 
 class AngleBaseline(Baseline):
@@ -31,7 +25,9 @@ class AngleBaseline(Baseline):
         Array("baseline_angles", np.float64, ("n_examples",), -1.0, 1.0, "_angles", may_miss=True),
     )
 
-    def __init__(self, kind: str, number: int, make: Callable[[int], Any], is_eager: bool) -> None:
+    def __init__(
+        self, kind: str, number: int, make: Callable[[int], Any], *, is_eager: bool
+    ) -> None:
         super().__init__(kind, number, make, is_eager=is_eager)
         self._of_labels = {str(n): move.steering or 0.0 for n, move in CLASSIC.items()}
         self._angles: list[float] = []
@@ -75,29 +71,3 @@ class AnglePolicy(Policy):
         if said.point is None or angle is None:
             return said
         return replace(said, point=Point(angle, said.point.throttle))
-
-
-def make_angle_rival(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a rival by degrees; a `Maker`. The number is of neighbours, a penalty, or of units."""
-    kind = split_name(name)[0]
-    if kind == "angle-cnn":  # of the kind of donkeycar's `linear`
-        from robot.lab.baselines.networks import BatchRegressor, ColourFeatures
-
-        learner = AngleBaseline(kind, number, lambda n_examples: BatchRegressor(number), False)
-        none = ActionFilter.none
-        return AnglePolicy(name, number, learner, ColourFeatures(), moves=moves, action_filter=none)
-    learner = AngleBaseline(kind, number, _MAKERS[kind](number), kind == "angle-knn")
-    return AnglePolicy(name, number, learner, GradientFeatures(), moves=moves)
-
-
-def _knn(number: int) -> Callable[[int], Any]:
-    make = need("sklearn.neighbors", "the learner angle-knn", "evaluate").KNeighborsRegressor
-    return lambda n_examples: make(min(number, n_examples), algorithm="brute")
-
-
-def _ridge(number: int) -> Callable[[int], Any]:
-    make = need("sklearn.linear_model", "the learner angle-ridge", "evaluate").Ridge
-    return lambda n_examples: make(number * 255.0**2)
-
-
-_MAKERS = {"angle-knn": _knn, "angle-ridge": _ridge}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -40,20 +40,33 @@ class ColourFeatures(GreyFeatures):
         return super().cells(np.sqrt((difference.reshape(-1, 3) ** 2).sum(axis=1)))
 
 
-class BatchClassifier:
-    """Fits a network by going over all examples some times; for a `Baseline`."""
+class BatchNetwork:
+    """Fits a network by going over all examples some times; for a `Baseline`.
+
+    It learns classes, or numbers where the network ends in no softmax.
+    """
 
     def __init__(self, network: Any) -> None:
         self._network = network
-        self.classes_: list[Label] = []
+        self.classes_: Sequence[Label] = ()
 
-    def fit(self, xs: Floats, ys: list[Label]) -> None:
+    def fit(self, xs: Floats, ys: list[Any]) -> None:
         """Go over the examples, in another order each time; the same for the same examples."""
-        self.classes_ = sorted(set(ys))
-        scaled, labels = xs / 127.5 - 1.0, np.array([self.classes_.index(y) for y in ys])
-        numbers = list(range(max(2, len(self.classes_))))  # scikit-learn wants two
-        for part in _parts(len(ys)):
-            self._network.partial_fit(scaled[part], labels[part], classes=numbers)
+        scaled, targets, classes = xs / 127.5 - 1.0, np.array(ys), {}
+        if isinstance(ys[0], str):
+            found, targets = np.unique(targets, return_inverse=True)
+            self.classes_ = found.tolist()
+            classes = {"classes": list(range(max(2, len(self.classes_))))}  # scikit-learn wants two
+        rng = np.random.default_rng(0)
+        for _ in range(_EPOCHS):
+            order = rng.permutation(len(ys))
+            for part in np.array_split(order, max(1, len(ys) // _BATCH)):
+                self._network.partial_fit(scaled[part], targets[part], **classes)
+
+    def predict(self, xs: Floats) -> Floats:
+        """Return the number for each picture, shape (n,)."""
+        numbers: Floats = self._network.predict_proba(xs / 127.5 - 1.0)[:, 0]
+        return numbers
 
     def predict_proba(self, xs: Floats) -> Floats:
         """Return the chance of each class, shape (n, classes)."""
@@ -65,38 +78,17 @@ class BatchClassifier:
         return shares
 
 
-class BatchRegressor:
-    """The same of one number: the network with a linear output instead of the softmax."""
-
-    def __init__(self, n_hidden: int) -> None:
-        self._network = ConvolutionalNetwork(n_hidden, has_softmax=False)
-
-    def fit(self, xs: Floats, ys: list[float]) -> None:
-        """Go over the examples as `BatchClassifier` does; the loss is half the squared error."""
-        scaled, targets = xs / 127.5 - 1.0, np.array(ys, np.float32)[:, None]
-        for part in _parts(len(ys)):
-            self._network.step(scaled[part], targets[part])
-
-    def predict(self, xs: Floats) -> Floats:
-        """Return the number for each picture, shape (n,)."""
-        numbers: Floats = self._network.predict_proba(xs / 127.5 - 1.0)[:, 0]
-        return numbers
-
-
-def _parts(n_examples: int) -> Iterator[NDArray[np.intp]]:
-    """Yield all examples some times, each time in another order, in small batches."""
-    rng = np.random.default_rng(0)
-    for _ in range(_EPOCHS):
-        yield from np.array_split(rng.permutation(n_examples), max(1, n_examples // _BATCH))
-
-
 class ConvolutionalNetwork:
     """Two layers of 5x5 and 3x3 convolutions with stride 2, a hidden layer, and a softmax.
+
+    Each layer is the same sum, over other places of the values before it: a convolution over each
+    of its windows, a full layer over all of them.
 
     Args:
         n_hidden: Units of the hidden layer.
         shape: Of a picture: height, width, channels.
-        has_softmax: False: its outputs are numbers, not chances.
+        kernels: Side and number of each layer of convolutions.
+        has_softmax: False: its output is a number, not chances.
     """
 
     def __init__(
@@ -107,17 +99,27 @@ class ConvolutionalNetwork:
         has_softmax: bool = True,
     ) -> None:
         self._has_softmax = has_softmax
-        self._shape, self._kernels, self._n_hidden = shape, kernels, n_hidden
+        self._widths = [*(n_filters for _, n_filters in kernels), n_hidden]
+        self._places: list[NDArray[np.intp]] = []
+        for side, n_filters in kernels:
+            values = np.arange(np.prod(shape)).reshape(shape)
+            windows = sliding_window_view(values, (side, side), axis=(0, 1))[::2, ::2]
+            shape = (*windows.shape[:2], n_filters)
+            self._places.append(windows.reshape(shape[0] * shape[1], -1))
+        self._places += [np.arange(n_values)[None] for n_values in (np.prod(shape), n_hidden)]
         self.weights: list[Floats] = []
         self._moments: list[tuple[Floats, Floats]] = []
         self._n_steps = 0
 
-    def partial_fit(self, xs: Floats, columns: NDArray[np.intp], classes: list[int]) -> None:
-        """Make one step of Adam on some examples."""
-        self.step(xs, np.eye(len(classes), dtype=np.float32)[columns])
+    def partial_fit(
+        self, xs: Floats, ys: NDArray[Any], classes: Sequence[int] | None = None
+    ) -> None:
+        """Make one step of Adam on some examples: of numbers of classes, or of plain numbers."""
+        self.step(xs, ys[:, None] if classes is None else np.eye(len(classes))[ys])
 
-    def step(self, xs: Floats, targets: Floats) -> None:
+    def step(self, xs: Floats, targets: NDArray[Any]) -> None:
         """The same with what each output should be, shape (n, outputs)."""
+        targets = targets.astype(np.float32)
         if not self.weights:
             self._begin(targets.shape[1])
         self._n_steps += 1
@@ -137,69 +139,40 @@ class ConvolutionalNetwork:
     def slopes(self, xs: Floats, targets: Floats) -> list[Floats]:
         """Return the slope by each weight of the mean loss, which is cross entropy after a softmax
         and half the squared error without: by the outputs, both have the same slope."""
-        inputs, outputs = self._forward(xs)
+        layers, outputs = self._forward(xs)
         error: Floats = outputs - targets
         error /= len(xs)
         slopes: list[Floats] = []
-        for i in reversed(range(len(self.weights))):
-            seen = inputs[i]
-            error = error.reshape(*seen.shape[:-1], -1)
-            flat = seen.reshape(-1, seen.shape[-1])
-            slopes.append(flat.T @ error.reshape(len(flat), -1))
-            if i == 0:
-                break
-            back = (error @ self.weights[i].T)[..., :-1]
-            if i < len(self._kernels):
-                back = self._fold(back, i)
-            before = inputs[i - 1] @ self.weights[i - 1] > 0.0
-            error = back.reshape(before.shape) * before
+        for i, (values, seen) in reversed(list(enumerate(layers))):
+            error = error.reshape(*seen.shape[:2], -1)
+            slopes.append(np.tensordot(seen, error, ((0, 1), (0, 1))))
+            if i > 0:  # the picture itself is no layer's output
+                back = (error @ self.weights[i].T)[..., :-1]
+                error = np.zeros_like(values)
+                for place, parts in enumerate(self._places[i]):
+                    error[:, parts] += back[:, place]
+                error *= values > 0.0
         return slopes[::-1]
 
-    def _begin(self, n_classes: int) -> None:
+    def _begin(self, n_outputs: int) -> None:
         rng = np.random.default_rng(0)
-        height, width, depth = self._shape
-        sizes, self._shapes = [], [self._shape]
-        for side, n_filters in self._kernels:
-            sizes.append((side * side * depth, n_filters))
-            height, width, depth = (height - side) // 2 + 1, (width - side) // 2 + 1, n_filters
-            self._shapes.append((height, width, depth))
-        sizes += [(height * width * depth, self._n_hidden), (self._n_hidden, n_classes)]
-        for n_in, n_out in sizes:
+        for places, n_out in zip(self._places, (*self._widths, n_outputs), strict=True):
+            n_in = places.shape[1]
             spread = rng.normal(0.0, np.sqrt(2.0 / n_in), (n_in, n_out))
             self.weights.append(np.vstack([spread, np.zeros((1, n_out))]).astype(np.float32))
         self._moments = [(np.zeros_like(w), np.zeros_like(w)) for w in self.weights]
 
-    def _forward(self, xs: Floats) -> tuple[list[Floats], Floats]:
-        """Return what each layer sees, with a one for its bias, and the outputs."""
-        inputs: list[Floats] = []
-        values: Floats = xs.reshape(-1, *self._shape)
-        for i, weights in enumerate(self.weights):
-            if i < len(self._kernels):
-                side = self._kernels[i][0]
-                windows = sliding_window_view(values, (side, side), axis=(1, 2))
-                parts = windows[:, ::2, ::2]
-                values = parts.reshape(*parts.shape[:3], -1)
-            else:
-                values = values.reshape(len(xs), -1)
-            ones = np.ones((*values.shape[:-1], 1), values.dtype)
-            inputs.append(np.concatenate([values, ones], axis=-1))
-            values = inputs[-1] @ weights
-            if i < len(self.weights) - 1:
-                values = np.maximum(values, 0.0)
+    def _forward(self, xs: Floats) -> tuple[list[tuple[Floats, Floats]], Floats]:
+        """Return each layer's values, shape (n, values), with what each of its places sees of
+        them and a one for its bias; and the outputs."""
+        layers: list[tuple[Floats, Floats]] = []
+        values: Floats = xs
+        for places, weights in zip(self._places, self.weights, strict=True):
+            ones = np.ones((len(xs), len(places), 1), values.dtype)
+            layers.append((values, np.concatenate([values[:, places], ones], axis=-1)))
+            outputs = (layers[-1][1] @ weights).reshape(len(xs), -1)
+            values = np.maximum(outputs, 0.0)
         if not self._has_softmax:
-            return inputs, values
-        powers = np.exp(values - values.max(axis=1, keepdims=True))
-        return inputs, powers / powers.sum(axis=1, keepdims=True)
-
-    def _fold(self, slopes: Floats, layer: int) -> Floats:
-        """Add up the slopes of a layer's windows over the picture that they were cut from."""
-        side = self._kernels[layer][0]
-        n, rows, columns, _ = slopes.shape
-        whole = np.zeros((n, *self._shapes[layer]), slopes.dtype)
-        windows = slopes.reshape(n, rows, columns, -1, side, side)
-        for y in range(side):
-            for x in range(side):
-                whole[:, y : y + 2 * rows : 2, x : x + 2 * columns : 2][:, :rows, :columns] += (
-                    windows[..., y, x]
-                )
-        return whole
+            return layers, outputs
+        powers = np.exp(outputs - outputs.max(axis=1, keepdims=True))
+        return layers, powers / powers.sum(axis=1, keepdims=True)

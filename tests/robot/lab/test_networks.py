@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.lab.baselines.networks import BatchClassifier, ConvolutionalNetwork
+from robot.lab.baselines.networks import BatchNetwork, ConvolutionalNetwork
 
 
 def small(n_hidden: int = 5, has_softmax: bool = True) -> ConvolutionalNetwork:
@@ -50,7 +50,7 @@ def test_it_tells_where_the_bright_spot_is() -> None:
             picture[y : y + 2, x : x + 2] += 120
         return xs.reshape(n, -1), ["right" if side else "left" for side in sides]
 
-    classifier = BatchClassifier(small(24))
+    classifier = BatchNetwork(small(24))
     classifier.fit(*pictures(1, 300))
     xs, ys = pictures(2, 100)
     best = classifier.predict_proba(xs).argmax(axis=1)
