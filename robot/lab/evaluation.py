@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from robot.errors import CameraError, RecordingError
+from robot.lab.task import Result
 from robot.learner.base import Vector
 from robot.policy.image import to_rgb
 from robot.policy.policy import Policy
@@ -23,34 +25,8 @@ if TYPE_CHECKING:
 
 Vectors = dict[tuple[str, str, float], list[Vector]]
 """Features by their name, the recording's path and light: extracted once for all learners."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PairResult:
-    """How one learner did on one pair of recordings; shares between 0 and 1.
-
-    `calibration_error` is the expected difference between confidence and accuracy in ten equal
-    bins of confidence (Guo et al. 2017); `novel` the share of views unlike all examples.
-    Where the drives have angles: their mean error, the correlation, and by how much the answer
-    changes from frame to frame (root mean square: the smoother, the less). `learn_ms` and
-    `predict_ms` are the times of a frame on this machine, without the features.
-    """
-
-    place: str
-    train: str
-    test: str
-    learner: str
-    accuracy: float
-    balanced_accuracy: float
-    correct: int
-    frames: int
-    calibration_error: float
-    novel: float
-    angle_error: float | None = None
-    angle_correlation: float | None = None
-    angle_step: float | None = None
-    learn_ms: float = 0.0
-    predict_ms: float = 0.0
+Seen = Sequence[tuple[Vector, Action, Point | None]]
+"""A drive to a learner: each frame's features, its label, and the label by degrees."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,8 +79,10 @@ def recorded_pairs(folder: Path) -> list[tuple[Path, Path]]:
 
 def evaluate(
     pairs: Sequence[Pair], learners: Sequence[str], tick: Callable[[], None] = lambda: None
-) -> Iterator[PairResult]:
-    """Yield each learner's result on each pair; `tick` is called after every one.
+) -> Iterator[Result]:
+    """Yield what `judge` finds of each learner on each pair, and of which it is.
+
+    `tick` is called after every one.
 
     Raises:
         ConfigurationError: If a learner is unknown.
@@ -114,15 +92,18 @@ def evaluate(
         make_policy(name)
     for pair in pairs:
         vectors: Vectors = {}
+        drives = {"train": pair.train.path.stem, "test": pair.test.path.stem}
         for name in learners:
             policy = make_policy(name)
-            yield judge(policy, pair, vectors)
+            train = seen_by(policy, pair.train, vectors)
+            test = seen_by(policy, pair.test, vectors, pair.light)
+            found = judge(policy, train, test, pair.examples)
+            yield {"place": pair.train.place, **drives, "learner": name, **found}
             tick()
 
 
-def _vectors(
-    policy: Policy, recording: Recording, known: Vectors, light: float = 1.0
-) -> list[Vector]:
+def seen_by(policy: Policy, recording: Recording, known: Vectors, light: float = 1.0) -> Seen:
+    """Return a recording with the policy's features, in so much of its light."""
     key = (policy.features.name, str(recording.path), light)
     if key not in known:
         frames = (recording.frame(i) for i in range(len(recording)))
@@ -130,7 +111,7 @@ def _vectors(
             known[key] = [policy.extract(darkened(frame, light)) for frame in frames]
         except CameraError as error:
             raise RecordingError(f"the recording {recording.path}: {error}") from error
-    return known[key]
+    return list(zip(known[key], recording.labels, recording.points, strict=True))
 
 
 def darkened(frame: Frame, light: float) -> Frame:
@@ -141,72 +122,69 @@ def darkened(frame: Frame, light: float) -> Frame:
     return replace(frame, encoding=Encoding.RGB, data=pixels.tobytes())
 
 
-def judge(policy: Policy, pair: Pair, vectors: Vectors) -> PairResult:
-    """Teach a new policy one drive and test it on the other; `vectors` caches the features."""
-    first, *_ = _vectors(policy, pair.train, vectors)
-    test = _vectors(policy, pair.test, vectors, pair.light)
+def judge(policy: Policy, train: Seen, test: Seen, examples: int | None = None) -> Result:
+    """Teach a new policy one drive and test it on the other.
+
+    Returns:
+        Shares between 0 and 1. `calibration_error` is the expected difference between confidence
+        and accuracy in ten equal bins of confidence (Guo et al. 2017); `novel` the share of views
+        unlike all examples. Where the drives have angles: their mean error, the correlation, and by
+        how much the answer changes from frame to frame (root mean square: the smoother, the less).
+        `learn_ms` and `predict_ms` are the times of a frame on this machine, without the features.
+    """
     started_s = time.perf_counter()
-    n_taught = teach(policy, pair.train, vectors, pair.examples)
-    policy.propose(0, first)  # some are fitted only when asked
+    n_taught = teach(policy, train, examples)
+    policy.propose(0, train[0][0])  # some are fitted only when asked
     learned_s = time.perf_counter() - started_s
     policy.reset()
     started_s = time.perf_counter()
-    proposed = [policy.propose(i + 1, x) for i, x in enumerate(test)]
+    proposed = [policy.propose(i + 1, x) for i, (x, *_) in enumerate(test)]
     predicted_s = time.perf_counter() - started_s
-    accuracy, balanced = scores(pair.test.labels, [p.action for p in proposed])
-    error, correlation, step = _angles(pair.test.points, [p.point for p in proposed])
-    return PairResult(
-        place=pair.train.place,
-        train=pair.train.path.stem,
-        test=pair.test.path.stem,
-        learner=policy.name,
-        accuracy=accuracy,
-        balanced_accuracy=balanced,
-        correct=round(accuracy * len(test)),
-        frames=len(test),
-        calibration_error=calibration_error(
+    _, labels, points = zip(*test, strict=True)
+    accuracy, balanced = scores(labels, [p.action for p in proposed])
+    return {
+        "accuracy": accuracy,
+        "balanced_accuracy": balanced,
+        "correct": round(accuracy * len(test)),
+        "frames": len(test),
+        "calibration_error": calibration_error(
             [p.confidence for p in proposed],
-            [p.action is label for p, label in zip(proposed, pair.test.labels, strict=True)],
+            [p.action is label for p, label in zip(proposed, labels, strict=True)],
         ),
-        novel=float(np.mean([p.is_novel for p in proposed])),
-        angle_error=error,
-        angle_correlation=correlation,
-        angle_step=step,
-        learn_ms=1000 * learned_s / n_taught,
-        predict_ms=1000 * predicted_s / max(len(test), 1),
-    )
+        "novel": float(np.mean([p.is_novel for p in proposed])),
+        **_angles(points, [p.point for p in proposed]),
+        "learn_ms": 1000 * learned_s / n_taught,
+        "predict_ms": 1000 * predicted_s / len(test),
+    }
 
 
-def teach(
-    policy: Policy, recording: Recording, vectors: Vectors, examples: int | None = None
-) -> int:
+def teach(policy: Policy, drive: Seen, examples: int | None = None) -> int:
     """Teach a policy one more drive, perhaps of another place than the last.
 
     Of a drive with more frames than `examples` only so many are learned, spread evenly over it.
     Returns how many were.
     """
     policy.reset()
-    xs, labels, points = _vectors(policy, recording, vectors), recording.labels, recording.points
-    n_taught = min(examples or len(xs), len(xs))
-    for i in np.linspace(0, len(xs) - 1, n_taught).round().astype(int):
-        policy.learn(xs[i], labels[i], None, points[i])
+    n_taught = min(examples or len(drive), len(drive))
+    for i in np.linspace(0, len(drive) - 1, n_taught).round().astype(int):
+        x, label, point = drive[i]
+        policy.learn(x, label, None, point)
     return n_taught
 
 
 def _angles(
     truth: Sequence[Point | None], proposed: Sequence[Point | None]
-) -> tuple[float | None, float | None, float | None]:
+) -> dict[str, float | None]:
     """Return mean error, correlation and step of the angle; None where it is not known."""
     known = [(t.steering, p.steering) for t, p in zip(truth, proposed, strict=True) if t and p]
-    if not known:
-        return None, None, None
-    true, said = np.array(known).T
-    is_flat = min(true.std(), said.std()) == 0.0
-    return (
-        float(np.abs(said - true).mean()),
-        None if is_flat else float(np.corrcoef(said, true)[0, 1]),
-        float(np.sqrt((np.diff(said) ** 2).mean())) if len(said) > 1 else 0.0,
-    )
+    found = dict.fromkeys(("angle_error", "angle_correlation", "angle_step"))
+    if known:
+        true, said = np.array(known).T
+        found["angle_error"] = float(np.abs(said - true).mean())
+        if min(true.std(), said.std()) > 0.0:
+            found["angle_correlation"] = float(np.corrcoef(said, true)[0, 1])
+        found["angle_step"] = float(np.sqrt((np.diff(said) ** 2).mean())) if known[1:] else 0.0
+    return found
 
 
 def calibration_error(
@@ -227,32 +205,35 @@ def scores(truth: Sequence[Action], proposed: Sequence[Action | None]) -> tuple[
     return float(right.mean()), float(np.mean(recalls))
 
 
-def table(results: Sequence[PairResult]) -> Table:
+_MEASURES = {
+    "acc.": "accuracy",
+    "bal.": "balanced_accuracy",
+    "calib.": "calibration_error",
+    "angle": "angle_error",
+    "corr.": "angle_correlation",
+    "step": "angle_step",
+    "learn ms": "learn_ms",
+    "predict ms": "predict_ms",
+}
+
+
+def table(results: Sequence[Result]) -> Table:
     """Return one row a pair and learner, then the mean of each learner; of times, the median."""
+    names = ("place", "train", "test", "learner")
     rows: list[tuple[Cell, ...]] = [
-        (r.place, r.train, r.test, r.learner, f"{r.correct}/{r.frames}", *_figures([r]))
+        (*(r[name] for name in names), f"{r['correct']}/{r['frames']}", *_measures([r]))
         for r in results
     ]
-    for name in dict.fromkeys(r.learner for r in results):
-        own = [r for r in results if r.learner == name]
-        rows.append(("mean", "", "", name, "", *_figures(own)))
-    columns = (
-        *("place", "train", "test", "learner", "right", "acc.", "bal.", "calib."),
-        *("angle", "corr.", "step"),
-        *("learn ms", "predict ms"),
-    )
+    for learner in dict.fromkeys(r["learner"] for r in results):
+        own = [r for r in results if r["learner"] == learner]
+        rows.append(("mean", "", "", learner, "", *_measures(own)))
+    columns = (*names, "right", *_MEASURES)
     return Table(title="Taught on one drive, tested on another", columns=columns, rows=tuple(rows))
 
 
-def _figures(results: Sequence[PairResult]) -> tuple[str, ...]:
-    shares = ("accuracy", "balanced_accuracy", "calibration_error")
-    angles = ("angle_error", "angle_correlation", "angle_step")
-    means = (_joined(results, name, np.mean) for name in (*shares, *angles))
-    medians = (_joined(results, name, np.median) for name in ("learn_ms", "predict_ms"))
-    return (*means, *medians)
-
-
-def _joined(results: Sequence[PairResult], name: str, join: Callable[[list[float]], Any]) -> str:
-    """Return one figure of some results as text; empty where none has it."""
-    known = [value for r in results if (value := getattr(r, name)) is not None]
-    return f"{float(join(known)):.3f}" if known else ""
+def _measures(results: Sequence[Result]) -> Iterator[str]:
+    """Yield the measures of some results as text; empty where none has it."""
+    for name in _MEASURES.values():
+        known = [r[name] for r in results if r[name] is not None]
+        join = statistics.median if name.endswith("_ms") else statistics.fmean
+        yield f"{join(known):.3f}" if known else ""

@@ -8,7 +8,7 @@ from itertools import product
 from pathlib import Path
 
 from robot.control.state import Tick
-from robot.lab.evaluation import Pair, evaluate, recorded_pairs, scores
+from robot.lab.evaluation import Pair, evaluate, judge, recorded_pairs
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.lessons import TRIALS
@@ -24,8 +24,6 @@ LEARNERS = ("knn-3", "knn-9", "published-32", "published-64", "published-128", "
 KINDS = {"simulated_footage": "Simulated", "recorded_footage": "Recorded"}
 FRAMES = 700
 """Frames to train on, and as many to test on, as in the paper."""
-
-_Footage = list[tuple[Frame, Action]]
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
@@ -75,27 +73,22 @@ _COLUMNS: Columns = {
 }
 
 
+_KEPT = ("correct", "frames", "accuracy", "balanced_accuracy", "calibration_error")
+
+
 def run_simulated_footage(params: Params) -> Result:
     """Train on a teacher's drive, test on another; `world`, `teacher`, `moves`, `learner`, `seed`.
 
     Both drives are of the same place, with other starts, noise and slips of the hand.
     """
     moves = tuple(Action(move) for move in params["moves"])
-    train, test = (_film({**params, "seed": 2 * params["seed"] + drive}, moves) for drive in (0, 1))
     policy = make_learner(params["learner"], moves)
-    for frame, label in train:
-        policy.learn(policy.extract(frame), label)
-    policy.reset()
-    proposed = [
-        policy.propose(i + 1, policy.extract(frame)).action for i, (frame, _) in enumerate(test)
-    ]
-    accuracy, balanced = scores([label for _, label in test], proposed)
-    return {
-        "correct": round(accuracy * len(test)),
-        "frames": len(test),
-        "accuracy": accuracy,
-        "balanced_accuracy": balanced,
-    }
+    train, test = (
+        [(policy.extract(frame), label, None) for frame, label in _film(params, moves, drive)]
+        for drive in (0, 1)
+    )
+    result = judge(policy, train, test)
+    return {name: result[name] for name in _KEPT}
 
 
 def run_recorded_footage(params: Params) -> Result:
@@ -103,19 +96,19 @@ def run_recorded_footage(params: Params) -> Result:
     from robot.exchange.npz import load_recording  # of another house, asked for when needed
 
     pair = Pair(train=load_recording(params["train"]), test=load_recording(params["test"]))
-    result = next(iter(evaluate([pair], [params["learner"]])))
-    names = ("correct", "frames", "accuracy", "balanced_accuracy", "calibration_error")
-    return {name: getattr(result, name) for name in names}
+    [result] = evaluate([pair], [params["learner"]])
+    return {name: result[name] for name in _KEPT}
 
 
-def _film(params: Params, moves: tuple[Action, ...]) -> _Footage:
-    footage: _Footage = []
+def _film(params: Params, moves: tuple[Action, ...], drive: int) -> list[tuple[Frame, Action]]:
+    footage: list[tuple[Frame, Action]] = []
 
     def note(tick: Tick) -> None:
         held = tick.commands[-1].held if tick.commands else None
         if tick.frame is not None and held is not None:
             footage.append((tick.frame, held))
 
+    params = {**params, "seed": 2 * params["seed"] + drive}
     policy, pilot = make_policy("published-1", moves=moves), make_pilot(params, moves)
     with Trial(params["world"], params["seed"], policy, pilot) as trial:
         trial.loop.subscribe(note)

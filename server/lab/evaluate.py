@@ -6,7 +6,6 @@ import argparse
 import importlib.util
 import os
 import sys
-from dataclasses import asdict
 from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError
@@ -57,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
     with progress(len(pairs) * len(learners), "run", "evaluate", "evaluate") as bar:
         results = list(evaluation.evaluate(pairs, learners, tick=bar.update))
     print(evaluation.table(results).as_text())
-    write_json(args.json, {"pairs": [asdict(result) for result in results]})
+    write_json(args.json, {"pairs": results})
     return 0
 
 

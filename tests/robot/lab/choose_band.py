@@ -10,8 +10,7 @@ from unittest import mock
 
 import numpy as np
 
-from robot.lab.evaluation import Vectors, load_pairs, teach
-from robot.lab.evaluation import _vectors as vectors_of
+from robot.lab.evaluation import Vectors, load_pairs, seen_by, teach
 from robot.policy import recognition
 from robot.policy.registry import make_policy
 
@@ -24,14 +23,14 @@ def errors(folder: str, examples: int | None) -> dict[str, np.ndarray]:
     known: Vectors = {}
     for pair in load_pairs(folder, examples=examples):
         policy = make_policy("default-32")
-        teach(policy, pair.train, known, examples)
-        begun, test = policy.get_state(), vectors_of(policy, pair.test, known)
+        teach(policy, seen_by(policy, pair.train, known), examples)
+        begun, test = policy.get_state(), seen_by(policy, pair.test, known)
         row = []
         for width in WIDTHS:
             policy.set_state(begun)
             policy.reset()
             with mock.patch.object(recognition, "BAND", width):
-                said = [policy.propose(i + 1, x).point for i, x in enumerate(test)]
+                said = [policy.propose(i + 1, x).point for i, (x, *_) in enumerate(test)]
             both = [
                 (p.steering, t.steering)
                 for p, t in zip(said, pair.test.points, strict=True)

@@ -148,7 +148,7 @@ def test_reproduces_the_figures_of_the_recordings(place):
     pairs = [pair for pair in evaluation.load_pairs(FOUND) if pair.train.place == place]
     results = list(evaluation.evaluate(pairs, learners))
     for learner, figure in zip(learners, README[place], strict=True):
-        own = [r.accuracy for r in results if r.learner == learner]
+        own = [r["accuracy"] for r in results if r["learner"] == learner]
         assert len(own) == 2, "one direction after the other"
         assert statistics.mean(own) == pytest.approx(figure, abs=0.015), learner
 
@@ -170,9 +170,10 @@ def test_few_examples_are_spread_over_the_drive(tmp_path, examples):
         write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
     pair = evaluation.load_pairs(tmp_path, examples=examples)[1]
     policy = make_policy("published-8")
+    drive = evaluation.seen_by(policy, pair.train, {})
     learned: list[np.ndarray] = []
     with mock.patch.object(policy, "learn", lambda x, label, *how: learned.append(x)):
-        n_taught = evaluation.teach(policy, pair.train, {}, pair.examples)
+        n_taught = evaluation.teach(policy, drive, pair.examples)
     every = [policy.extract(pair.train.frame(i)) for i in range(len(pair.train))]
     places = [next(i for i, x in enumerate(every) if np.array_equal(x, y)) for y in learned]
     assert n_taught == len(learned) == min(examples, len(every))
@@ -205,12 +206,13 @@ def test_angles_are_judged_where_the_drives_have_them(tmp_path):
         write_recording(tmp_path / f"yard_{name}.npz", 60, seed)
     results = list(evaluation.evaluate(evaluation.load_pairs(tmp_path), ["default-8", "knn-3"]))
     for result in results:
-        if result.place == "yard":
-            assert result.angle_error is result.angle_correlation is result.angle_step is None
+        if result["place"] == "yard":
+            names = ("angle_error", "angle_correlation", "angle_step")
+            assert all(result[name] is None for name in names)
             continue
-        wrong = 1.0 - result.accuracy
-        assert wrong - 1e-6 <= result.angle_error <= 2.0 * wrong + 1e-6  # all or nothing
-        assert 0.2 < result.angle_correlation <= 1.0 and result.angle_step > 0.5
+        wrong = 1.0 - result["accuracy"]
+        assert wrong - 1e-6 <= result["angle_error"] <= 2.0 * wrong + 1e-6  # all or nothing
+        assert 0.2 < result["angle_correlation"] <= 1.0 and result["angle_step"] > 0.5
     assert "corr." in evaluation.table(results).columns
 
 
@@ -222,8 +224,8 @@ def test_rivals_by_degrees_are_beside_the_default(tmp_path):
         write_recording(tmp_path / f"hall_{name}.npz", 60, seed, **changes)
     learners = ["without-angle-8", "angle-knn-3", "angle-ridge-3", "angle-cnn-8"]
     results = list(evaluation.evaluate(evaluation.load_pairs(tmp_path), learners))
-    assert [result.learner for result in results[:4]] == learners
-    assert all(0.0 < result.angle_error < 1.0 for result in results)
+    assert [result["learner"] for result in results[:4]] == learners
+    assert all(0.0 < result["angle_error"] < 1.0 for result in results)
 
 
 @pytest.mark.parametrize("name", ["angle-knn-1", "angle-ridge-1"])
