@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import pkgutil
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
+from functools import partial
 from importlib import import_module
 from itertools import product
 from typing import Any
@@ -23,6 +24,7 @@ from robot.store.table import Table
 
 try:
     from river import datasets, linear_model, naive_bayes, neighbors, preprocessing, tree
+    from river.compat import convert_sklearn_to_river
     from sklearn.datasets import load_digits
     from sklearn.feature_extraction.text import HashingVectorizer
     from sklearn.linear_model import Perceptron, SGDClassifier
@@ -68,39 +70,25 @@ def run_stream(params: Params) -> Result:
     return {"right": int(right), "examples": len(examples)}
 
 
-class _OneByOne:
-    """A scikit-learn classifier on dicts; its classes are those of the streams."""
-
-    def __init__(self, model: Any, classes: list[str] | None = None) -> None:
-        self._model, self._classes, self._is_new = model, classes, True
-
-    def predict_one(self, x: Mapping[int, float]) -> Any:
-        """Return the class; None before the first example."""
-        return None if self._is_new else self._model.predict([list(x.values())])[0]
-
-    def learn_one(self, x: Mapping[int, float], y: str) -> None:
-        self._model.partial_fit([list(x.values())], [y], classes=self._classes)
-        self._is_new = False
-
-
 _LIBRARIES = ("numpy", "sklearn", "river")
 _CLASSES = [
     *map(str, range(10)),
     *("brickface", "cement", "foliage", "grass", "path", "sky", "window"),
     *_LIBRARIES,
 ]
+_one_by_one = partial(convert_sklearn_to_river, classes=_CLASSES)
 LEARNERS: dict[str, Callable[[], Any]] = {
     "BSOC-32": lambda: RiverBSOC(32),
     "BSOC-128": lambda: RiverBSOC(128),
-    "BSOC-128 with its ridge": lambda: _OneByOne(BSOCEstimator(128, penalty=10.0)),
+    "BSOC-128 with its ridge": lambda: _one_by_one(BSOCEstimator(128, penalty=10.0)),
     "river, 5-nn of the last 1000": neighbors.KNNClassifier,
     "river, softmax regression": linear_model.SoftmaxRegression,
     "river, naive Bayes": naive_bayes.GaussianNB,
     "river, Hoeffding tree": tree.HoeffdingTreeClassifier,
-    "scikit-learn, logistic by SGD": lambda: _OneByOne(
-        SGDClassifier(loss="log_loss", random_state=0), _CLASSES
+    "scikit-learn, logistic by SGD": lambda: _one_by_one(
+        SGDClassifier(loss="log_loss", random_state=0)
     ),
-    "scikit-learn, perceptron": lambda: _OneByOne(Perceptron(random_state=0), _CLASSES),
+    "scikit-learn, perceptron": lambda: _one_by_one(Perceptron(random_state=0)),
 }
 
 
