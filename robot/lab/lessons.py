@@ -19,7 +19,7 @@ from robot.lab.tables import SSD_COLUMNS, tables_of
 from robot.lab.task import Params, Result
 from robot.lab.trial import Trial
 from robot.store.table import Cell, Table
-from robot.types import Action, DrivenBy, Mode
+from robot.types import Action, Mode
 
 TRIALS: dict[int, dict[str, Any]] = {
     1: {"world": "box", "moves": ("forward", "left"), "teacher": "usual"},
@@ -46,10 +46,10 @@ def run_lesson(params: Params) -> Result:
         make_learner(params["learner"], moves),
         make_pilot(params, moves),
     ) as trial:
-        taught, corrected = trial.drive(Mode.TRAIN, params["teach_s"]), DriveLog()
+        taught = trial.drive(Mode.TRAIN, params["teach_s"])
         drives = {"before": trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
         if params.get("correct_s"):
-            corrected = trial.drive(Mode.AUTONOMOUS, params["correct_s"])
+            trial.drive(Mode.AUTONOMOUS, params["correct_s"])
             drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
         n_nodes, lessons = trial.policy.n_nodes, dict(trial.loop.state.taught)
         again = trial.drive(Mode.TRAIN, params.get("reference_s", 240.0))
@@ -59,10 +59,6 @@ def run_lesson(params: Params) -> Result:
         name: _figures(drive, teacher, taught.profile(), moves) for name, drive in drives.items()
     }
     result["teacher"] = _figures(again.last(alone_s), teacher, taught.profile(), moves)
-    result["corrections"] = {
-        "interventions_per_min": metrics.interventions_per_minute(corrected),
-        "pilot_share": len(corrected.driven_by(DrivenBy.PILOT)) / max(len(corrected), 1),
-    }
     result["taught"] = {"agreement": metrics.agreement(taught), "nodes": n_nodes}
     result["taught"]["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
     result["timing"] = timing

@@ -1,6 +1,6 @@
 """How a robot drives: the log of a drive, tick by tick, and its measures.
 
-Collisions, pushing, distance, floor covered, interventions, agreement. Pure: logs in, numbers out.
+Collisions, pushing, distance, floor covered, agreement. Pure: logs in, numbers out.
 """
 
 from __future__ import annotations
@@ -46,7 +46,6 @@ class DriveSample:
     point: Point | None = None
     """What was driven, by degrees; None if a move was."""
     asks_pilot: bool = False
-    is_intervention: bool = False
     proposed: Action | None = None
     wanted: Action | None = None
     situation: Situation | None = None
@@ -62,10 +61,6 @@ class DriveLog(list[DriveSample]):
         if len(self) < 2:
             return 0.0
         return (self[-1].now_s - self[0].now_s) * len(self) / (len(self) - 1)
-
-    def driven_by(self, who: DrivenBy) -> DriveLog:
-        """Return the part in which `who` drove. Its ticks need not be consecutive."""
-        return DriveLog(moment for moment in self if moment.driven_by is who)
 
     def last(self, seconds: float) -> DriveLog:
         return DriveLog(m for m in self if m.now_s > self[-1].now_s - seconds + 1e-9)
@@ -84,7 +79,9 @@ class DriveLog(list[DriveSample]):
 
 def collisions_per_minute(log: DriveLog) -> float:
     """Return how often a minute the body touched something anew; a lasting contact counts once."""
-    return _begun_per_minute([moment.is_touching for moment in log], log)
+    flags = [moment.is_touching for moment in log]
+    begun = sum(now and not before for before, now in pairwise([False, *flags]))
+    return _per_minute(begun, log)
 
 
 def pushing_s_per_minute(log: DriveLog) -> float:
@@ -132,11 +129,6 @@ def is_stuck(log: DriveLog) -> bool:
     return longest_stay_s(log) >= STUCK_S
 
 
-def interventions_per_minute(log: DriveLog) -> float:
-    """Return how often a minute the pilot took the wheel from the robot."""
-    return _begun_per_minute([moment.is_intervention for moment in log], log)
-
-
 def asking_share(log: DriveLog) -> float:
     """Return the share of ticks with a view that the robot did not know."""
     return sum(moment.asks_pilot for moment in log) / max(len(log), 1)
@@ -175,11 +167,6 @@ def against(log: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict
         "never": [move.value for move in difference.never_by_robot],
         **figures(log),
     }
-
-
-def _begun_per_minute(flags: list[bool], log: DriveLog) -> float:
-    begun = sum(now and not before for before, now in pairwise([False, *flags]))
-    return _per_minute(begun, log)
 
 
 def _per_minute(amount: float, log: DriveLog) -> float:

@@ -123,9 +123,6 @@ class Trial(StartStop):
             driven_by=tick.decision.driven_by,
             point=tick.decision.point,
             asks_pilot=tick.decision.asks_pilot,
-            is_intervention=(
-                tick.decision.mode is Mode.AUTONOMOUS and said is not None and said.held is not None
-            ),
             proposed=_action_of(tick.prediction),
             wanted=said.held if said is not None else None,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robot.lab.ideas import make_pilot
-from robot.lab.metrics import DriveLog, interventions_per_minute
+from robot.lab.metrics import DriveLog
 from robot.lab.trial import FRAME_RATE_HZ, Trial
 from robot.policy.registry import make_policy
 from robot.types import Action, DrivenBy, Mode
@@ -33,7 +33,7 @@ def test_the_pilot_teaches_and_then_the_robot_drives() -> None:
     assert len(taught) == 12 * FRAME_RATE_HZ
     assert {moment.driven_by for moment in taught[5:]} == {DrivenBy.PILOT}
     assert sum(trial.loop.state.taught.values()) >= 100
-    assert len(alone.driven_by(DrivenBy.ROBOT)) > 0
+    assert DrivenBy.ROBOT in {moment.driven_by for moment in alone}
     assert trial.policy.n_nodes == 8
 
 
@@ -44,5 +44,4 @@ def test_unsupervised_nobody_takes_the_wheel_and_nothing_is_learned() -> None:
         lessons = trial.loop.history.n_examples
         alone = trial.drive(Mode.AUTONOMOUS, 10.0, supervised=False)
         assert trial.loop.history.n_examples == lessons
-    assert interventions_per_minute(alone) == 0
     assert {moment.driven_by for moment in alone} == {DrivenBy.ROBOT}
