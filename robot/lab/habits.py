@@ -16,7 +16,14 @@ from robot.lab.ideas import make_learner
 from robot.lab.metrics import DriveLog
 from robot.lab.simulated_pilots.habits import HABITS, Habit
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
-from robot.lab.tables import Columns, mean_percent, of, percent, tables_of
+from robot.lab.tables import (
+    Columns,
+    difference_by_chance,
+    mean_percent,
+    of,
+    percent,
+    tables_of,
+)
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial, drive_by_hand
 from robot.store.table import Cell, Table
@@ -27,7 +34,6 @@ RATES_HZ = (10.0, 15.0, 30.0)
 LONG_S, SHORT_S = 90.0, 30.0
 CORRECT_S = 60.0
 FIRST_SEED = 400
-_DRAWS = 1000
 QUICK = [
     ("irregular", "fork", 30.0, SHORT_S),
     ("wall", "office", 10.0, SHORT_S),
@@ -133,21 +139,6 @@ def _gate(runs: Runs) -> Table:
         least, most = difference_by_chance(ssds[30.0], ssds[10.0])
         rows.append(("its difference by chance", "", f"{least:+.2f} to {most:+.2f}"))
     return Table(title="The gate", columns=("what", "asked", "measured"), rows=tuple(rows))
-
-
-def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tuple[float, float]:
-    """Return where 90 % of the differences of the medians lie when all robots are drawn anew.
-
-    A minute's SSD is half chance, so that medians of sixty robots differ by a fifth without cause.
-    """
-    draw = random.Random(0)
-    differences = sorted(
-        statistics.median(draw.choices(values, k=len(values)))
-        - statistics.median(draw.choices(others, k=len(others)))
-        for _ in range(_DRAWS)
-    )
-    rare = _DRAWS // 20
-    return differences[rare], differences[-rare]
 
 
 _MEANS = ("driven_m", "covered_m2", "ssd", "ssd_frequent", "ssd_alike", "steering_per_s")
