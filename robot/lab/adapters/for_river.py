@@ -20,7 +20,7 @@ except ImportError as error:
     raise MissingExtraError("BSOC for river", "learners") from error
 
 _ROOM = 16
-"""Vectors have room for so many features, and for twice as many each time it is too small."""
+"""Vectors have room for so many features, and for twice as many or more when it is too small."""
 
 
 class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
@@ -70,8 +70,16 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
         # In an order of their own, so that the order in the dict does not matter.
         for name in sorted((name for name in x if name not in self._columns), key=repr):
             self._columns[name] = len(self._columns)
+        # Images grow longer: features that nobody had seen were 0 in all of them.
+        more = max(self._room, len(self._columns) - self._room)
         if len(self._columns) > self._room:
-            self._make_room()
+            self._room += more
+            if self._learner.n_nodes_:
+                state = self._learner.get_state()
+                for name in ("cluster_images", "cluster_origin"):
+                    longer = [(0, 0)] * (state.arrays[name].ndim - 1) + [(0, more)]
+                    state.arrays[name] = np.pad(state.arrays[name], longer)
+                self._learner.set_state(state)
         if y not in self._labels:
             self._labels.append(y)
         self._learner.learn_one(self._vector(x), str(self._labels.index(y)))
@@ -96,22 +104,6 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     def _vector(self, x: Mapping[Any, Any]) -> NDArray[np.float32]:
         """Return known features as a vector; one that was never learned is not known."""
         vector = np.zeros(self._room, np.float32)
-        for name, value in x.items():
-            column = self._columns.get(name)
-            if column is not None:
-                vector[column] = value
+        for name in x.keys() & self._columns.keys():
+            vector[self._columns[name]] = x[name]
         return vector
-
-    def _make_room(self) -> None:
-        """Lengthen the images: features that nobody had seen were 0 in all of them."""
-        wider = self._room
-        while wider < len(self._columns):
-            wider *= 2
-        if self._learner.n_nodes_:
-            state = self._learner.get_state()
-            more = wider - self._room
-            images = state.arrays["cluster_images"]
-            state.arrays["cluster_images"] = np.pad(images, ((0, 0), (0, more)))
-            state.arrays["cluster_origin"] = np.pad(state.arrays["cluster_origin"], (0, more))
-            self._learner.set_state(state)
-        self._room = wider

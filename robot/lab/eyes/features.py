@@ -1,4 +1,4 @@
-"""A frame as what a vision net sees in each part of it, beside a small grey picture."""
+"""A frame as what a vision net sees in each part of it, and the default's parts on top of that."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from robot.lab.eyes.network import CHANNELS, COLUMNS, HEIGHT, ROWS, WIDTH, Network
 from robot.learner.base import Vector
+from robot.learner.classifier import BSOCClassifier
+from robot.learner.ridge import ContextRidge
 from robot.policy import image
 from robot.policy.features import (
     COMMON_SIDES,
@@ -14,7 +16,8 @@ from robot.policy.features import (
     THUMBNAIL_WIDTH,
     sum_over_cells,
 )
-from robot.types import Frame
+from robot.policy.policy import Policy
+from robot.types import Action, Frame
 
 _BRIGHTEST = 63.0
 
@@ -73,3 +76,16 @@ class EyesFeatures:
         by_output = (difference[: self.n_outputs] ** 2).reshape(CHANNELS, self.n_rows, -1)
         parts = by_output.sum(axis=0)
         return sum_over_cells(difference[self.n_outputs :], parts)
+
+
+def make_eyes(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
+    """Return the default's parts on what a frozen vision net sees; needs the extra `eyes`."""
+    features = EyesFeatures()
+    linear = ContextRidge(features.n_outputs, penalty=EyesFeatures.penalty)
+    learner = BSOCClassifier(
+        number,
+        linear=linear,
+        balance=EyesFeatures.balance,
+        novelty_margin=EyesFeatures.novelty_margin,
+    )
+    return Policy(name, number, learner, features, moves=moves, brighten=features.brightened)
