@@ -19,28 +19,13 @@ from robot.store.table import Table
 from robot.types import Action, Mode
 
 _MINUTES = {"episode_s": 60.0, "teach": 2, "correct": 2, "alone": 1}
+_PUSHES = {"episode_s": 40.0, "teach": 8, "correct": 4, "alone": 5}
+_MOVES = ("forward", "left", "right")
+_BACK = (*_MOVES, "backward")
 _TAUGHT: Mapping[str, dict[str, Any]] = {
-    "follow the wall on the right": {
-        "world": "corridor",
-        "teacher": "wall",
-        "moves": ("forward", "left", "right"),
-        **_MINUTES,
-    },
-    "follow the orange barrel": {
-        "world": "follow",
-        "teacher": "follow",
-        "moves": ("forward", "left", "right", "backward"),
-        **_MINUTES,
-    },
-    "push the blue box to a wall": {
-        "world": "push",
-        "teacher": "push",
-        "moves": ("forward", "left", "right"),
-        "episode_s": 40.0,
-        "teach": 8,
-        "correct": 4,
-        "alone": 5,
-    },
+    "follow the wall on the right": {"world": "corridor", "teacher": "wall", "moves": _MOVES},
+    "follow the orange barrel": {"world": "follow", "teacher": "follow", "moves": _BACK},
+    "push the blue box to a wall": {"world": "push", "teacher": "push", "moves": _MOVES, **_PUSHES},
 }
 LEARNERS = ("published-32", "default-32", "default-128")
 
@@ -48,7 +33,7 @@ LEARNERS = ("published-32", "default-32", "default-128")
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     learners = settings.learners or LEARNERS
     cases = (
-        {**behaviour, "what": what, "learner": learner}
+        {**_MINUTES, **behaviour, "what": what, "learner": learner}
         for (what, behaviour), learner in product(_TAUGHT.items(), learners)
     )
     return seeded(run_episodes, cases, settings)

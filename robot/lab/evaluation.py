@@ -5,9 +5,9 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -29,26 +29,15 @@ Seen = Sequence[tuple[Vector, Action, Point | None]]
 """A drive to a learner: each frame's features, its label, and the label by degrees."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pair:
-    """Two drives of one place: learn from `train`, test on `test` with so much of its light.
-
-    `examples` is how many frames of `train` are learned, spread evenly over it; None: all.
-    """
+class Pair(NamedTuple):
+    """Two drives of one place: one to learn from, one to be tested on."""
 
     train: Recording
     test: Recording
-    light: float = 1.0
-    examples: int | None = None
 
 
-def load_pairs(folder: Path | str, light: float = 1.0, examples: int | None = None) -> list[Pair]:
+def load_pairs(folder: Path | str) -> list[Pair]:
     """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`.
-
-    Args:
-        folder: Where they are.
-        light: How much of the light is left when the learner is tested.
-        examples: How many frames of a drive are learned; None: all.
 
     Raises:
         RecordingError: If there is no such folder or pair, or a recording is broken.
@@ -64,10 +53,7 @@ def load_pairs(folder: Path | str, light: float = 1.0, examples: int | None = No
             f"the folder {folder} has no recordings named PLACE_A.npz, PLACE_B.npz"
         )
     loaded = {path: load_recording(path) for path, _ in pairs}
-    return [
-        Pair(train=loaded[train], test=loaded[test], light=light, examples=examples)
-        for train, test in pairs
-    ]
+    return [Pair(loaded[train], loaded[test]) for train, test in pairs]
 
 
 def recorded_pairs(folder: Path) -> list[tuple[Path, Path]]:
@@ -78,11 +64,21 @@ def recorded_pairs(folder: Path) -> list[tuple[Path, Path]]:
 
 
 def evaluate(
-    pairs: Sequence[Pair], learners: Sequence[str], tick: Callable[[], None] = lambda: None
+    pairs: Sequence[Pair],
+    learners: Sequence[str],
+    *,
+    light: float = 1.0,
+    examples: int | None = None,
+    tick: Callable[[], None] = lambda: None,
 ) -> Iterator[Result]:
     """Yield what `judge` finds of each learner on each pair, and of which it is.
 
-    `tick` is called after every one.
+    Args:
+        pairs: The drives.
+        learners: Their names.
+        light: How much of the light is left when the learner is tested.
+        examples: How many frames of a drive are learned, spread evenly over it; None: all.
+        tick: Called after every one.
 
     Raises:
         ConfigurationError: If a learner is unknown.
@@ -96,8 +92,8 @@ def evaluate(
         for name in learners:
             policy = make_policy(name)
             train = seen_by(policy, pair.train, vectors)
-            test = seen_by(policy, pair.test, vectors, pair.light)
-            found = judge(policy, train, test, pair.examples)
+            test = seen_by(policy, pair.test, vectors, light)
+            found = judge(policy, train, test, examples)
             yield {"place": pair.train.place, **drives, "learner": name, **found}
             tick()
 

@@ -95,7 +95,7 @@ def run_recorded_footage(params: Params) -> Result:
     """Train on one recording, test on another; `train`, `test` (paths) and `learner`."""
     from robot.exchange.npz import load_recording  # of another house, asked for when needed
 
-    pair = Pair(train=load_recording(params["train"]), test=load_recording(params["test"]))
+    pair = Pair(load_recording(params["train"]), load_recording(params["test"]))
     [result] = evaluate([pair], [params["learner"]])
     return {name: result[name] for name in _KEPT}
 

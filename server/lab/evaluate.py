@@ -52,9 +52,10 @@ def run(args: argparse.Namespace) -> int:
     # scikit-learn spends ten times as long on one picture when its threads outnumber the cores.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     learners = _learners(args.learners)
-    pairs = evaluation.load_pairs(args.folder, args.light, args.examples)
+    pairs = evaluation.load_pairs(args.folder)
     with progress(len(pairs) * len(learners), "run", "evaluate", "evaluate") as bar:
-        results = list(evaluation.evaluate(pairs, learners, tick=bar.update))
+        how = {"light": args.light, "examples": args.examples, "tick": bar.update}
+        results = list(evaluation.evaluate(pairs, learners, **how))
     print(evaluation.table(results).as_text())
     write_json(args.json, {"pairs": results})
     return 0

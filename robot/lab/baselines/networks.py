@@ -21,23 +21,15 @@ _RATE, _DECAYS, _TINY = 0.001, (0.9, 0.999), 1e-8
 
 
 class ColourFeatures(GreyFeatures):
-    """RGB, 40x30, area average: 3600 bytes."""
+    """RGB, 40x30, area average: 3600 bytes. Who learns from it keeps no images to be shown."""
 
     name = "colour"
 
     def extract(self, frame: Frame) -> Vector:
         return image.shrink(image.to_rgb(frame), THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT).ravel()
 
-    def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        pixels = np.asarray(x).reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, 3)
-        return pixels.round().clip(0, 255).astype(np.uint8)
-
     def grey(self, x: Vector) -> NDArray[np.uint8]:
-        return image.rgb_to_grey(self.thumbnail(x)).ravel()
-
-    def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sums of squares over parts of 5x5 pixels and all colours."""
-        return super().cells(np.sqrt((difference.reshape(-1, 3) ** 2).sum(axis=1)))
+        return image.rgb_to_grey(x.reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH, 3)).ravel()
 
 
 class BatchNetwork:

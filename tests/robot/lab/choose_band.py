@@ -21,7 +21,7 @@ def errors(folder: str, examples: int | None) -> dict[str, np.ndarray]:
     """Return the mean error of the angle of each place's two pairs, by width: shape (2, widths)."""
     found: dict[str, list[list[float]]] = {}
     known: Vectors = {}
-    for pair in load_pairs(folder, examples=examples):
+    for pair in load_pairs(folder):
         policy = make_policy("default-32")
         teach(policy, seen_by(policy, pair.train, known), examples)
         begun, test = policy.get_state(), seen_by(policy, pair.test, known)

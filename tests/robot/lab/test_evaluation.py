@@ -157,9 +157,9 @@ def test_reproduces_the_figures_of_the_recordings(place):
 def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
     for name in ("hall_A", "hall_B"):
         write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
-    pair = evaluation.load_pairs(tmp_path, light)[0]
+    pair = evaluation.load_pairs(tmp_path)[0]
     frame = pair.test.frame(0)
-    darker = evaluation.darkened(frame, pair.light)
+    darker = evaluation.darkened(frame, light)
     assert to_grey(darker).mean() == pytest.approx(light * to_grey(frame).mean(), abs=1.5)
     assert evaluation.darkened(frame, 1.0) is frame
 
@@ -168,12 +168,12 @@ def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
 def test_few_examples_are_spread_over_the_drive(tmp_path, examples):
     for name in ("hall_A", "hall_B"):
         write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
-    pair = evaluation.load_pairs(tmp_path, examples=examples)[1]
+    pair = evaluation.load_pairs(tmp_path)[1]
     policy = make_policy("published-8")
     drive = evaluation.seen_by(policy, pair.train, {})
     learned: list[np.ndarray] = []
     with mock.patch.object(policy, "learn", lambda x, label, *how: learned.append(x)):
-        n_taught = evaluation.teach(policy, drive, pair.examples)
+        n_taught = evaluation.teach(policy, drive, examples)
     every = [policy.extract(pair.train.frame(i)) for i in range(len(pair.train))]
     places = [next(i for i, x in enumerate(every) if np.array_equal(x, y)) for y in learned]
     assert n_taught == len(learned) == min(examples, len(every))
