@@ -16,14 +16,7 @@ from robot.lab.ideas import make_learner
 from robot.lab.metrics import DriveLog
 from robot.lab.simulated_pilots.habits import HABITS, Habit
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
-from robot.lab.tables import (
-    Columns,
-    difference_by_chance,
-    mean_percent,
-    of,
-    percent,
-    tables_of,
-)
+from robot.lab.tables import Columns, difference_by_chance, mean_percent, of, percent, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial, drive_by_hand
 from robot.store.table import Cell, Table

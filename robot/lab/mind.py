@@ -1,8 +1,4 @@
-"""A changed mind: a minute of LEFT at walls, then RIGHT for half a minute, twice.
-
-After each half minute the new pilot drives on for a while without the robot's learning, and it is
-counted what the robot would have done where he turns.
-"""
+"""A changed mind: a minute of LEFT at walls, then RIGHT for half a minute, twice."""
 
 from __future__ import annotations
 

@@ -15,12 +15,8 @@ from server.lab.output import write_json
 
 OURS = ["published-32", "integer-32", "default-32", "linear-alone-32", "without-angle-32"]
 BASELINES = [
-    "knn-9",
-    "fair-knn-9",
-    "fair-trees-100",
-    "angle-knn-9",
-    "angle-ridge-3",
-    "angle-cnn-32",
+    *("knn-9", "fair-knn-9", "fair-trees-100"),
+    *("angle-knn-9", "angle-ridge-3", "angle-cnn-32"),
 ]
 
 
