@@ -39,7 +39,6 @@ class RecorderConfig:
     """Pictures go on for so long after the robot came to stand."""
     lead_frames: int = 15
     """Pictures from before the start that go along: the pilot may label them."""
-    lead_bytes: int = 8 * 2**20
     spare_bytes: int = 64 * 2**20
     """Recording stops while the disk still has so much left: for models, and for the system."""
 
@@ -67,8 +66,6 @@ class RecordingQueue:
         self._lost_before: Counter[str] = Counter()
         self.waiting_bytes = 0
         """Bytes of queued pictures."""
-        self.is_ending = False
-        """What is open when nothing waits any more is to be ended."""
         self.lost: Counter[str] = Counter()
         """`frames` and `messages` dropped since the program began: the disk was too slow."""
         self.episode_id: str | None = None
@@ -126,8 +123,6 @@ class RecordingQueue:
                 self._writer.flush()
                 if self._clock.now_s() - self._checked_s > 2.0:
                     self._check_room()
-            if self.is_ending and not self._jobs:
-                self._end()
         except Exception as error:  # whatever it is, the thread must go on
             with self._lock:
                 self.waiting_bytes = sum(size for size, _, _ in self._jobs)

@@ -91,7 +91,6 @@ class Recorder:
         except MissingExtraError as error:
             self.queue.refuse(str(error))
             return
-        self.queue.is_ending = False
         self._unsubscribe = self._loop.subscribe(self.note)
         self._disk.start()
         found = sorted(self._folder.glob("*.mcap"))
@@ -103,7 +102,7 @@ class Recorder:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
-        self.queue.is_ending = True
+        self.queue.end(None, is_kept=True)  # if the loop did not: it hangs
         self._disk.stop()
 
     # On the loop's thread ----------------------------------------------------------------------
@@ -130,7 +129,7 @@ class Recorder:
         if self._is_open:
             self._record(tick, events)
         elif tick.frame is not None:
-            self._remember(tick.frame)
+            self._lead.append(tick.frame)
         self._mode = mode
         self._end_if_due(tick, events)
 
@@ -180,7 +179,7 @@ class Recorder:
                     self._keep(self._lead.popleft())
                 self._record_frame(tick)
             else:
-                self._remember(tick.frame)
+                self._lead.append(tick.frame)
         for command in tick.commands:
             self.queue.write_message(COMMAND, now_s, describe_command(command))
         if tick.decision.mode is not Mode.STOPPED:
@@ -217,11 +216,6 @@ class Recorder:
         if isinstance(event, Taught):
             self._taught.add(event.example.frame_id)
         self.queue.write_message(LESSON, now_s, describe_event(event, with_vector=is_lost))
-
-    def _remember(self, frame: Frame) -> None:
-        self._lead.append(frame)
-        while sum(len(frame.data) for frame in self._lead) > self._config.lead_bytes:
-            self._lead.popleft()
 
     def _keep(self, frame: Frame) -> None:
         if frame.frame_id not in self._kept and self.queue.write_frame(frame):
