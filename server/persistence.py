@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 
 class Persistence(StartStop):
-    """Starts and stops autosave and recorder; a `fault` says why nothing can be saved, if so."""
+    """Starts and stops autosave and recorder, unless the storage has a `fault`."""
 
     def __init__(
         self,
@@ -38,10 +38,8 @@ class Persistence(StartStop):
         options: Mapping[str, Any] | None = None,
         announce: Announce = no_announcement,
         keeps_drives: bool = True,
-        fault: str | None = None,
     ) -> None:
         self.storage = storage
-        self._fault = fault
         self._announce = announce
         self._lock = FolderLock(storage.root)
         self._loop = rig.loop
@@ -94,8 +92,8 @@ class Persistence(StartStop):
         Raises:
             ConfigurationError: If another program uses the folder.
         """
-        if self._fault is not None:
-            self.recorder.queue.refuse(f"Nothing is recorded: {self._fault}")
+        if self.storage.fault is not None:
+            self.recorder.queue.refuse(f"Nothing is recorded: {self.storage.fault}")
             return
         try:
             self._lock.start()

@@ -199,8 +199,8 @@ class Storage:
 
     Args:
         root: Where it is.
-        must_be_usable: False takes a folder in which nothing can be written: for a server, which
-            drives on without keeping anything.
+        must_be_usable: False takes a folder in which nothing can be written, whose `fault` says
+            why: for a server, which drives on without keeping anything. A full disk is no fault.
 
     Raises:
         ConfigurationError: If nothing can be written there, and it must be usable.
@@ -213,6 +213,7 @@ class Storage:
         self.exports = self.root / "exports"
         self.trash = self.root / "trash"
         self.journal = self.root / "journal"
+        self.fault: str | None = None
         try:
             for folder in (self.models, self.episodes, self.exports, self.trash):
                 folder.mkdir(parents=True, exist_ok=True)
@@ -220,12 +221,13 @@ class Storage:
                 write_whole(self.root / "README.txt", _README.encode())
             self._try_longest()
         except OSError as error:
-            if not must_be_usable:
-                return
-            raise ConfigurationError(
-                f"the data folder {self.root} cannot be used: {error.strerror or error}; "
-                "choose another with --data FOLDER"
-            ) from error
+            if must_be_usable:
+                raise ConfigurationError(
+                    f"the data folder {self.root} cannot be used: {error.strerror or error}; "
+                    "choose another with --data FOLDER"
+                ) from error
+            if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+                self.fault = f"{self.root}: {error.strerror or error}"
 
     def _try_longest(self) -> None:
         """Make a file with a path as long as any to come: Windows takes 260 characters in all."""

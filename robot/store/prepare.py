@@ -6,41 +6,22 @@ that is no text) is moved to `set-aside/`, untouched; the caller says so to peop
 
 from __future__ import annotations
 
-import errno
+import contextlib
 import os
 import stat
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
-from robot.store.folder import is_text, move_aside, write_whole
+from robot.store.folder import is_text, move_aside
 
 ASIDE = "set-aside"
 _FOLDERS = ("models", "episodes", "exports", "trash", "journal", "lessons", "tls")
 _FILES = (".lock", ".lock.pid", "README.txt", "robot.json", "paired.json")
 _NOTES = ("models/current.txt", "models/current.twin.txt")
-_FULL = (errno.ENOSPC, errno.EDQUOT)
-_PROBE = b"x" * 4096
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Prepared:
-    """What was found.
-
-    `fault` says why nothing can be kept here at all; `moved` lists what was set aside, and where.
-    """
-
-    fault: str | None = None
-    moved: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def sentence(self) -> str:
-        """What was set aside and where, for the page and the log; empty if nothing was."""
-        return ", ".join(f"{name} -> {where}" for name, where in self.moved)
-
-
-def prepare(root: Path) -> Prepared:
-    """Make the folder and what belongs in it, and set aside what is in the way. Never raises."""
+def prepare(root: Path) -> list[tuple[str, str]]:
+    """Set aside what is in the way of `Storage`; return what, and where it is now. Never raises."""
     moved: list[tuple[str, str]] = []
     root = root.expanduser()
 
@@ -48,10 +29,8 @@ def prepare(root: Path) -> Prepared:
         if os.path.lexists(path) and not is_usable:
             moved.append((_shown(path.name), _move(path, into)))
 
-    try:
+    with contextlib.suppress(OSError):
         clear(root, root.is_dir(), root.parent)
-        root.mkdir(parents=True, exist_ok=True)
-        _probe(root)
         folders = [root / name for name in _FOLDERS]
         clear(root / ASIDE, (root / ASIDE).is_dir(), root)
         for folder in folders:
@@ -64,10 +43,7 @@ def prepare(root: Path) -> Prepared:
                     _is_a(path, stat.S_ISDIR) and folder.name not in ("episodes", "journal")
                 )
                 clear(path, is_sound and is_text(path.name))
-    except OSError as error:
-        if error.errno not in _FULL:
-            return Prepared(fault=f"{root}: {error.strerror or error}", moved=tuple(moved))
-    return Prepared(moved=tuple(moved))
+    return moved
 
 
 def _found_in(folder: Path) -> list[Path]:
@@ -97,14 +73,3 @@ def _move(path: Path, into: Path) -> str:
 def _shown(name: str) -> str:
     """Return a name as text, whatever its bytes are."""
     return name.encode("utf-8", "surrogateescape").decode("ascii", "backslashreplace")[:100]
-
-
-def _probe(root: Path) -> None:
-    """Raise OSError if nothing can be written here, for another reason than that it is full."""
-    probe = root / ".probe"
-    try:
-        write_whole(probe, _PROBE)
-        probe.unlink()
-    except OSError as error:
-        if error.errno not in _FULL:
-            raise

@@ -21,7 +21,7 @@ from robot.devices.plugins import camera_names, driver_names, load_camera, load_
 from robot.errors import ConfigurationError, RecordingError
 from robot.policy.registry import MOST_NODES
 from robot.store.folder import Storage, default_root
-from robot.store.prepare import Prepared, prepare
+from robot.store.prepare import prepare
 from server.cli.parser import declare, host_name, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config, Limits, PublicAddress, read_networks
@@ -132,7 +132,8 @@ def run(args: argparse.Namespace) -> int:
             "phones allow the camera on https pages only: --camera phone --lan needs --tls, and "
             "--behind-proxy an https address"
         )
-    prepared = prepare(config.data)
+    moved = prepare(config.data)
+    storage = Storage(config.data, must_be_usable=False)
     listener = open_socket(config.host, config.port)
     config = dataclasses.replace(config, port=listener.getsockname()[1])
     certificates = _make_certificates(config) if config.tls else None
@@ -142,15 +143,14 @@ def run(args: argparse.Namespace) -> int:
     options = _recorded(args, rig)
     identity = IdentityFile(config.data, args.name)
     persistence = Persistence(
-        Storage(config.data, must_be_usable=False),
+        storage,
         rig,
         name=identity.now.name,
         options=options,
         announce=events.publish,
         keeps_drives=args.keep_drives,
-        fault=prepared.fault,
     )
-    _report_problems(prepared, events)
+    _report_problems(moved, storage.fault, events)
     services = make_services(
         config,
         rig,
@@ -178,14 +178,15 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _report_problems(prepared: Prepared, events: EventBus) -> None:
+def _report_problems(moved: list[tuple[str, str]], fault: str | None, events: EventBus) -> None:
     """Report on the page and in the log what was set aside, or that nothing can be saved."""
-    if prepared.sentence:
-        log.warning("set aside in the data folder: %s", prepared.sentence)
-        events.publish("set_aside", detail=prepared.sentence)
-    if prepared.fault:
-        log.warning("nothing can be saved: %s", prepared.fault)
-        events.publish("nothing_kept", detail=prepared.fault)
+    if moved:
+        sentence = ", ".join(f"{name} -> {where}" for name, where in moved)
+        log.warning("set aside in the data folder: %s", sentence)
+        events.publish("set_aside", detail=sentence)
+    if fault:
+        log.warning("nothing can be saved: %s", fault)
+        events.publish("nothing_kept", detail=fault)
 
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:

@@ -55,7 +55,8 @@ class running:  # noqa: N801
     """A rig with persistence, started as `drivelesson serve` starts it."""
 
     def __init__(self, root: Path) -> None:
-        self.prepared = prepare(root)
+        self.moved = prepare(root)
+        self.storage = Storage(root, must_be_usable=False)
         clock = VirtualClock(100.0)
         policy = make_policy("published-4")
         self.rig = Rig(FakeDriver(clock=clock), FakeCamera(clock), policy, clock)
@@ -63,11 +64,10 @@ class running:  # noqa: N801
         IdentityFile(root)
         Pairing(10, file=root / "paired.json")
         self.persistence = Persistence(
-            Storage(root, must_be_usable=False),
+            self.storage,
             self.rig,
             name="bench",
             announce=lambda name, **fields: self.told.append(name),
-            fault=self.prepared.fault,
         )
 
     def __enter__(self) -> tuple[Rig, Persistence]:
@@ -162,7 +162,7 @@ def test_every_start_serves_drives_and_keeps(whole: Path, tmp_path: Path, seed: 
     done = [damage(root, rng) for _ in range(rng.randrange(1, 4))]
     started = running(root)
     with started as (rig, persistence):
-        assert started.prepared.fault is None, done
+        assert started.storage.fault is None, done
         lessons = teach(rig)
         assert lessons >= 5
         persistence.models.saved()
@@ -172,9 +172,8 @@ def test_every_start_serves_drives_and_keeps(whole: Path, tmp_path: Path, seed: 
         name = persistence.autosave.save()
         assert persistence.models.load(name).summary.n_examples == lessons, done
         assert persistence.recorder.queue.fault is None, done
-    for name, where in started.prepared.moved:
+    for name, where in started.moved:
         assert os.path.lexists(root / where), (name, where, done)
-        assert name in started.prepared.sentence and where in started.prepared.sentence
 
 
 @pytest.mark.parametrize("kind", ["file", "dangling", "loop", "fifo"])
@@ -190,15 +189,15 @@ def test_the_data_folder_itself_may_be_something_else(tmp_path: Path, kind: str)
     with started as (rig, persistence):
         assert teach(rig) == 5
         assert persistence.autosave.save() == "bench"
-    assert len(started.prepared.moved) == 1
+    assert len(started.moved) == 1
     moved = tmp_path / "data.1"
-    assert os.path.lexists(moved) or os.path.lexists(tmp_path / started.prepared.moved[0][1])
+    assert os.path.lexists(moved) or os.path.lexists(tmp_path / started.moved[0][1])
 
 
 def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) -> None:
     started = running(Path("/proc/drivelesson"))
     with started as (rig, persistence):
-        assert started.prepared.fault and "/proc/drivelesson" in started.prepared.fault
+        assert started.storage.fault and "/proc/drivelesson" in started.storage.fault
         assert teach(rig) == 5
         assert persistence.recorder.queue.fault and "recording_off" in started.told
         assert persistence.models.saved() == [] and persistence.episodes.summaries() == []

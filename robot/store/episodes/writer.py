@@ -127,8 +127,6 @@ class EpisodeWriter:
         """Add one message; its topic is one of `messages.SCHEMAS`."""
         stamp_ns = self._to_ns(now_s)
         self._add(json_channel(topic), stamp_ns, to_json(fields))
-        if topic == LESSON:
-            note_taught(self._taught, read_event(fields))
         if topic == SENSORS and fields["pose"]:
             drawn = to_json(pose_in_frame(fields["pose"], stamp_ns))
             self._add(json_channel(POSE), stamp_ns, drawn)
@@ -141,8 +139,6 @@ class EpisodeWriter:
             self._attach(record.name, record.data)
         else:
             self._add(record.channel, record.log_ns, record.data, record.sequence)
-            if record.topic == LESSON:
-                note_taught(self._taught, read_event(json.loads(record.data)))
 
     def flush(self) -> None:
         """Flush to the disk: a kill or a power cut then loses nothing of it."""
@@ -180,6 +176,8 @@ class EpisodeWriter:
         self._last_ns = max(stamp_ns, self._last_ns)
         if channel.topic == CAMERA:
             self._frames.add(sequence)
+        elif channel.topic == LESSON:
+            note_taught(self._taught, read_event(json.loads(data)))
         self._writer.add_message(self._channel(channel), stamp_ns, data, stamp_ns, sequence)
 
     def _register(self, channel: MessageChannel) -> int:

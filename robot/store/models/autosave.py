@@ -26,7 +26,6 @@ from robot.types import Action, Mode
 log = logging.getLogger(__name__)
 
 SAVE_EVERY_S = 10.0
-_LONGEST_PLACE = 200
 Announce = Callable[..., None]
 """Called with an event: a name, and fields of its own."""
 
@@ -176,7 +175,7 @@ class Autosave:
         """Save the model in use, and begin an empty one; return its name."""
         with self._lock:
             learner = learner or self._loop.state.learner
-            place = self._place if place is None else _checked_place(place)
+            place = self._place if place is None else place.strip()
             policy = make_policy(learner, moves or self._loop.state.moves)
             position = self._journal.position(self._loop.history.changes)
             model = take_model(policy, {}, place=place, position=position)
@@ -224,11 +223,10 @@ class Autosave:
 
     def set_place(self, name: str, place: str) -> None:
         with self._lock:
-            place = _checked_place(place)
             if self.name == name:
-                self.save(place)
+                self.save(place.strip())
             else:
-                self.store.set_place(name, place)
+                self.store.set_place(name, place.strip())
 
     def delete(self, name: str) -> str:
         """Delete a model; of the one in use the robot keeps what it knows, under a new name."""
@@ -240,11 +238,3 @@ class Autosave:
                 self.name, self._saved_changes = None, self._loop.history.changes
                 self._journal.note_saved(self._saved_changes)
             return key
-
-
-def _checked_place(place: str) -> str:
-    try:
-        place.encode()
-    except UnicodeEncodeError as error:
-        raise ConfigurationError("a place must be valid Unicode text") from error
-    return place.strip()[:_LONGEST_PLACE]
