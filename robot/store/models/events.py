@@ -17,9 +17,6 @@ from robot.types import Action, Example, Point
 PlainEvent = dict[str, Any]
 
 
-_NO_VECTOR: Vector = np.zeros(0)
-
-
 def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEvent:
     """Describe one change of the learner; its vector is left out where its frame is recorded."""
     if isinstance(event, Taught):
@@ -51,7 +48,7 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
     try:
         kind = plain["event"]
         if kind == "taught":
-            x = _read_vector(plain["x"]) if plain.get("x") else _NO_VECTOR
+            x = _read_vector(plain["x"]) if plain.get("x") else np.zeros(0)
             example = Example(
                 frame_id=int(plain["frame"]),
                 label=Action(plain["label"]),
