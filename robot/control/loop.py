@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import contextlib
 import logging
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from robot.camera import Camera
 from robot.clock import Clock
@@ -21,7 +23,7 @@ from robot.control.gate import Gate, GateConfig
 from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, LinkState
 from robot.control.mailbox import Mailbox
 from robot.control.online_learning import OnlineLearning
-from robot.control.state import Publisher, Tick
+from robot.control.state import Tick, sum_up
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
 from robot.policy.policy import Policy
@@ -56,7 +58,7 @@ class ControlLoop:
         learning: What the robot sees and learns; use it only through `submit`.
         history: Its training history; use it only through `submit`.
         submit: Queues what is to run between two ticks; see `Mailbox.put`.
-        subscribe: Has a listener called after each tick; see `Publisher.subscribe`.
+        state: The newest tick, for any thread; a frozen value that never changes under the reader.
         wake: Set when there is a reason for a tick: a frame, a command, a request.
         speed_share: How much of full speed a person allows, in (0, 1].
     """
@@ -85,17 +87,21 @@ class ControlLoop:
         self._fault: str | None = None
         self._last_mode = Mode.TRAIN
         self._epoch = object()
-        first = Tick(now_s=clock.now_s(), decision=self._gate.stand())
-        self._publisher = Publisher(first, self.learning, self._gate, self._timing)
-        self.subscribe = self._publisher.subscribe
+        self._listeners: list[Callable[[Tick], None]] = []
+        self._sum_up = partial(sum_up, learning=self.learning, gate=self._gate, timing=self._timing)
+        self.state = self._sum_up(Tick(now_s=clock.now_s(), decision=self._gate.stand()))
         camera.listen(self.wake.set)
 
     # What others ask of the loop -------------------------------------------------------------
 
-    @property
-    def state(self) -> Tick:
-        """The newest tick; a frozen value that never changes under the reader."""
-        return self._publisher.state
+    def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
+        """Call `listener` after each tick, until the returned one is called; it must be quick."""
+        self._listeners = [*self._listeners, listener]
+
+        def unsubscribe() -> None:
+            self._listeners = [other for other in self._listeners if other is not listener]
+
+        return unsubscribe
 
     @property
     def mode(self) -> Mode:
@@ -286,14 +292,16 @@ class ControlLoop:
     def _publish(self, tick: Tick) -> Tick:
         """Tell all of the tick; then those who asked for something are answered."""
         try:
-            if tick.decision.mode is not self._publisher.state.decision.mode:
+            if tick.decision.mode is not self.state.decision.mode:
                 self._driver.show(tick.decision.mode)
-            self._publisher.publish(tick)
+            self.state = self._sum_up(tick, self.state)
+            for listener in self._listeners:
+                listener(self.state)
         except Exception as error:  # as above
             self._break_down(error)
         finally:
             self._mailbox.answer()
-        return self._publisher.state
+        return self.state
 
     # Requests, run on the loop's thread, and every way to stop ---------------------------------
 

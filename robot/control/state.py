@@ -1,25 +1,16 @@
-"""The outcome of one tick, for everybody who follows the robot; and who tells them."""
+"""The outcome of one tick, for everybody who follows the robot."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 from robot.control.camera_timing import CameraState, CameraTiming
 from robot.control.gate import Gate
 from robot.control.link_governor import LinkState
 from robot.control.online_learning import OnlineLearning, Timing
 from robot.policy.history import HistoryEvent
-from robot.types import (
-    Action,
-    Decision,
-    Frame,
-    PilotCommand,
-    Prediction,
-    Sensors,
-    StopReason,
-)
+from robot.types import Action, Decision, Frame, PilotCommand, Prediction, Sensors, StopReason
 
 LATE_CYCLE_S = 0.1
 """A tick that takes longer counts as late."""
@@ -63,70 +54,38 @@ class Tick:
     learner_times: Mapping[str, Timing] = field(default_factory=dict)
 
 
-class Publisher:
-    """Adds to each tick what is known at its end, and tells everybody who listens.
+def sum_up(
+    tick: Tick,
+    before: Tick | None = None,
+    *,
+    learning: OnlineLearning,
+    gate: Gate,
+    timing: CameraTiming,
+) -> Tick:
+    """Return a tick, of which what happened is filled in, with all that is known at its end.
 
-    Attributes:
-        state: The newest tick, for any thread; a frozen value that never changes under the reader.
+    `before` is the one before it; None: this is where the robot begins.
     """
-
-    def __init__(
-        self,
-        first: Tick,
-        learning: OnlineLearning,
-        gate: Gate,
-        timing: CameraTiming,
-    ) -> None:
-        self._learning = learning
-        self._gate = gate
-        self._timing = timing
-        self._listeners: list[Callable[[Tick], None]] = []
-        self.state = self._sum_up(first)
-
-    def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
-        """Call `listener` after each tick, on the loop's thread; it must return at once.
-
-        Returns:
-            A function that ends the subscription.
-        """
-        self._listeners = [*self._listeners, listener]
-
-        def unsubscribe() -> None:
-            self._listeners = [other for other in self._listeners if other is not listener]
-
-        return unsubscribe
-
-    def publish(self, tick: Tick) -> None:
-        """Publish a tick of which what happened is filled in."""
-        self.state = self._sum_up(
-            tick,
-            cycles=self.state.cycles + 1,
-            late_cycles=self.state.late_cycles + (tick.cycle_s > LATE_CYCLE_S),
-        )
-        for listener in self._listeners:
-            listener(self.state)
-
-    def _sum_up(self, tick: Tick, **counted: Any) -> Tick:
-        learning, gate = self._learning, self._gate
-        frame, policy = learning.frame, learning.history.policy
-        return replace(
-            tick,
-            **counted,
-            prediction=learning.prediction,
-            history_events=learning.take_events(),
-            cycle_hz=learning.frame_rate_hz,
-            frame_id=frame.frame_id if frame else None,
-            frame_captured_s=frame.captured_s if frame else None,
-            agreement=learning.agreement.share,
-            agreement_frames=learning.agreement.n_examples,
-            emergency=gate.emergency,
-            fault=tick.fault or learning.fault,
-            stops=dict(gate.stops),
-            camera=self._timing.state,
-            taught=dict(learning.history.taught),
-            n_nodes=policy.learner.n_nodes_,
-            max_nodes=policy.max_nodes,
-            learner=policy.name,
-            moves=policy.moves,
-            learner_times=dict(learning.timings),
-        )
+    frame, policy = learning.frame, learning.history.policy
+    return replace(
+        tick,
+        cycles=before.cycles + 1 if before else 0,
+        late_cycles=before.late_cycles + (tick.cycle_s > LATE_CYCLE_S) if before else 0,
+        prediction=learning.prediction,
+        history_events=learning.take_events(),
+        cycle_hz=learning.frame_rate_hz,
+        frame_id=frame.frame_id if frame else None,
+        frame_captured_s=frame.captured_s if frame else None,
+        agreement=learning.agreement.share,
+        agreement_frames=learning.agreement.n_examples,
+        emergency=gate.emergency,
+        fault=tick.fault or learning.fault,
+        stops=dict(gate.stops),
+        camera=timing.state,
+        taught=dict(learning.history.taught),
+        n_nodes=policy.learner.n_nodes_,
+        max_nodes=policy.max_nodes,
+        learner=policy.name,
+        moves=policy.moves,
+        learner_times=dict(learning.timings),
+    )
