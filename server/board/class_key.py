@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hmac
 import os
-import re
 import secrets
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +19,6 @@ from server.security.pairing import ALPHABET, TOKEN_LETTERS
 
 SHORTEST = 32
 """Letters of a key; whoever records a handshake can try keys offline."""
-_NONCE = re.compile(r"[0-9a-f]{32}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +61,6 @@ class ClassKey:
 
 def new_nonce() -> str:
     return secrets.token_hex(16)
-
-
-def is_nonce(text: object) -> bool:
-    """True for what `new_nonce` returns."""
-    return isinstance(text, str) and _NONCE.fullmatch(text) is not None
 
 
 def endpoint(address: str, port: int) -> str:

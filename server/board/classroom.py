@@ -12,14 +12,16 @@ import hashlib
 import hmac
 import json
 import logging
+import re
 import secrets
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 
 from robot.errors import ConfigurationError
 from robot.store.folder import write_whole
 from robot.store.records import read_regular
-from server.board.class_key import ClassKey, is_nonce
+from server.board.class_key import ClassKey
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +32,7 @@ LOCKS: dict[str, tuple[str, ...]] = {
     "recordings": ("/api/episodes",),
 }
 """What a teacher can lock, and the addresses below which nothing may then be changed."""
+_NONCE = re.compile(r"[0-9a-f]{32}")
 _READS = ("GET", "HEAD", None)
 _SESSIONS = 8
 _CHALLENGE_S = 10.0
@@ -58,7 +61,7 @@ class Classroom:
 
     # The handshake -----------------------------------------------------------------------------
 
-    def challenge(self, board_nonce: object, endpoint: str, now_s: float) -> tuple[str, str]:
+    def challenge(self, board_nonce: str, endpoint: str, now_s: float) -> tuple[str, str]:
         """Return a random number for the board, and the proof that this robot knows the key.
 
         Nothing is kept: whoever asks a thousand times costs no memory and evicts nobody.
@@ -66,20 +69,16 @@ class Classroom:
         Raises:
             ConfigurationError: If `board_nonce` is none.
         """
-        if not is_nonce(board_nonce):
+        if not _NONCE.fullmatch(board_nonce):
             raise ConfigurationError("'nonce' must be 32 hexadecimal digits")
-        assert isinstance(board_nonce, str)
         opened = f"{round(now_s * 1000):x}.{secrets.token_hex(16)}"
         nonce = f"{opened}.{self._seal(opened, board_nonce)}"
         return nonce, self._key.prove("robot", board_nonce, nonce, endpoint)
 
     def admit(
-        self, board_nonce: object, nonce: object, proof: object, endpoint: str, now_s: float
+        self, board_nonce: str, nonce: str, proof: str, endpoint: str, now_s: float
     ) -> str | None:
         """Return the secret of a new session if the board knows the key, else None."""
-        if not (is_nonce(board_nonce) and isinstance(nonce, str) and isinstance(proof, str)):
-            return None
-        assert isinstance(board_nonce, str)
         if not self._is_ours(nonce, board_nonce, now_s) or nonce in self._used:
             return None
         if not self._key.accepts(proof, "board", board_nonce, nonce, endpoint):
@@ -109,16 +108,16 @@ class Classroom:
 
     # Locks -------------------------------------------------------------------------------------
 
-    def lock(self, names: object) -> None:
+    def lock(self, names: Sequence[str]) -> None:
         """Lock these and unlock all others.
 
         Raises:
             ConfigurationError: If one is unknown.
             OSError: If it cannot be saved; then nothing is changed.
         """
-        if not isinstance(names, list) or not all(name in LOCKS for name in map(str, names)):
+        locks = frozenset(names)
+        if not locks <= LOCKS.keys():
             raise ConfigurationError(f"'locks' must be a list of some of {', '.join(LOCKS)}")
-        locks = frozenset(map(str, names))
         if self._file is not None:
             write_whole(self._file, json.dumps({"locks": sorted(locks)}).encode())
         self.locks = locks
