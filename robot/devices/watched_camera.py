@@ -14,6 +14,7 @@ from robot.devices.freshness import Freshness
 from robot.devices.pictures import Picture
 from robot.driver import Driver
 from robot.errors import MissingExtraError
+from robot.types import Frame
 
 _WATCH_EVERY_S = 0.05
 
@@ -58,7 +59,7 @@ class ThreadedCamera(Camera):
         self._ending.clear()
         self._threads = [self.clock.start_thread(work, f"{self.name}-camera") for work in works]
 
-    def _show_picture(self, picture: Picture, captured_s: float) -> None:
+    def _show_picture(self, picture: Picture | Frame, captured_s: float) -> None:
         self._publish(
             picture.data,
             width=picture.width,

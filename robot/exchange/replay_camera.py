@@ -69,13 +69,7 @@ class ReplayCamera(ThreadedCamera):
                 frame = read()
                 if self._waits_until(due_s):
                     return
-                self._publish(
-                    frame.data,
-                    width=frame.width,
-                    height=frame.height,
-                    encoding=frame.encoding,
-                    captured_s=self.clock.now_s(),
-                )
+                self._show_picture(frame, self.clock.now_s())
                 due_s = max(due_s, self.clock.now_s() - _LONGEST_PAUSE_S) + shown_s
             self._waits_until(due_s)
             self._report_fault(f"The recording {self._path} is over.")

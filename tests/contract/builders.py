@@ -41,7 +41,6 @@ from robot.clock import Clock, RealClock
 from robot.devices.pictures import read_jpeg
 from robot.devices.simulation.camera import SimCamera, SimCameraOptions
 from robot.devices.simulation.driver import SimDriver, SimOptions
-from robot.devices.simulation.simulation import NO_NOISE
 from robot.errors import DriveError, NotConnectedError
 from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
 from robot.exchange.replay_driver import ReplayDriver
@@ -66,7 +65,7 @@ def sim_driver() -> Iterator[DriverCase]:
 
     def drives() -> Point:
         simulation = driver.simulation
-        simulation.noise = NO_NOISE
+        simulation.is_noisy = False
         before = simulation.pose
         simulation.step(0.02)
         after, simulation.pose = simulation.pose, before

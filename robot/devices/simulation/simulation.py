@@ -7,7 +7,6 @@ experiments step it as fast as they can. The same world, seed and actions give t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +22,10 @@ DRIFT_S = 1.0
 """For about so long the wheels drift to one side."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Noise:
-    """How far the simulated world is from a perfect one: standard deviations."""
-
-    wheel_share: float = 0.04
-    """Slip of each wheel, as a share of its speed, renewed fifty times a second: more in shorter
-    steps, so that the way is as uncertain at any frame rate."""
-    sonar_m: float = 0.005
-    pixel: float = 3.0
-    """Noise of each pixel, of 255."""
-
-
-NO_NOISE = Noise(wheel_share=0.0, sonar_m=0.0, pixel=0.0)
+_SLIP_SHARE, _SONAR_NOISE_M, _PIXEL_NOISE = 0.04, 0.005, 3.0
+"""How far the simulated world is from a perfect one, as standard deviations: the slip of each
+wheel, as a share of its speed, renewed fifty times a second (more in shorter steps, so that the way
+is as uncertain at any frame rate); of the sonar; of each pixel, of 255."""
 
 
 class Simulation:
@@ -44,7 +34,7 @@ class Simulation:
     Args:
         world: Where it is.
         seed: Decides start pose, floor pattern and noise.
-        noise: How imperfect it is.
+        is_noisy: False for a perfect world.
 
     Attributes:
         drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
@@ -55,9 +45,9 @@ class Simulation:
             since `world` and the renderer change only on the thread that steps and renders.
     """
 
-    def __init__(self, world: World, seed: int = 0, noise: Noise | None = None) -> None:
+    def __init__(self, world: World, seed: int = 0, *, is_noisy: bool = True) -> None:
         self.world = self.first_world = self._entered = world
-        self.noise = noise or Noise()
+        self.is_noisy = is_noisy
         self._seed = seed
         self._motion_rng, self._sonar_rng, self._pixel_rng = (
             np.random.default_rng((seed, stream)) for stream in range(3)
@@ -100,7 +90,7 @@ class Simulation:
 
     def sense(self) -> Sensors:
         """Return what the sensors read: sonar with noise, bumpers, and the true pose."""
-        noise_m = float(self._sonar_rng.normal(0.0, self.noise.sonar_m))
+        noise_m = float(self._sonar_rng.normal(0.0, _SONAR_NOISE_M)) if self.is_noisy else 0.0
         return Sensors(
             distance_m=max(0.0, sonar_m(self.world, self.pose) + noise_m),
             bumped=any(self.bumpers),
@@ -132,7 +122,7 @@ class Simulation:
         if self._renderer is None:
             self._renderer = Renderer(self.world, self._seed)
         picture = self._renderer.render(self.pose, self.world.obstacles)
-        if self.noise.pixel:
+        if self.is_noisy:
             picture = self._add_grain(picture)
         return picture
 
@@ -153,8 +143,8 @@ class Simulation:
 
     def _step_once(self, dt_s: float) -> None:
         left_mps, right_mps = self._wheels_mps
-        if self.noise.wheel_share and dt_s > 0.0 and (left_mps or right_mps):
-            share = self.noise.wheel_share * math.sqrt(_LONGEST_STEP_S / dt_s)
+        if self.is_noisy and dt_s > 0.0 and (left_mps or right_mps):
+            share = _SLIP_SHARE * math.sqrt(_LONGEST_STEP_S / dt_s)
             slips = self._motion_rng.normal(1.0, share, 2).tolist()
             left_mps, right_mps = left_mps * slips[0], right_mps * slips[1]
         is_straight = self.action in (Action.FORWARD, Action.BACKWARD)
@@ -187,7 +177,7 @@ class Simulation:
         # 57,600 normal numbers for each picture.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
-            self._grain = rng.normal(0.0, self.noise.pixel, 4 * picture.size).astype(np.int16)
+            self._grain = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)
         start = int(self._pixel_rng.integers(0, 3 * picture.size))
         grain = self._grain[start : start + picture.size].reshape(picture.shape)
         noisy: NDArray[np.uint8] = (picture + grain).clip(0, 255).astype(np.uint8)

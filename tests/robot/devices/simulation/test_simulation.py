@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robot.devices.simulation.driver import SimDriver, SimOptions
-from robot.devices.simulation.simulation import NO_NOISE, Simulation
+from robot.devices.simulation.simulation import Simulation
 from robot.devices.simulation.world import load_world
 from robot.errors import ConfigurationError
 from robot.types import Action, Point
@@ -35,7 +35,7 @@ def test_the_same_seed_gives_the_same_numbers_and_pictures() -> None:
 
 
 def test_the_picture_shows_floor_below_and_wall_above() -> None:
-    simulation = Simulation(load_world("box"), seed=0, noise=NO_NOISE)
+    simulation = Simulation(load_world("box"), seed=0, is_noisy=False)
     picture = simulation.render()
     assert picture.shape == (120, 160, 3)
     assert picture[:20].mean() > picture[-20:].mean() + 50
@@ -66,7 +66,7 @@ def test_the_robot_pushes_a_wall_when_it_drives_against_it(
 def test_speed_scales() -> None:
     ways = []
     for scale in (1.0, 0.5):
-        simulation = Simulation(load_world("office"), seed=0, noise=NO_NOISE)
+        simulation = Simulation(load_world("office"), seed=0, is_noisy=False)
         start = simulation.pose
         simulation.action, simulation.speed_scale = Action.FORWARD, scale
         simulation.step(1.0)
@@ -100,8 +100,8 @@ def test_a_robot_that_is_carried_about_starts_and_sees_where_it_is_each_time() -
         driver.enter(name)
         driver.advance(dice.choice([0.001, 0.03, 1.0]))
         assert simulation.world.name == name
-        simulation.noise = NO_NOISE
-        there = Simulation(load_world(name), 3, NO_NOISE)
+        simulation.is_noisy = False
+        there = Simulation(load_world(name), 3, is_noisy=False)
         there.world, there.pose = simulation.world, simulation.pose
         assert (simulation.render() == there.render()).all()
         there.close()

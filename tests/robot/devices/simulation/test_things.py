@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robot.devices.simulation.body import RADIUS_M
-from robot.devices.simulation.simulation import NO_NOISE, Simulation
+from robot.devices.simulation.simulation import Simulation
 from robot.devices.simulation.things import wall_gap_m
 from robot.devices.simulation.world import load_world
 from robot.types import Action, Pose
@@ -19,7 +19,7 @@ from robot.types import Action, Pose
 def test_a_movable_box_yields_and_stops_at_the_wall() -> None:
     world = load_world("push")
     square = replace(world.obstacles[0], heading_rad=0.0)
-    simulation = Simulation(replace(world, obstacles=(square,)), 0, NO_NOISE)
+    simulation = Simulation(replace(world, obstacles=(square,)), 0, is_noisy=False)
     simulation.pose = Pose(x_m=0.6, y_m=1.1, heading_rad=0.0)
     simulation.action = Action.FORWARD
     simulation.step(4.0)
@@ -33,7 +33,7 @@ def test_a_movable_box_yields_and_stops_at_the_wall() -> None:
 
 
 def test_what_is_not_movable_stays() -> None:
-    simulation = Simulation(load_world("office"), 0, NO_NOISE)
+    simulation = Simulation(load_world("office"), 0, is_noisy=False)
     before = simulation.world
     simulation.pose = Pose(x_m=1.3, y_m=1.3, heading_rad=0.0)
     simulation.action = Action.FORWARD
@@ -42,7 +42,7 @@ def test_what_is_not_movable_stays() -> None:
 
 
 def test_a_push_beside_the_middle_turns_the_box() -> None:
-    simulation = Simulation(load_world("push"), 0, NO_NOISE)
+    simulation = Simulation(load_world("push"), 0, is_noisy=False)
     simulation.pose = Pose(x_m=0.7, y_m=1.18, heading_rad=0.0)
     heading = simulation.world.obstacles[0].heading_rad
     simulation.action = Action.FORWARD
@@ -52,7 +52,7 @@ def test_a_push_beside_the_middle_turns_the_box() -> None:
 
 
 def test_a_thing_on_its_path_goes_round_and_comes_back() -> None:
-    simulation = Simulation(load_world("follow"), 0, NO_NOISE)
+    simulation = Simulation(load_world("follow"), 0, is_noisy=False)
     simulation.pose = Pose(x_m=1.6, y_m=1.6, heading_rad=0.0)
     (barrel,) = simulation.world.obstacles
     points = [*barrel.path, barrel.path[0]]
@@ -67,7 +67,7 @@ def test_a_thing_on_its_path_goes_round_and_comes_back() -> None:
 
 
 def test_a_thing_waits_for_a_robot_in_its_way() -> None:
-    simulation = Simulation(load_world("follow"), 0, NO_NOISE)
+    simulation = Simulation(load_world("follow"), 0, is_noisy=False)
     simulation.pose = Pose(x_m=1.65, y_m=0.7, heading_rad=0.0)
     simulation.step(10.0)
     (barrel,) = simulation.world.obstacles
@@ -76,7 +76,7 @@ def test_a_thing_waits_for_a_robot_in_its_way() -> None:
 
 def test_the_picture_shows_where_a_thing_is_now_and_restart_puts_it_back() -> None:
     pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
-    simulation = Simulation(load_world("follow"), 0, NO_NOISE)
+    simulation = Simulation(load_world("follow"), 0, is_noisy=False)
 
     def orange() -> float:
         picture = simulation.render().astype(int)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robot.devices.simulation.body import RADIUS_M
-from robot.devices.simulation.simulation import NO_NOISE, Simulation
+from robot.devices.simulation.simulation import Simulation
 from robot.devices.simulation.world import load_world
 from robot.lab.simulated_pilots.situation import FAN_RAD, Situation, observe
 from robot.lab.simulated_pilots.teachers import (
@@ -54,7 +54,7 @@ def situation(
 
 
 def test_what_is_seen_is_what_is_there() -> None:
-    simulation = Simulation(load_world("box"), 0, NO_NOISE)
+    simulation = Simulation(load_world("box"), 0, is_noisy=False)
     simulation.pose = Pose(x_m=0.5, y_m=0.575, heading_rad=0.0)
     seen = observe(simulation, 3, 1.5)
     assert seen.free_ahead_m == pytest.approx(0.65 - RADIUS_M)
