@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import dataclasses
 import io
 import json
@@ -19,9 +18,7 @@ from robot.clock import Clock
 from robot.devices.outside import Outside, must_be, text, whole
 from robot.errors import NotFoundError, RobotError
 from server.board.board import Board, Onlooker
-from server.board.extension import ClassLocks
 from server.board.model_copy import copy_model
-from server.board.robot_link import RobotLink
 from server.config import Config
 from server.hosting.network import host_names
 from server.hosting.static_files import CompressedFiles
@@ -150,21 +147,6 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
             await robot.ask("PUT", "/api/class/locks", {"locks": body.locks})
         await robot.refresh()
         return robot.describe()
-
-    @app.put("/api/locks")
-    async def lock_all(body: ClassLocks) -> dict[str, Any]:
-        """Lock this on every robot, and say which could not be told."""
-
-        async def tell(robot: RobotLink) -> str | None:
-            try:
-                await robot.ask("PUT", "/api/class/locks", {"locks": body.locks})
-                await robot.refresh()
-            except (RobotError, TimeoutError) as error:
-                return f"{robot.name}: {error}"
-            return None
-
-        said = await asyncio.gather(*(tell(robot) for robot in board.robots.values()))
-        return {"faults": [sentence for sentence in said if sentence is not None]}
 
     @app.post("/api/robots/{number}/copy-model")
     async def take_model(number: int, body: ModelCopies) -> dict[str, Any]:

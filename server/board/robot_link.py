@@ -18,7 +18,7 @@ from robot.clock import Clock
 from robot.errors import RobotError
 from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
-from server.board.transport import Channel, UnreachableError
+from server.board.transport import UnreachableError
 from server.hosting.banner import pairing_address
 from server.protocol import ProtocolError, encode_acknowledgement, parse_picture
 from server.routes.sockets import first_of
@@ -175,9 +175,9 @@ class RobotLink:
 
     # While it is open --------------------------------------------------------------------------
 
-    async def _hear(self, channel: Channel) -> None:
+    async def _hear(self, channel: Any) -> None:
         while True:
-            text = await channel.receive()
+            text = await channel.recv()
             self._heard_s = self._clock.now_s()
             message = json.loads(text)
             kind = message.get("type")
@@ -204,7 +204,7 @@ class RobotLink:
             self.about["model"] = event.get("model")
         self._on_news(self)
 
-    async def _ping(self, channel: Channel) -> None:
+    async def _ping(self, channel: Any) -> None:
         while True:
             words = {"type": "ping", "client_ms": self._clock.now_s() * 1000}
             async with asyncio.timeout(SILENCE_S):
@@ -236,9 +236,9 @@ class RobotLink:
             except UnreachableError:
                 await self._clock.pause(_RETRY_S)
 
-    async def _take_pictures(self, channel: Channel) -> None:
+    async def _take_pictures(self, channel: Any) -> None:
         while True:
-            message = await channel.receive()
+            message = await channel.recv()
             try:
                 picture = parse_picture(message if isinstance(message, bytes) else b"")
             except ProtocolError as error:

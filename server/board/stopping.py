@@ -15,7 +15,7 @@ from typing import Any
 
 from robot.clock import Clock
 from server.board.teacher_session import TeacherSession
-from server.board.transport import Channel, UnreachableError
+from server.board.transport import UnreachableError, as_unreachable
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ class RobotStop:
         self, session: TeacherSession, clock: Clock, on_change: Callable[[], None]
     ) -> None:
         self.stage: Stopping | None = None
-        self.channel: Channel | None = None
+        self.channel: Any = None
         self._session, self._clock = session, clock
         self._on_change = on_change
         self._pressing: asyncio.Task[None] | None = None
@@ -81,7 +81,8 @@ class RobotStop:
         if self.channel is None:
             raise UnreachableError("it is not connected")
         self.stage = None
-        await self.channel.send(_RELEASE)
+        with as_unreachable():
+            await self.channel.send(_RELEASE)
         self._on_change()
 
     def note_state(self, *, is_stopped: bool) -> None:
@@ -91,9 +92,9 @@ class RobotStop:
         elif self.stage is Stopping.STOPPED:
             self.stage = None  # released
 
-    async def send(self, channel: Channel) -> None:
+    async def send(self, channel: Any) -> None:
         """Send the stop on an open line; what fails here is noticed where it is confirmed."""
-        with contextlib.suppress(UnreachableError, TimeoutError):
+        with contextlib.suppress(UnreachableError), as_unreachable():
             async with asyncio.timeout(1.0):
                 await channel.send(_STOP)
 

@@ -10,7 +10,6 @@ from typing import Any
 from robot.errors import RobotError
 from server.board.class_key import ClassKey, new_nonce
 from server.board.transport import (
-    Channel,
     HttpAnswer,
     NetworkTransport,
     RobotAddress,
@@ -126,7 +125,7 @@ class TeacherSession:
         headers = {**self.headers, "content-type": kind}
         return await self._transport.request(self.place, method, path, headers, data)
 
-    def connect(self, path: str) -> AbstractAsyncContextManager[Channel]:
+    def connect(self, path: str) -> AbstractAsyncContextManager[Any]:
         """Open a websocket for the length of the block."""
         if self.place is None:
             raise UnreachableError("it is not connected")

@@ -102,22 +102,6 @@ class HttpAnswer:
         return value if isinstance(value, dict) else {}
 
 
-class Channel:
-    """An open websocket. Methods raise UnreachableError when it has ended."""
-
-    def __init__(self, socket: Any) -> None:
-        self._socket = socket
-
-    async def receive(self) -> str | bytes:
-        with _as_unreachable():
-            message: str | bytes = await self._socket.recv()
-        return message
-
-    async def send(self, message: str | bytes) -> None:
-        with _as_unreachable():
-            await self._socket.send(message)
-
-
 class NetworkTransport:
     """Reaches robots over the network. Methods raise UnreachableError when one does not answer."""
 
@@ -126,7 +110,7 @@ class NetworkTransport:
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
         """Return where a robot is now: look its name up, and over https its certificate."""
-        with _as_unreachable():
+        with as_unreachable():
             found = await asyncio.get_running_loop().run_in_executor(
                 self._looking_up, _look_up, address.host, address.port
             )
@@ -159,7 +143,7 @@ class NetworkTransport:
         lines = [f"{name}: {text}\r\n" for name, text in {**own, **headers}.items()]
         head = f"{method} {path} HTTP/1.1\r\nconnection: close\r\n{''.join(lines)}\r\n"
         data = bytearray()
-        with _as_unreachable():
+        with as_unreachable():
             async with _connected(address, place.certificate, patience_s) as (reader, writer):
                 writer.write(head.encode("utf-8", "replace") + body)
                 await writer.drain()
@@ -175,16 +159,16 @@ class NetworkTransport:
     @contextlib.asynccontextmanager
     async def connect(
         self, place: ServerPlace, path: str, headers: Mapping[str, str]
-    ) -> AsyncIterator[Channel]:
-        """Open a websocket for the length of the block."""
+    ) -> AsyncIterator[Any]:
+        """Open a websocket for the length of the block; UnreachableError ends it early."""
         url = str(place.address).replace("http", "ws", 1) + path
         options: dict[str, Any] = {"compression": None, "max_size": 1 << 20}
         options |= {"open_timeout": _PATIENCE_S, "close_timeout": 1.0, "ping_interval": None}
         if place.certificate is not None:
             options["ssl"] = place.certificate
-        with _as_unreachable():
+        with as_unreachable():
             async with _open(url, dict(headers), options) as socket:
-                yield Channel(socket)
+                yield socket
 
 
 def _open(url: str, headers: dict[str, str], options: dict[str, Any]) -> Any:
@@ -217,7 +201,7 @@ async def _connected(
 
 
 @contextlib.contextmanager
-def _as_unreachable() -> Iterator[None]:
+def as_unreachable() -> Iterator[None]:
     """Turn whatever ends a connection into an UnreachableError that says what it was."""
     try:
         yield

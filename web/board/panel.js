@@ -78,7 +78,8 @@ export class Panel {
     return [
       h('p', {}, t('board.all_hint')),
       locks(everywhere, (names) => this.attempt(async () => {
-        const { faults } = await ask('PUT', 'api/locks', { locks: names });
+        const told = this.robots().map(({ number }) => ask('PUT', `api/robots/${number}`, { locks: names }));
+        const faults = (await Promise.allSettled(told)).flatMap((one) => (one.status === 'rejected' ? one.reason.message : []));
         if (faults.length) throw new Error(faults.join('\n'));
       })),
       h('div', { class: 'row' }, choice),

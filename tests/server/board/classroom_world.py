@@ -153,7 +153,7 @@ class _Channel:
         self.socket = Socket(pupil, path, self._inbox.put_nowait, {**host, **headers})
         pupil._sockets.append(self.socket)
 
-    async def receive(self) -> str | bytes:
+    async def recv(self) -> str | bytes:
         taking = asyncio.ensure_future(self._inbox.get())
         ending = self.socket.task
         await asyncio.wait([taking, ending], return_when=asyncio.FIRST_COMPLETED)

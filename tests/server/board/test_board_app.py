@@ -15,7 +15,6 @@ from .classroom_world import ClassWorld, VirtualNetwork, in_class
 
 PATHS = (
     ("POST", "/api/stop"),
-    ("PUT", "/api/locks"),
     ("PUT", "/api/robots/1"),
     ("PUT", "/api/robots/99"),
     ("POST", "/api/robots/1/copy-model"),
