@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import json
 import struct
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, WebSocket
@@ -52,10 +51,9 @@ class RobotChange(Outside):
 
 
 class ModelCopies(Outside):
-    """Which robots get the model, and whether they load it."""
+    """Which robots get the model."""
 
     to: list[int] = must_be("a list of robots' numbers")
-    use: bool = must_be("true or false", True)
 
 
 _ALL = StopOrder()
@@ -150,13 +148,9 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.post("/api/robots/{number}/copy-model")
     async def take_model(number: int, body: ModelCopies) -> dict[str, Any]:
-        """Copy this robot's model in use."""
+        """Copy this robot's model in use, and say what failed."""
         targets = [board.robot(target) for target in body.to if target != number]
-        copied = await copy_model(board.robot(number), targets, use=body.use)
-        for robot in targets:
-            with suppress(RobotError, TimeoutError):
-                await robot.refresh()
-        return {"copied": [dataclasses.asdict(row) for row in copied]}
+        return {"faults": await copy_model(board.robot(number), targets)}
 
     @app.get("/api/robots/{number}/qr.svg")
     async def draw_code(number: int, printed: bool = False) -> Response:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
 from urllib.parse import quote
 
 from robot.errors import RobotError
@@ -12,56 +12,34 @@ from server.board.robot_link import RobotLink
 from server.board.transport import HttpAnswer, UnreachableError
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Copied:
-    """What became of one copy.
+async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[str]:
+    """Copy the model in use of one robot to others, all at the same time, and have them load it.
 
-    Attributes:
-        robot: The number of the robot that was to get it.
-        name: Its name there; None if it did not get it.
-        is_used: True if that robot uses it now.
-        fault: What failed, and what is as it was before.
-    """
+    They save the model that they use before, and must be stopped.
 
-    robot: int
-    name: str | None = None
-    is_used: bool = False
-    fault: str | None = None
-
-
-async def copy_model(
-    source: RobotLink, targets: Sequence[RobotLink], *, use: bool = True
-) -> list[Copied]:
-    """Copy the model in use of one robot to others, all at the same time.
-
-    Args:
-        source: Whose model in use is saved and taken.
-        targets: Who gets it.
-        use: Have them load it as well: they save the model that they use, and must be stopped.
+    Returns:
+        What failed, a sentence a robot, with what is as it was before.
     """
     try:
         name = _name_in(await source.ask("POST", "/api/models/save", {}))
         data = (await source.ask("GET", f"/api/models/{quote(name, safe='')}/file")).body
     except (RobotError, TimeoutError) as error:
-        fault = f"{source.name} gave no model: {_why(error)}"
-        return [Copied(robot=target.number, fault=fault) for target in targets]
-    return list(await asyncio.gather(*(_give(target, name, data, use) for target in targets)))
+        return [f"{source.name} gave no model: {_why(error)}"]
+    faults = await asyncio.gather(*(_give(target, name, data) for target in targets))
+    return [fault for fault in faults if fault is not None]
 
 
-async def _give(target: RobotLink, name: str, data: bytes, use: bool) -> Copied:
-    kept, fault = None, None
+async def _give(target: RobotLink, name: str, data: bytes) -> str | None:
+    so_far = "did not take it, nothing changed"
     try:
         kept = _name_in(await target.ask("PUT", f"/api/models/{quote(name, safe='')}/file", data))
-        if use:
-            await target.ask("POST", f"/api/models/{quote(kept, safe='')}/load", {})
+        so_far = f"has it as {kept} and goes on with its own"
+        await target.ask("POST", f"/api/models/{quote(kept, safe='')}/load", {})
     except (RobotError, TimeoutError) as error:
-        so = (
-            f"has it as {kept} and goes on with its own"
-            if kept
-            else "did not take it, nothing changed"
-        )
-        fault = f"{target.name} {so}: {_why(error)}"
-    return Copied(robot=target.number, name=kept, is_used=use and fault is None, fault=fault)
+        return f"{target.name} {so_far}: {_why(error)}"
+    with suppress(RobotError, TimeoutError):
+        await target.refresh()
+    return None
 
 
 def _name_in(answer: HttpAnswer) -> str:

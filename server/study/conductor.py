@@ -281,7 +281,7 @@ class Conductor(StartStop):
             self._kept.recorder.keep()  # though nothing is taught in it
             events.append(session.make("recording", wall_s, value=episode))
         events += session.note(tick, wall_s, self._measure)
-        event_log.add(events)
+        event_log.note(events)
         if any(event.event == "phase_ended" for event in events):
             self._episode = None  # each phase names its recordings
             self._loop.set_mode(Mode.STOPPED)
@@ -311,7 +311,7 @@ class Conductor(StartStop):
         assert event_log is not None
         wall_s = self._clock.wall_s()
         making = self._loop.submit(lambda: session.make(event, wall_s, **fields))
-        event_log.add([self._clock.result(making, PATIENCE_S)])
+        event_log.note([self._clock.result(making, PATIENCE_S)])
 
     def _flush(self) -> None:
         if self._log is not None:

@@ -10,20 +10,19 @@ from pathlib import Path
 from robot.clock import Clock
 from robot.store.disk import DiskThread
 from robot.study.events import StudyEvent, whole_lines, write_events
-from robot.types import StartStop
 
 log = logging.getLogger(__name__)
 
 
-class EventLog(StartStop):
+class EventLog(DiskThread):
     """Appends to one file. What the disk refuses is kept, and tried again every second."""
 
     def __init__(self, path: Path, clock: Clock) -> None:
+        super().__init__(clock, every_s=1.0)
+        self.add(self._try)
         self._path = path
         self._lock = clock.lock()
         self._waiting: list[StudyEvent] = []
-        self._disk = DiskThread(clock, every_s=1.0)
-        self._disk.add(self._try)
         self.fault = ""
         """Why nothing could be written the last time; empty if it could."""
 
@@ -38,12 +37,9 @@ class EventLog(StartStop):
         whole = whole_lines(data) or write_events([], with_head=True).encode()
         if whole != data:
             self._path.write_bytes(whole)
-        self._disk.start()
+        super().start()
 
-    def stop(self) -> None:
-        self._disk.stop()
-
-    def add(self, events: Iterable[StudyEvent]) -> None:
+    def note(self, events: Iterable[StudyEvent]) -> None:
         """Queue events; returns at once, on any thread."""
         self._waiting.extend(events)
 

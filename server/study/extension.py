@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from robot.devices.outside import Outside, must_be, text, whole
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, NotFoundError
 from robot.study.builtin import paper_plan
 from robot.study.session import SessionStep
 from server.extension import Extension
@@ -21,12 +22,12 @@ from server.security.guard import role_of
 from server.services import persistence_of, services_of
 from server.study.conductor import Conductor
 from server.study.folder import StudyFolder
-from server.study.older import list_results, read_result
 
 if TYPE_CHECKING:
     from server.services import Services
 
 router = APIRouter(prefix="/api", route_class=Route)
+_RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")
 
 
 class NewStudy(Outside):
@@ -152,22 +153,27 @@ def _conductor(request: Request) -> Conductor:
     return conductor
 
 
-def _older(request: Request) -> Path:
-    return persistence_of(request).storage.root / "lessons"
+def _older(request: Request) -> dict[str, Path]:
+    """Return the results of guided trials that 0.2 kept as JSON, by name, the newest first."""
+    folder = persistence_of(request).storage.root / "lessons"
+    files = sorted(folder.glob("*.json"), reverse=True)
+    return {file.stem: file for file in files if _RESULT.fullmatch(file.stem) and file.is_file()}
 
 
 @router.get("/studies", dependencies=[PILOT])
 async def list_studies(request: Request) -> dict[str, Any]:
-    """List the studies' names, and results of guided trials that 0.2 kept."""
+    """List the studies, and the results of guided trials that 0.2 kept, by their names."""
     names = await do(_conductor(request).folder.names)
-    return {"studies": names, "older": await do(list_results, _older(request))}
+    return {"studies": names, "older": list(await do(_older, request))}
 
 
 @router.get("/studies/older/{result_id}.json", dependencies=[PILOT])
 async def download_older(request: Request, result_id: str) -> Response:
     """Return the result of one guided trial of 0.2 as a file."""
-    data = await do(read_result, _older(request), result_id)
-    return attachment(data, "application/json", f"{result_id}.json")
+    file = (await do(_older, request)).get(result_id)
+    if file is None:
+        raise NotFoundError(f"unknown result {result_id[:80]!r}")
+    return attachment(await do(file.read_bytes), "application/json", file.name)
 
 
 @router.post("/studies", dependencies=[PILOT], status_code=201)

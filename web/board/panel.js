@@ -93,8 +93,7 @@ export class Panel {
     const rows = others.map((other, i) => h('label', { class: 'choice' }, boxes[i], h('span', {}, other.name)));
     const copy = async () => {
       const to = boxes.filter((box) => box.checked).map((box) => Number(box.value));
-      const { copied } = await ask('POST', `api/robots/${robot.number}/copy-model`, { to });
-      const faults = copied.flatMap((/** @type {any} */ row) => row.fault ?? []);
+      const { faults } = await ask('POST', `api/robots/${robot.number}/copy-model`, { to });
       if (faults.length) throw new Error(faults.join('\n'));
     };
     const give = h('button', { type: 'button', onclick: () => boxes.some((box) => box.checked) && this.attempt(copy) }, t('board.give'));

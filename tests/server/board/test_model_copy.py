@@ -6,11 +6,12 @@ import asyncio
 import itertools
 import random
 from typing import Any
+from urllib.parse import quote
 
 import pytest
 
 from robot.testing import VirtualClock
-from server.board.model_copy import Copied, copy_model
+from server.board.model_copy import copy_model
 from server.board.robot_link import RobotLink
 from server.board.teacher_session import TeacherSession
 from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError
@@ -76,25 +77,26 @@ def _links(robots: Any, ports: list[int]) -> list[RobotLink]:
 def test_what_fails_is_named_and_the_others_get_it(step: str, fault: str) -> None:
     robots = _Robots(step, fault)
 
-    async def scenario() -> list[Copied]:
+    async def scenario() -> list[str]:
         one, two, three = _links(robots, [1, 2, 3])
         return await copy_model(one, [two, three])
 
-    bad, good = asyncio.run(scenario())
+    faults = asyncio.run(scenario())
     # An empty answer to `load` is none that can be told from a good one; the file may be empty.
     is_harmless = fault == "empty" and step in ("get", "load")
     if is_harmless:
-        assert bad.fault is None
+        assert not faults and 3 in robots.loaded
         return
-    assert bad.fault is not None and not bad.is_used and 2 not in robots.loaded
+    [said] = faults
+    assert 2 not in robots.loaded
     if STEPS[step] == "source":
-        assert good.fault and "R1 gave no model" in good.fault and not robots.kept
+        assert "R1 gave no model" in said and not robots.kept
     else:
-        assert good == Copied(robot=3, name="Küche 2", is_used=True)
+        assert robots.loaded == {3: f"/api/models/{quote('Küche 2')}/load"}
         assert robots.kept[3] == b"the model"
-        assert "R2" in bad.fault and (bad.name == "Küche 2") is (step == "load")
+        assert "R2" in said and ("has it as Küche 2" in said) is (step == "load")
     if fault == "refused":
-        assert "Stop the robot first." in bad.fault
+        assert "Stop the robot first." in said
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -104,15 +106,16 @@ def test_a_damaged_file_is_refused_by_the_robot_that_gets_it(seed: int, tmp_path
     with VirtualServer(data=tmp_path / "a") as server:
         network = _Damaging(server, dice)
 
-        async def scenario() -> list[Copied]:
+        async def scenario() -> list[str]:
             one, two = _links(network, [server.port, server.port])
-            return await copy_model(one, [two], use=False)
+            return await copy_model(one, [two])
 
-        [copied] = server.run(scenario())
-        assert copied.fault and "nothing changed" in copied.fault, copied
+        [fault] = server.run(scenario())
+        assert "nothing changed" in fault
+        before = server.persistence.models.names()
         network.is_damaging = False
-        [copied] = server.run(scenario())
-        assert copied.fault is None and copied.name in server.persistence.models.names()
+        assert server.run(scenario()) == []
+        assert len(server.persistence.models.names()) > len(before)
 
 
 class _Damaging(VirtualNetwork):

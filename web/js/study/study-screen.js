@@ -112,11 +112,11 @@ export class StudyScreen extends Screen {
     ];
   }
 
-  /** Results of guided trials that an older version kept. @param {{id: string, began_at_s: number, trial: number}[]} results */
+  /** Results of guided trials that an older version kept. @param {string[]} results */
   older(results) {
     if (!results.length) return [];
-    const line = (/** @type {any} */ { id, began_at_s: began, trial }) => h('a', { class: 'panel line', href: `api/studies/older/${id}.json`, download: '' },
-      h('b', {}, t('study.trial_n', { n: trial })), h('small', {}, new Date(began * 1000).toLocaleString(language, { dateStyle: 'medium', timeStyle: 'short' })));
+    const line = (/** @type {string} */ id) => h('a', { class: 'panel line', href: `api/studies/older/${id}.json`, download: '' },
+      h('b', {}, t('study.trial_n', { n: id.slice(-1) })), h('small', {}, id.replace(/^(....)(..)(..)-(..)(..).*/, '$1-$2-$3 $4:$5')));
     return [h('h2', {}, t('study.older')), ...results.map(line)];
   }
 
