@@ -34,14 +34,11 @@ def columns(plan: StudyPlan) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionLog:
-    """One participant's last attempt at one condition."""
+    """One participant's last attempt at one condition; all its rows begin with `common`."""
 
-    participant: str
-    slot: int
-    position: int
-    attempt: int
     condition: Condition
     events: Sequence[StudyEvent]
+    common: Row
 
     def phase(self, name: str) -> list[StudyEvent]:
         return [event for event in self.events if event.phase == name]
@@ -80,17 +77,21 @@ def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[Condit
     for position, name in enumerate(plan.order(slot), start=1):
         mine = [event for event in events if event.position == position]
         attempt = max((event.attempt for event in mine), default=0)
-        if attempt:
-            found.append(
-                ConditionLog(
-                    participant=participant,
-                    slot=slot,
-                    position=position,
-                    attempt=attempt,
-                    condition=plan.by_name[name],
-                    events=[event for event in mine if event.attempt == attempt],
-                )
-            )
+        if not attempt:
+            continue
+        condition, last = plan.by_name[name], [e for e in mine if e.attempt == attempt]
+        common: Row = {
+            "participant": participant,
+            "slot": slot + 1,
+            "position": position,
+            "condition": name,
+            "attempt": attempt,
+            "world": condition.world,
+            "place_checked_by": next((e.name for e in reversed(named(last, "world"))), None),
+            "learner": condition.learner,
+            "moves": " ".join(condition.moves),
+        }
+        found.append(ConditionLog(condition=condition, events=last, common=common))
     return found
 
 
@@ -99,7 +100,7 @@ def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
     teacher = log.profile(DrivenBy.PILOT, "teach")
     for phase in log.condition.phases:
         if events := log.phase(phase.name):
-            yield {**_common(log), **_drive(log, phase, events, teacher)}
+            yield {**log.common, **_drive(log, phase, events, teacher)}
     given = {e.name: e.value for e in named(log.events, "answer")}  # the last one where it changed
     if given:
         answers: dict[str, Cell] = {
@@ -107,7 +108,7 @@ def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
             for q in plan.questions
         }
         yield {
-            **_common(log),
+            **log.common,
             "phase": QUESTIONS,
             "kind": QUESTIONS,
             "is_complete": int(bool(named(log.events, "answered"))),
@@ -115,21 +116,6 @@ def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
             **{name: round(score, _DIGITS) for name, score in scores(answers).items()},
             **answers,
         }
-
-
-def _common(log: ConditionLog) -> dict[str, Cell]:
-    checks = [e.name for e in named(log.events, "world")]
-    return {
-        "participant": log.participant,
-        "slot": log.slot + 1,
-        "position": log.position,
-        "condition": log.condition.name,
-        "attempt": log.attempt,
-        "world": log.condition.world,
-        "place_checked_by": checks[-1] if checks else None,
-        "learner": log.condition.learner,
-        "moves": " ".join(log.condition.moves),
-    }
 
 
 def _drive(

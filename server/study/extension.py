@@ -34,7 +34,7 @@ class NewStudy(Outside):
     """A study's name, and its plan as TOML or the number of a trial of the paper."""
 
     name: str = text()
-    plan: str | None = text(None, most=1_000_000)
+    plan: str | None = text(None, most=100_000)
     trial: Literal[1, 2, 3] | None = must_be("1, 2 or 3", None)
 
 

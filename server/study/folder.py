@@ -20,8 +20,6 @@ from robot.types import Action
 
 _PLAN, _ACTIVE = "plan.toml", "active.json"
 LONGEST_NAME = 40
-LARGEST_PLAN = 100_000
-"""Bytes of a plan; and of what reads it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +76,6 @@ class StudyFolder:
             raise ConfigurationError(f"a study's name has at most {LONGEST_NAME} characters")
         if name.casefold() in {other.casefold() for other in self.names()}:
             raise ConfigurationError(f"there is already a study {name!r}; choose another name")
-        if len(plan_text.encode()) > LARGEST_PLAN:
-            raise ConfigurationError(f"the plan is larger than {LARGEST_PLAN} bytes; shorten it")
         parse_plan(plan_text)
         write_whole(self.root / name / _PLAN, plan_text.encode())
         return name
