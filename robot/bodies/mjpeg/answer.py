@@ -1,4 +1,4 @@
-"""What a camera answers over HTTP, read as cameras write it: its head, then pictures. Pure.
+"""What a camera answers over HTTP, read as cameras write it: its head, then pictures.
 
 What cameras write between their pictures differs: boundaries, line ends, blank lines, lengths that
 are wrong. A JPEG and a PNG say themselves where they begin and end, so only that is believed.
@@ -6,25 +6,15 @@ are wrong. A JPEG and a PNG say themselves where they begin and end, so only tha
 
 from __future__ import annotations
 
-import base64
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
-from hashlib import sha256
-from urllib import request as urllib_request
+from email.parser import BytesParser
+from http.client import HTTPMessage, HTTPResponse
 
 from robot.errors import CameraError
 
-_BLANK = re.compile(rb"\r?\n[ \t]*\r?\n")
-_STATUS = re.compile(r"[A-Za-z]+(?:/[\d.]*)?[ \t]+(\d{3})\b")
-_CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{0,7})[ \t]*(?:;.*)?\r?")
+_STATUS = re.compile(rb"[A-Za-z]+(?:/[\d.]*)?[ \t]+(\d{3})\b")
+_CHUNK = re.compile(rb"[ \t]*([0-9a-fA-F]{0,7})[ \t]*(?:;.*)?\r?\n?")
 _MOST_HEAD_BYTES = 64 * 2**10
-_PAGES = ("text/", "application/json", "application/xml", "application/xhtml")
-_ADVICE = {
-    403: "it lets nobody in from here; look into its settings",
-    404: "there is nothing at this path; look up the address of the stream in its manual",
-    503: "it is busy; end its other viewers, or restart it",
-}
 MAX_PART_BYTES = 4 * 2**20
 _PNG = b"\x89PNG\r\n\x1a\n"
 _START = re.compile(rb"\xff\xd8\xff|\x89PNG\r\n\x1a\n")
@@ -36,134 +26,59 @@ _KEPT_BYTES = 256
 """Of what is no picture so much is kept: a head that has come in part."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Head:
-    """Status and fields of an answer; a camera without a status line has answered with 200.
+class Answer(HTTPResponse):
+    """An answer without a status line, or without a head, is one, too; no length counts.
 
-    Names of fields are in small letters; each has all its values.
+    Chunks need not be what HTTP says: what has no length is passed on.
     """
 
-    status: int
-    fields: dict[str, list[str]]
+    _is_silent = False
+    _left = 0
 
-    def first(self, name: str) -> str:
-        return self.fields.get(name, [""])[0]
+    def begin(self) -> None:
+        """Read the head, which ends in a blank line, at the first picture, or in silence."""
+        head = line = b""
+        try:
+            while (line.strip() or not head.strip()) and len(head) < _MOST_HEAD_BYTES:
+                line = self.fp.readline(_MOST_HEAD_BYTES)
+                head += line
+                if not line or _START.search(line):
+                    break
+        except TimeoutError:
+            if not head.strip():
+                raise
+            self._is_silent = True
+        if not head.strip():
+            raise ConnectionError("it hung up without a word")
+        picture = _START.search(head)
+        end = picture.start() if picture else len(head)
+        if head.lstrip().startswith(b"--"):  # the stream began at once
+            end = 0
+        text, self._rest = head[:end].lstrip(), head[end:]
+        status = _STATUS.match(text)
+        fields = text.partition(b"\n")[2] if status else text
+        self.headers = self.msg = BytesParser(_class=HTTPMessage).parsebytes(fields, True)
+        self.code = self.status = int(status[1]) if status else 200
+        self.reason, self.version, self.will_close, self.chunked = "", 10, True, False
+        self.length = None if self.status // 100 == 2 else 0
+        self._is_chunked = "chunked" in self.headers.get("transfer-encoding", "").lower()
 
-    @property
-    def kind(self) -> str:
-        """The media type, without its parameters."""
-        return self.first("content-type").partition(";")[0].strip().lower()
-
-    @property
-    def complaint(self) -> str | None:
-        """Why there is no stream, and what to do; None if pictures may follow."""
-        if self.status // 100 == 2 and not self.kind.startswith(_PAGES):
-            return None
-        advice = "that is a page; give the address of the stream itself, as its manual names it"
-        if self.status // 100 != 2:
-            advice = _ADVICE.get(self.status, "restart it, or look up the address in its manual")
-        return f"answers {self.status} {self.kind}".rstrip() + f": {advice}"
-
-
-def read_head(data: bytes) -> tuple[Head, int] | None:
-    """Return the head of an answer and where its body begins; None if more has to come."""
-    text_at = len(data) - len(data.lstrip(b"\r\n"))
-    blank, picture = _BLANK.search(data, text_at), _START.search(data)
-    ends = [found for found in (blank and blank.end(), picture and picture.start()) if found]
-    if picture and picture.start() == 0:
-        ends = [0]
-    if not ends and len(data) < _MOST_HEAD_BYTES:
-        return None
-    end = min(ends, default=0)
-    lines = data[text_at:end].decode("latin-1").splitlines()
-    status = _STATUS.match(lines[0]) if lines else None
-    fields: dict[str, list[str]] = {}
-    for line in lines:
-        name, colon, value = line.partition(":")
-        if colon:
-            fields.setdefault(name.strip().lower(), []).append(value.strip())
-    if lines and lines[0].startswith("--"):  # the stream began at once
-        return Head(status=200, fields={}), 0
-    return Head(status=int(status[1]) if status else 200, fields=fields), end
-
-
-class Chunks:
-    """Takes the lengths out of a body that comes in chunks; what has none is passed on."""
-
-    def __init__(self) -> None:
-        self._buffer = b""
-        self._left = 0
-        self._is_plain = False
-
-    def feed(self, data: bytes) -> bytes:
-        self._buffer += data
-        body = []
-        while self._buffer:
-            if self._left or self._is_plain:
-                size = len(self._buffer) if self._is_plain else self._left
-                body.append(self._buffer[:size])
-                self._left = max(0, self._left - len(self._buffer))
-                self._buffer = self._buffer[size:]
-                continue
-            line, end, rest = self._buffer.partition(b"\n")
-            if not end and len(line) < 1024:
-                break
-            length = _CHUNK.fullmatch(line)
-            self._is_plain = length is None
-            if length is not None:
-                self._left, self._buffer = int(length[1] or b"0", 16), rest
-        return b"".join(body)
-
-
-def basic(user: str, password: str) -> str:
-    """Return the field `Authorization` for a camera that has not asked."""
-    return "Basic " + base64.b64encode(f"{user}:{password}".encode()).decode()
-
-
-def _is_sha256(challenge: dict[str, str]) -> bool:
-    return challenge.get("algorithm", "").upper() == "SHA-256"
-
-
-class _Digest(urllib_request.HTTPDigestAuthHandler):
-    """Knows SHA-256, too; before Python 3.14 the library's does not."""
-
-    def get_algorithm_impls(
-        self, algorithm: str
-    ) -> tuple[Callable[[str], str], Callable[[str, str], str]]:
-        if algorithm.upper() != "SHA-256":
-            return super().get_algorithm_impls(algorithm)
-        return _sha256, lambda secret, data: _sha256(f"{secret}:{data}")
-
-
-def _sha256(text: str) -> str:
-    return sha256(text.encode()).hexdigest()
-
-
-def digest(head: Head, address: str, user: str, password: str) -> str | None:
-    """Return the field `Authorization` for a 401 that asks for a digest; None if it does not.
-
-    Raises:
-        ValueError: If the camera's kind of digest is not known here.
-    """
-    asked = [
-        text for text in head.fields.get("www-authenticate", []) if text[:7].lower() == "digest "
-    ]
-    if not asked:
-        return None
-    challenges = [
-        urllib_request.parse_keqv_list(
-            [part for part in urllib_request.parse_http_list(text) if part]
-        )
-        for text in (text[7:] for text in asked)
-    ]
-    # A camera that knows several asks for the safest first, but need not.
-    challenge = max(challenges, key=_is_sha256)
-    passwords = urllib_request.HTTPPasswordMgrWithDefaultRealm()
-    passwords.add_password(None, address, user, password)
-    words = _Digest(passwords).get_authorization(urllib_request.Request(address), challenge)
-    if words is None:
-        raise ValueError("its question is incomplete")
-    return f"Digest {words}"
+    def read1(self, n: int = -1) -> bytes:
+        if self._rest:
+            data, self._rest = self._rest, b""
+            return data
+        if self._is_silent:
+            raise TimeoutError("timed out")
+        while self._is_chunked and not self._left:
+            line = self.fp.readline(_MOST_HEAD_BYTES)
+            length = _CHUNK.fullmatch(line) if line else None
+            if length is None:
+                self._is_chunked = False
+                return line
+            self._left = int(length[1] or b"0", 16)
+        data = super().read1(min(n, self._left) if self._is_chunked else n)
+        self._left = max(0, self._left - len(data))
+        return data
 
 
 class PictureFinder:

@@ -41,9 +41,10 @@ class MjpegCamera(WatchedCamera):
         super().__init__(options, clock)
         try:
             url = urlsplit(options.source)
-        except ValueError:  # half of an IPv6 address
-            url = urlsplit("")
-        if url.scheme not in ("http", "https") or not url.hostname:
+            is_port = url.port != 0
+        except ValueError:  # half of an IPv6 address, or a port that is none
+            url, is_port = urlsplit(""), False
+        if url.scheme not in ("http", "https") or not url.hostname or not is_port:
             raise ConfigurationError(
                 "the camera 'mjpeg' needs the address of a stream, "
                 "as in --source http://192.168.4.1:81/stream"
@@ -69,7 +70,7 @@ class MjpegCamera(WatchedCamera):
                 if not is_open:
                     self._line.open()
                 self._read_out()
-            except (CameraError, OSError, AttributeError) as error:
+            except (CameraError, OSError, ValueError, AttributeError) as error:
                 self._reason = str(error)  # the watching thread says so
             is_open = False
             self._line.close()

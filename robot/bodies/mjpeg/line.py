@@ -2,27 +2,49 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import hashlib
 import socket
-import ssl
-from urllib.parse import SplitResult, unquote, urljoin, urlsplit
+import string
+from collections.abc import Callable
+from email.message import Message
+from http.client import HTTPConnection, HTTPException, HTTPMessage
+from typing import Any
+from urllib import request as http
+from urllib.error import HTTPError, URLError
+from urllib.parse import SplitResult, quote, unquote, urlsplit
 
-from robot.bodies.mjpeg.answer import Chunks, Head, basic, digest, read_head
+from robot.bodies.mjpeg.answer import Answer
 from robot.errors import CameraError
 
 _SILENT_S = 2.0
-_MOST_REQUESTS = 6
-_MOVED = (301, 302, 303, 307, 308)
+_PAGES = ("text/", "application/json", "application/xml", "application/xhtml")
+_ADVICE = {
+    403: "it lets nobody in from here; look into its settings",
+    404: "there is nothing at this path; look up the address of the stream in its manual",
+    503: "it is busy; end its other viewers, or restart it",
+}
 
 
 class CameraLine:
     """One connection at a time; `close` may be called from any thread, and wakes who reads."""
 
     def __init__(self, url: SplitResult) -> None:
-        self._url = url
+        self._address = quote(_without_user(url), safe=string.punctuation)
+        self._host, self._has_user = url.hostname, bool(url.username)
         self._socket: socket.socket | None = None
-        self._body = b""
-        self._chunks: Chunks | None = None
+        self._answer: Any = None
+        self._opener = http.OpenerDirector()
+        self._opener.addheaders = [("User-Agent", "drivelesson"), ("Accept", "*/*")]
+        for handler in (
+            _Lines(self._begin),
+            _Passwords(url),
+            _Redirects(),
+            http.HTTPErrorProcessor(),
+            http.HTTPDefaultErrorHandler(),
+        ):
+            self._opener.add_handler(handler)
 
     def open(self) -> None:
         """Ask for the stream.
@@ -33,135 +55,159 @@ class CameraLine:
             CameraError: If there is no stream; says what the camera answered, and what to do.
         """
         try:
-            self._open()
+            self._answer = self._opener.open(self._address, timeout=_SILENT_S)
+            kind = _kind(self._answer.headers)
+            if kind.startswith(_PAGES):
+                raise CameraError(
+                    f"{self._host} answers 200 {kind}: that is a page; give the address of the "
+                    "stream itself, as its manual names it"
+                )
         except CameraError:
             self.close()
             raise
-
-    def _open(self) -> None:
-        url, has_answered = self._url, False
-        user, password = unquote(url.username or ""), unquote(url.password or "")
-        shown = basic(user, password) if user else None
-        for _ in range(_MOST_REQUESTS):
-            where = f"the camera at {url.hostname}"
-            head = self._ask(url, shown, where)
-            place = head.first("location")
-            if head.status in _MOVED and place:
-                url, has_answered = _moved(url, place, where), False
-                is_home = _origin(url) == _origin(self._url)
-                shown = basic(user, password) if user and is_home else None
-            elif head.status == 401:
-                address = url._replace(netloc=_netloc(url)).geturl()
-                is_first = shown and not has_answered
-                try:
-                    answer = digest(head, address, user, password) if is_first else None
-                except ValueError as error:
-                    raise CameraError(
-                        f"{where} asks for a password in a way that is not known here ({error}); "
-                        "choose Basic, or Digest with MD5 or SHA-256, in its settings"
-                    ) from error
-                if answer is None:
-                    raise CameraError(f"{where} answers 401: {_ask_for_password(user, shown)}")
-                shown, has_answered = answer, True
-            elif head.complaint:
-                raise CameraError(f"{url.hostname}{url.path or '/'} {head.complaint}")
-            else:
-                return
-        raise CameraError(f"{where} sends us in a circle; look up the address of its stream")
+        except (OSError, HTTPException, ValueError) as error:
+            self.close()
+            raise CameraError(self._explain(error)) from error
 
     def read1(self, size: int) -> bytes:
         """Return some bytes of the stream; none at its end. Raises OSError after 2 s of silence."""
-        while True:
-            data, self._body = self._body, b""
-            sock = self._socket
-            data = data or (sock.recv(size) if sock else b"")
-            if not data:
-                return b""
-            body = data if self._chunks is None else self._chunks.feed(data)
-            if body:
-                return body
+        answer = self._answer
+        data: bytes = b"" if answer is None else answer.read1(size)
+        return data
 
     def close(self) -> None:
         """End the connection: a camera of one client serves nobody else until then."""
-        sock, self._socket = self._socket, None
+        sock, self._socket, self._answer = self._socket, None, None
         if sock is not None:
             with contextlib.suppress(OSError):
                 sock.shutdown(socket.SHUT_RDWR)
             sock.close()
 
-    def _ask(self, url: SplitResult, shown: str | None, where: str) -> Head:
-        self.close()
+    def _begin(self, sock: socket.socket, *args: Any, **options: Any) -> Answer:
+        self._socket = sock
+        return Answer(sock, *args, **options)
+
+    def _explain(self, error: Exception) -> str:
+        where = f"the camera at {self._host}"
+        if isinstance(error, HTTPError) and error.code == 401:
+            advice = (
+                "it wants a user and a password, as in --source http://USER:PASSWORD@ADDRESS/PATH"
+            )
+            if self._has_user:
+                advice = "it does not take this user and password; look them up in its settings"
+            return f"{where} answers 401: {advice}"
+        if isinstance(error, HTTPError) and error.code // 100 != 3:
+            said = f"{error.code} {_kind(error.headers)}".rstrip()
+            advice = "restart it, or look up the address in its manual"
+            return f"{where} answers {said}: {_ADVICE.get(error.code, advice)}"
+        if isinstance(error, HTTPError | ValueError):
+            return (
+                f"{where} sends us in a circle, or to an address that is none; look up that of "
+                "its stream"
+            )
+        return (
+            f"{where} does not answer ({getattr(error, 'reason', error)}); is it switched on and "
+            "in the same network, and is the port right?"
+        )
+
+
+class _Lines(http.HTTPHandler, http.HTTPSHandler):
+    """Opens connections whose answers are `begin`'s."""
+
+    def __init__(self, begin: Callable[..., Answer]) -> None:
+        super().__init__()
+        self._begin = begin
+
+    def do_open(self, http_class: Any, req: http.Request, **options: Any) -> Any:
+        def make(host: str, **options: Any) -> HTTPConnection:
+            connection: HTTPConnection = http_class(host, **options)
+            connection.response_class = self._begin  # type: ignore[assignment]
+            return connection
+
+        return super().do_open(make, req, **options)  # type: ignore[arg-type]
+
+
+class _Redirects(http.HTTPRedirectHandler):
+    """Follows to where a camera may be; ValueError for every other address."""
+
+    def redirect_request(
+        self, req: http.Request, fp: Any, code: int, msg: str, headers: Any, newurl: str
+    ) -> http.Request | None:
+        url = urlsplit(newurl)
+        if url.scheme not in ("http", "https") or not url.hostname or url.port == 0:
+            raise ValueError("no address of a camera")
+        newurl = _without_user(url)
+        return super().redirect_request(req, fp, code, msg, headers, newurl)
+
+
+class _Passwords(http.HTTPDigestAuthHandler):
+    """Shows user and password where they belong: as Basic at once, as a digest if that is asked.
+
+    Knows SHA-256, too; before Python 3.14 the library's does not.
+    """
+
+    def __init__(self, url: SplitResult) -> None:
+        self._known = http.HTTPPasswordMgrWithDefaultRealm()
+        super().__init__(self._known)
+        user, password = unquote(url.username or ""), unquote(url.password or "")
+        home = url._replace(netloc=_netloc(url), path="/", query="", fragment="").geturl()
+        if user:
+            self._known.add_password(None, home, user, password)
+
+    def http_request(self, req: http.Request) -> http.Request:
+        user, password = self._known.find_user_password("", req.full_url)
+        if user and not req.has_header("Authorization"):
+            shown = base64.b64encode(f"{user}:{password}".encode()).decode()
+            req.add_unredirected_header("Authorization", f"Basic {shown}")
+        return req
+
+    https_request = http_request
+
+    def http_error_401(
+        self, req: http.Request, fp: Any, code: int, msg: str, headers: HTTPMessage
+    ) -> Any:
+        asked = [text for text in headers.get_all("www-authenticate", []) if _asks_digest(text)]
+        if not asked or not req.get_header("Authorization", "").startswith("Basic "):
+            return None
+        fp.close()
+        # A camera that knows several asks for the safest first, but need not.
+        text = max(asked, key=lambda text: "sha-256" in text.lower())
+        parts = http.parse_http_list(text.partition(" ")[2])
         try:
-            self._connect(url)
-            self._send(url, shown)
-            head, self._body = self._read_head()
-        except (OSError, ValueError) as error:
-            self.close()
+            words = self.get_authorization(req, http.parse_keqv_list([p for p in parts if p]))
+        except (ValueError, URLError):
+            words = None
+        if words is None:
             raise CameraError(
-                f"{where} does not answer ({error}); is it switched on and in the same network, "
-                "and is the port right?"
-            ) from error
-        is_chunked = "chunked" in head.first("transfer-encoding").lower()
-        self._chunks = Chunks() if is_chunked else None
-        return head
+                f"the camera at {req.host} asks for a password in a way that is not known here; "
+                "choose Basic, or Digest with MD5 or SHA-256, in its settings"
+            )
+        req.add_unredirected_header("Authorization", f"Digest {words}")
+        return self.parent.open(req, timeout=req.timeout)
 
-    def _connect(self, url: SplitResult) -> None:
-        is_secure = url.scheme == "https"
-        port = url.port or (443 if is_secure else 80)
-        self._socket = socket.create_connection((url.hostname, port), timeout=_SILENT_S)
-        if is_secure:
-            context = ssl.create_default_context()
-            self._socket = context.wrap_socket(self._socket, server_hostname=url.hostname)
-
-    def _send(self, url: SplitResult, shown: str | None) -> None:
-        path = (url.path or "/") + (f"?{url.query}" if url.query else "")
-        path = path.replace(" ", "%20")
-        lines = [f"GET {path} HTTP/1.1", f"Host: {_netloc(url)}", "User-Agent: drivelesson"]
-        lines += ["Accept: */*", "Connection: close"]
-        lines += [f"Authorization: {shown}"] if shown else []
-        sock = self._socket
-        if sock is None:
-            raise ConnectionError("the connection was closed")
-        sock.sendall("\r\n".join([*lines, "", ""]).encode())
-
-    def _read_head(self) -> tuple[Head, bytes]:
-        """Read until the head is there, or all that there is; raises OSError for nothing."""
-        data = b""
-        while (found := read_head(data)) is None:
-            try:
-                more = self._socket.recv(65_536) if self._socket else b""
-            except TimeoutError:
-                if not data:
-                    raise
-                more = b""
-            if not more:
-                if not data.strip():
-                    raise ConnectionError("it hung up without a word")
-                more = b"\r\n\r\n"
-            data += more
-        head, begin = found
-        return head, data[begin:]
+    def get_algorithm_impls(
+        self, algorithm: str
+    ) -> tuple[Callable[[str], str], Callable[[str, str], str]]:
+        if algorithm.upper() != "SHA-256":
+            return super().get_algorithm_impls(algorithm)
+        return _sha256, lambda secret, data: _sha256(f"{secret}:{data}")
 
 
-def _moved(url: SplitResult, place: str, where: str) -> SplitResult:
-    try:
-        moved = urlsplit(urljoin(url._replace(netloc=_netloc(url)).geturl(), place))
-        if moved.scheme in ("http", "https") and moved.hostname and moved.port != 0:
-            return moved
-    except ValueError:
-        pass
-    raise CameraError(f"{where} sends us to an address that is none; look up that of its stream")
+def _asks_digest(challenge: str) -> bool:
+    return challenge[:7].lower() == "digest "
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _kind(headers: Message) -> str:
+    return str(headers.get("content-type", "")).partition(";")[0].strip().lower()
 
 
 def _netloc(url: SplitResult) -> str:
     return url.netloc.rpartition("@")[2]
 
 
-def _origin(url: SplitResult) -> tuple[str, str | None, int | None]:
-    return url.scheme, url.hostname, url.port
-
-
-def _ask_for_password(user: str, shown: str | None) -> str:
-    if user and shown:
-        return "it does not take this user and password; look them up in its settings"
-    return "it wants a user and a password, as in --source http://USER:PASSWORD@ADDRESS/PATH"
+def _without_user(url: SplitResult) -> str:
+    return url._replace(netloc=_netloc(url)).geturl()

@@ -36,7 +36,9 @@ def camera(source: str) -> MjpegCamera:
     return MjpegCamera(MjpegOptions(source=source), RealClock())
 
 
-@pytest.mark.parametrize("source", ["", "0", "film.avi", "rtsp://a/b", "http://", "ftp://a"])
+@pytest.mark.parametrize(
+    "source", ["", "0", "film.avi", "rtsp://a/b", "http://", "ftp://a", "http://a:99999/"]
+)
 def test_what_is_no_address_is_refused_at_once(source: str) -> None:
     with pytest.raises(ConfigurationError, match="--source"):
         camera(source)
