@@ -59,8 +59,8 @@ class CameraLine:
             kind = _kind(self._answer.headers)
             if kind.startswith(_PAGES):
                 raise CameraError(
-                    f"{self._host} answers 200 {kind}: that is a page; give the address of the "
-                    "stream itself, as its manual names it"
+                    f"{_place(self._answer.url)} answers 200 {kind}: that is a page; give the "
+                    "address of the stream itself, as its manual names it"
                 )
         except CameraError:
             self.close()
@@ -99,11 +99,11 @@ class CameraLine:
         if isinstance(error, HTTPError) and error.code // 100 != 3:
             said = f"{error.code} {_kind(error.headers)}".rstrip()
             advice = "restart it, or look up the address in its manual"
-            return f"{where} answers {said}: {_ADVICE.get(error.code, advice)}"
+            return f"{_place(error.url)} answers {said}: {_ADVICE.get(error.code, advice)}"
         if isinstance(error, HTTPError | ValueError):
             return (
-                f"{where} sends us in a circle, or to an address that is none; look up that of "
-                "its stream"
+                f"{where} leads in a circle, or to an address that is none; look up that of its "
+                "stream"
             )
         return (
             f"{where} does not answer ({getattr(error, 'reason', error)}); is it switched on and "
@@ -124,7 +124,7 @@ class _Lines(http.HTTPHandler, http.HTTPSHandler):
             connection.response_class = self._begin  # type: ignore[assignment]
             return connection
 
-        return super().do_open(make, req, **options)  # type: ignore[arg-type]
+        return super().do_open(make, req, **options)
 
 
 class _Redirects(http.HTTPRedirectHandler):
@@ -203,6 +203,11 @@ def _sha256(text: str) -> str:
 
 def _kind(headers: Message) -> str:
     return str(headers.get("content-type", "")).partition(";")[0].strip().lower()
+
+
+def _place(address: str) -> str:
+    url = urlsplit(address)
+    return f"{url.hostname}{url.path or '/'}"
 
 
 def _netloc(url: SplitResult) -> str:
