@@ -1,17 +1,16 @@
 """The process that holds the pins: it stops the motors when the robot's program dies or freezes.
 
-`python -m robot.bodies.gpio.keeper JSON` reads orders from its input and writes reports to its
-output. A pin keeps what it was set to when the program that set it is killed or held up, so the
-one that holds it does nothing else: no camera, no learner, no network.
+`python -m robot.bodies.gpio.keeper JSON` takes orders from the pipe that is its standard input, and
+answers each with a report there. A pin keeps what it was set to when the program that set it is
+killed or held up, so the one that holds it does nothing else: no camera, no learner, no network.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import select
 import signal
 import sys
+from multiprocessing.connection import Connection
 from typing import Any
 
 from robot.bodies.gpio.wheels import TimedMotors, steered, tracked
@@ -19,8 +18,8 @@ from robot.bodies.remote.plain import encode_plain_report
 from robot.clock import Clock, RealClock
 
 READY = b"ready"
-_FAILED = b"failed "
-_LONGEST_LINE = 200
+FAILED = b"failed "
+_LONGEST_ORDER = 200
 
 
 def make_motors(settings: dict[str, Any]) -> TimedMotors:
@@ -39,27 +38,17 @@ def make_motors(settings: dict[str, Any]) -> TimedMotors:
     )
 
 
-def keep(motors: TimedMotors, source: int, sink: int, clock: Clock) -> None:
-    """Obey until `source` ends, which it does when the robot's program is gone; then stand."""
-    rest = b""
+def keep(motors: TimedMotors, line: Connection, clock: Clock) -> None:
+    """Obey until the line ends, which it does when the robot's program is gone; then stand."""
     try:
         while True:
             left_ms = motors.left_ms(_ms(clock))
-            ready, _, _ = select.select(
-                [source], [], [], None if left_ms is None else left_ms / 1000
-            )
+            is_asked = line.poll(None if left_ms is None else left_ms / 1000)
             motors.tick(_ms(clock))
-            if not ready:
-                continue
-            data = os.read(source, 65_536)
-            if not data:
-                return
-            *lines, rest = (rest + data).split(b"\n")
-            rest = rest[-_LONGEST_LINE:]
-            for line in lines:
-                report = motors.obey(line, _ms(clock))
-                os.write(sink, encode_plain_report(report) + b"\n")
-    except (BrokenPipeError, BlockingIOError):  # nobody reads: as good as gone
+            if is_asked:
+                report = motors.obey(line.recv_bytes(_LONGEST_ORDER), _ms(clock))
+                line.send_bytes(encode_plain_report(report))
+    except (EOFError, OSError):
         return
     finally:
         motors.stand()
@@ -72,14 +61,15 @@ def _ms(clock: Clock) -> int:
 def main() -> None:
     for quiet in (signal.SIGINT, signal.SIGHUP):  # they are meant for the robot's program
         signal.signal(quiet, signal.SIG_IGN)
+    line = Connection(0)
     try:
         motors = make_motors(json.loads(sys.argv[1]))
     except Exception as error:  # a sentence for whoever started this, whatever the library says
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        os.write(1, _FAILED + reason.encode() + b"\n")
+        line.send_bytes(FAILED + reason.encode())
         return
-    os.write(1, READY + b"\n")
-    keep(motors, 0, 1, RealClock())
+    line.send_bytes(READY)
+    keep(motors, line, RealClock())
 
 
 if __name__ == "__main__":

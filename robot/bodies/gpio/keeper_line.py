@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import select
 import subprocess
 from collections.abc import Sequence
+from multiprocessing import Pipe
 
+from robot.bodies.gpio.keeper import FAILED, READY
 from robot.clock import Clock
 
 START_S = 10.0
@@ -24,29 +24,23 @@ class KeeperLine:
         self._start()
 
     def _start(self) -> None:
-        self._rest = b""
-        self._lines: list[bytes] = []
-        self._waits_s: float | None = None
         self._has_ended = False
-        self._process = subprocess.Popen(
-            self._command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            start_new_session=True,  # Ctrl+C in a terminal ends the robot's program, which stops
-            bufsize=0,
-        )
-        assert self._process.stdin is not None and self._process.stdout is not None
-        self._down, self._up = self._process.stdin.fileno(), self._process.stdout.fileno()
-        os.set_blocking(self._down, False)
+        self._pipe, theirs = Pipe()
+        with theirs:
+            self._process = subprocess.Popen(
+                self._command,
+                stdin=theirs.fileno(),
+                start_new_session=True,  # Ctrl+C ends the robot's program, which stops
+            )
         said = self._next(START_S)
-        if said != b"ready":
+        if said != READY:
             self._end()
             raise ConnectionError(
-                said.decode(errors="replace").removeprefix("failed ")
+                said.decode(errors="replace").removeprefix(FAILED.decode())
                 if said
                 else "the process that holds the pins did not start"
             )
-        self._waits_s = None
+        self._waits_s: float | None = None
 
     def send(self, message: bytes) -> None:
         """Write one line; a keeper that is gone or hangs is replaced, and the message dropped."""
@@ -55,15 +49,14 @@ class KeeperLine:
             self._waits_s = now_s
         if self._next(0.0) is not None:
             self._waits_s = now_s  # it answered, but later than anybody waited
-        is_gone = self._has_ended or self._process.poll() is not None
-        if is_gone or now_s - self._waits_s > HANGS_S:
+        if self._has_ended or now_s - self._waits_s > HANGS_S:
+            said = "ended" if self._has_ended else "hung"
             self._end()
             self._start()
             raise ConnectionError(
-                f"the process that holds the pins {'ended' if is_gone else 'hung'}; "
-                "another one has stopped the motors"
+                f"the process that holds the pins {said}; another one has stopped the motors"
             )
-        os.write(self._down, message + b"\n")
+        self._pipe.send_bytes(message)
 
     def receive(self, timeout_s: float) -> bytes | None:
         line = self._next(timeout_s)
@@ -72,20 +65,20 @@ class KeeperLine:
         return line
 
     def _next(self, timeout_s: float) -> bytes | None:
-        if not self._lines and select.select([self._up], [], [], timeout_s)[0]:
-            data = os.read(self._up, 65_536)
-            self._has_ended = not data
-            *self._lines, self._rest = (self._rest + data).split(b"\n")
-        return self._lines.pop(0) if self._lines else None
+        try:
+            return self._pipe.recv_bytes() if self._pipe.poll(timeout_s) else None
+        except (EOFError, OSError):
+            self._has_ended = True
+            return None
 
     def close(self) -> None:
         """End the keeper, which stops the motors first; see `MessageLine`."""
-        assert self._process.stdin is not None
-        self._process.stdin.close()
+        self._pipe.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(2.0)
         self._end()
 
     def _end(self) -> None:
+        self._pipe.close()
         with self._process:
             self._process.kill()
