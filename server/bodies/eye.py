@@ -99,9 +99,8 @@ def parse_text(text: str) -> dict[str, Any]:
     kind = message.get("type")
     if kind == "pong":
         for name in ("server_ms", "eye_ms"):
-            value = message.get(name)
-            is_number = isinstance(value, int | float) and not isinstance(value, bool)
-            if not is_number or value is None or not abs(value) < 1e15:
+            value: Any = message.get(name)
+            if type(value) not in (int, float) or not abs(value) < 1e15:
                 raise ProtocolError(ErrorCode.BAD_FIELD, f"{name!r} must be a number")
     elif kind != "stop":
         raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "unknown message type; known types: stop, pong")
