@@ -16,7 +16,6 @@ from robot.devices.rig import Rig
 from robot.policy.history import TrainingHistory
 from server.clients.hub import Hub
 from server.config import Config
-from server.events import EventBus
 from server.extension import Extension, installed
 from server.identity import IdentityFile
 from server.persistence import Persistence
@@ -41,7 +40,6 @@ class Services:
 
     config: Config
     robot: Rig
-    events: EventBus
     identity: IdentityFile
     hub: Hub
     progress: Progress
@@ -86,20 +84,19 @@ def make_services(
     *,
     name: str = "robot",
     identity: IdentityFile | None = None,
-    events: EventBus | None = None,
+    hub: Hub | None = None,
     persistence: Persistence | None = None,
     pairing: Pairing | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Services:
     """Create the services for one robot. Nothing starts yet."""
-    events = events or EventBus()
     identity = identity or IdentityFile(None, name)
+    hub = hub or Hub(config, robot, identity.now.name)
     services = Services(
         config=config,
         robot=robot,
-        events=events,
         identity=identity,
-        hub=Hub(config, robot, identity.now.name, events),
+        hub=hub,
         progress=Progress(
             robot.loop, robot.clock, lambda: persistence.recording if persistence else None
         ),
@@ -109,7 +106,7 @@ def make_services(
         door=Door(config.limits, connection_capacity()),
     )
     if pairing is not None:
-        sockets, hub = services.door.sockets, services.hub
+        sockets = services.door.sockets
         pairing.is_in_use = lambda name: sockets.has(name) or name == hub.pilot
     services.door.keeps = services.is_kept
     services.extensions.update({kind: kind(services, options or {}) for kind in installed()})

@@ -92,7 +92,7 @@ async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
     """Lock what pupils may not change, and unlock the rest."""
     classroom = _classroom(request)
     await do(classroom.lock, body.locks)
-    services_of(request).events.publish("locked", locks=sorted(classroom.locks))
+    services_of(request).hub.announce("locked", locks=sorted(classroom.locks))
     return {"locks": sorted(classroom.locks)}
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
     from robot.devices.rig import Rig
     from robot.store.models.autosave import Autosave
-    from server.events import EventBus
+    from server.clients.hub import Hub
     from server.security.certificates import Certificates
     from server.security.pairing import Pairing
 
@@ -109,7 +109,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 def run(args: argparse.Namespace) -> int:
     from robot.devices.rig import build_rig
     from server.app import create_app
-    from server.events import EventBus
+    from server.clients.hub import Hub
     from server.hosting.network import announced
     from server.hosting.serving import end_by_signals, open_socket, serve
     from server.identity import IdentityFile
@@ -139,23 +139,23 @@ def run(args: argparse.Namespace) -> int:
     certificates = _make_certificates(config) if config.tls else None
     addresses = page_addresses(config)
     pairing = _open_pairing(config, addresses[0], rig) if config.needs_pairing else None
-    events = EventBus()
     options = _recorded(args, rig)
     identity = IdentityFile(config.data, args.name)
+    hub = Hub(config, rig, identity.now.name)
     persistence = Persistence(
         storage,
         rig,
         name=identity.now.name,
         options=options,
-        announce=events.publish,
+        announce=hub.announce,
         keeps_drives=args.keep_drives,
     )
-    _report_problems(moved, storage.fault, events)
+    _report_problems(moved, storage.fault, hub)
     services = make_services(
         config,
         rig,
         identity=identity,
-        events=events,
+        hub=hub,
         persistence=persistence,
         pairing=pairing,
         options=vars(args),
@@ -178,15 +178,15 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _report_problems(moved: list[tuple[str, str]], fault: str | None, events: EventBus) -> None:
+def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) -> None:
     """Report on the page and in the log what was set aside, or that nothing can be saved."""
     if moved:
         sentence = ", ".join(f"{name} -> {where}" for name, where in moved)
         log.warning("set aside in the data folder: %s", sentence)
-        events.publish("set_aside", detail=sentence)
+        hub.announce("set_aside", detail=sentence)
     if fault:
         log.warning("nothing can be saved: %s", fault)
-        events.publish("nothing_kept", detail=fault)
+        hub.announce("nothing_kept", detail=fault)
 
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:

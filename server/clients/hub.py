@@ -26,19 +26,18 @@ from server.clients.lease import Lease
 from server.clients.telemetry import STATE_EVERY_S, describe_body, describe_state, state_every_s
 from server.clients.video import Encoder, VideoHub
 from server.config import Config
-from server.events import EventBus
 from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_message
 from server.security.access import Role
 
 log = logging.getLogger(__name__)
+LASTING = ("set_aside", "nothing_kept")
+"""Events that hold as long as the program runs."""
 
 
 class Hub:
     """The server's side of one robot."""
 
-    event_loop: asyncio.AbstractEventLoop
-
-    def __init__(self, config: Config, robot: Rig, name: str, events: EventBus) -> None:
+    def __init__(self, config: Config, robot: Rig, name: str) -> None:
         self.config = config
         self.robot = robot
         self.clock = robot.clock
@@ -56,12 +55,13 @@ class Hub:
         self._sent_s = 0.0
         self._frame: Frame | None = None
         self._is_tick_due = False
-        self._events = events
+        self._lasting: tuple[tuple[str, dict[str, object]], ...] = ()
+        self.event_loop: asyncio.AbstractEventLoop | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
         self._timer: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
-        """Subscribe to the control loop and the event bus."""
+        """Subscribe to the control loop."""
         self.event_loop = asyncio.get_running_loop()
 
         def on_tick(tick: Tick) -> None:  # on the control loop's thread
@@ -73,7 +73,6 @@ class Hub:
                 self._soon(self._note_tick)
 
         self._unsubscribe = self.robot.loop.subscribe(on_tick)
-        self._events.listener = functools.partial(self._soon, self._publish_event)
         self._timer = asyncio.create_task(self._run_timer())
 
     async def stop(self) -> None:
@@ -87,7 +86,8 @@ class Hub:
     def _soon(self, call: Callable[..., None], *args: object) -> None:
         """Have something called on the event loop; may be called on any thread."""
         with contextlib.suppress(RuntimeError):  # the server has just ended
-            self.event_loop.call_soon_threadsafe(call, *args)
+            if self.event_loop is not None:
+                self.event_loop.call_soon_threadsafe(call, *args)
 
     # Clients -----------------------------------------------------------------------------------
 
@@ -108,7 +108,7 @@ class Hub:
                 **describe_body(self.robot.driver),
             )
         )
-        for name, fields in self._events.lasting:
+        for name, fields in self._lasting:
             client.send(encode_message("event", name=name, **fields))
         if role is Role.PILOT and self.lease.join(client.id, now_s):
             self._pilot_changed()
@@ -269,8 +269,16 @@ class Hub:
 
     # Publishing --------------------------------------------------------------------------------
 
-    def _publish_event(self, name: str, fields: dict[str, object]) -> None:
-        """Send one event to all clients."""
+    def announce(self, name: str, **fields: object) -> None:
+        """Tell all clients of an event; of one of `LASTING` also each that joins later.
+
+        May be called on any thread, and before the start; returns at once and never raises.
+        """
+        if name in LASTING:
+            self._lasting = (*self._lasting, (name, fields))
+        self._soon(self._send_event, name, fields)
+
+    def _send_event(self, name: str, fields: dict[str, object]) -> None:
         text = encode_message("event", name=name, **fields)
         for client in self.clients.values():
             client.send(text)

@@ -113,7 +113,7 @@ async def change_settings(request: Request, body: SettingsChange) -> Changed:
     if named:
         now = await do(lambda: services.identity.change(**named))
         services.hub.name = now.name
-        services.events.publish("renamed", robot=now.name, colour=now.colour)
+        services.hub.announce("renamed", robot=now.name, colour=now.colour)
     if body.max_nodes is not None or body.moves is not None:
         kind, size = split_name(loop.state.learner)
         learner = f"{kind}-{body.max_nodes or size}"

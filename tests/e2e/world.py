@@ -21,8 +21,8 @@ from robot.devices.rig import build_rig
 from robot.store.folder import Storage
 from robot.types import Action, Mode, Pose
 from server.app import create_app
+from server.clients.hub import Hub
 from server.config import Config
-from server.events import EventBus
 from server.hosting.serving import served
 from server.persistence import Persistence
 from server.services import Services, make_services
@@ -124,9 +124,9 @@ def running_world(
     if robot == "sim":
         options.setdefault("frame_rate_hz", 10.0)
     rig = build_rig(robot, learner=learner, options=options, config=limits)
-    events = EventBus()
-    persistence = Persistence(Storage(folder), rig, name="Rover", announce=events.publish)
-    services = make_services(config, rig, name="Rover", events=events, persistence=persistence)
+    hub = Hub(config, rig, "Rover")
+    persistence = Persistence(Storage(folder), rig, name="Rover", announce=hub.announce)
+    services = make_services(config, rig, name="Rover", hub=hub, persistence=persistence)
     with rig, persistence, served(create_app(services), config) as address:
         yield World(address, services)
 

@@ -43,12 +43,12 @@ def test_what_is_no_name_is_refused_and_changes_nothing(tmp_path: Path, name: ob
     assert identity.now == IdentityFile(tmp_path).now == before
 
 
-def test_clients_are_told_of_a_new_name() -> None:
+def test_clients_are_told_of_a_new_name(monkeypatch: pytest.MonkeyPatch) -> None:
     with VirtualServer() as server, httpx.Client(base_url=server.address) as http:
         assert http.get("/api/settings").json()["name"] == "bench"
         heard: list[dict[str, object]] = []
-        server.services.events.listener = lambda name, fields: heard.append(
-            {"event": name, **fields}
+        monkeypatch.setattr(
+            server.hub, "announce", lambda name, **fields: heard.append({"event": name, **fields})
         )
         assert http.put("/api/settings", json={"name": "Ada", "colour": COLOURS[1]}).is_success
         assert heard == [{"event": "renamed", "robot": "Ada", "colour": COLOURS[1]}]

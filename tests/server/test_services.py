@@ -14,8 +14,9 @@ from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
 from robot.testing import FakeCamera, FakeDriver
 from server.config import Config
-from server.events import EventBus
 from server.services import Services, make_services
+
+from .virtual_server import VirtualServer
 
 SERVER = Path(__file__).parents[2] / "server"
 
@@ -41,11 +42,14 @@ def test_only_one_place_reads_the_applications_state() -> None:
     assert readers == {"app.py", "services.py"}
 
 
-def test_an_event_reaches_who_listens_and_a_lasting_one_who_comes_later() -> None:
-    events, heard = EventBus(), []  # type: ignore[var-annotated]
-    events.publish("nobody_listens")
-    events.listener = lambda name, fields: heard.append((name, fields))
-    events.publish("model_saved", model="kitchen")
-    events.publish("nothing_kept", detail="full")
-    assert heard == [("model_saved", {"model": "kitchen"}), ("nothing_kept", {"detail": "full"})]
-    assert events.lasting == (heard[1],)
+def test_an_event_reaches_who_is_there_and_a_lasting_one_who_comes_later() -> None:
+    make().hub.announce("nobody_listens")  # before the start
+    with VirtualServer() as server:
+        with server.pilot() as first:
+            server.hub.announce("model_saved", model="kitchen")
+            server.hub.announce("nothing_kept", detail="full")
+            first.wait_for(lambda m: m.get("name") == "model_saved" and m["model"] == "kitchen")
+            first.wait_for(lambda m: m.get("name") == "nothing_kept")
+        with server.pilot() as second:
+            second.wait_for(lambda m: m.get("name") == "nothing_kept" and m["detail"] == "full")
+            assert not any(m.get("name") == "model_saved" for m in second.page.messages)
