@@ -126,19 +126,13 @@ ClientMessage = DriveMessage | ModeMessage | BareMessage | Ping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VideoFrame:
-    """One message of `/ws/video`, as a client gets it: the header's fields, and the picture.
+class VideoFrame(Frame):
+    """One message of `/ws/video`, as a client gets it.
 
     A `quiet` frame need not be acknowledged: a later one will be, and stands for it. `nonce`
     comes back with the next command and proves that it was sent later; 0 is none.
     """
 
-    frame_id: int
-    captured_ms: float
-    encoding: Encoding
-    width: int
-    height: int
-    data: bytes = field(repr=False)
     quiet: bool = False
     nonce: int = 0
 
@@ -151,10 +145,7 @@ def parse_message(
     Raises:
         ProtocolError: If it is not valid; says which field and why.
     """
-    if (
-        len(text) > MAX_DRIVE_MESSAGE_BYTES
-        or len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES
-    ):
+    if len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES:
         raise ProtocolError(
             ErrorCode.TOO_LARGE, f"a message has at most {MAX_DRIVE_MESSAGE_BYTES} bytes"
         )
@@ -276,7 +267,7 @@ def parse_picture(message: bytes) -> VideoFrame:
         raise ProtocolError(ErrorCode.UNKNOWN_TYPE, "not a frame of a known encoding")
     return VideoFrame(
         frame_id=frame_id,
-        captured_ms=captured_ms,
+        captured_s=captured_ms / 1000,
         encoding=_ENCODINGS[encoding],
         width=width,
         height=height,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, TypeVar
 from urllib.parse import quote
 
@@ -57,20 +57,6 @@ def attachment(data: bytes, kind: str, name: str) -> Response:
     """Answer with a file to be saved under a name."""
     headers = {"content-disposition": f"attachment; filename*=UTF-8''{quote(name, safe='')}"}
     return Response(data, media_type=kind, headers=headers)
-
-
-@dataclass
-class NameAnswer:
-    """A model's name, in the form in which it is kept."""
-
-    name: str
-
-
-@dataclass
-class UndoAnswer:
-    """The key that brings it back."""
-
-    undo: str
 
 
 def answer(kind: type[_T], source: Any, **own: Any) -> _T:

@@ -1,7 +1,8 @@
-"""`/ws/drive`: messages in both directions. A thin shell around the hub."""
+"""`/ws/drive`: messages in both directions, a thin shell around the hub; and the way driven."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 from fastapi import APIRouter, WebSocket
@@ -21,6 +22,40 @@ async def stop(request: Request) -> dict[str, bool]:
     """Latch the emergency stop, for a page without a websocket. Any admitted client may."""
     services_of(request).hub.latch_emergency("http", role_of(request))
     return {"emergency": True}
+
+
+@dataclass
+class PathAnswer:
+    """Points of a way, as columns."""
+
+    first: int
+    pose: list[list[float]]
+    driven_by: list[str]
+    events: dict[str, list[str]]
+    is_estimate: bool
+
+
+@router.get("/api/path")
+def show_path(request: Request, since: int = 0) -> PathAnswer:
+    """Return the points of the way from the one numbered `since` on, as columns.
+
+    `first` is the number of the first of them: ask again with `first` and the points that came.
+    """
+    first, points = services_of(request).progress.trail.since(since)
+    return PathAnswer(
+        first=first,
+        pose=[
+            [round(p.pose.x_m, 3), round(p.pose.y_m, 3), round(p.pose.heading_rad, 2)]
+            for p in points
+        ],
+        driven_by=[point.driven_by.value for point in points],
+        events={
+            str(i): [event.value for event in point.events]
+            for i, point in enumerate(points)
+            if point.events
+        },
+        is_estimate=any(point.pose.is_estimate for point in points),
+    )
 
 
 @router.websocket("/ws/drive")

@@ -1,10 +1,10 @@
-"""`/api/episodes` and `/api/storage`: recordings and their edits. See docs/reference/http.md."""
+"""`/api/episodes`: recordings and their edits. See docs/reference/http.md."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
@@ -14,17 +14,25 @@ from robot.devices.outside import Outside, must_be, text
 from robot.devices.png import encode_png
 from robot.driver import describe as describe_moves
 from robot.policy.image import to_rgb
-from robot.store.episodes.editing import EpisodeFrame, choose, moments, read_move
+from robot.store.episodes.editing import choose, moments, read_move
 from robot.store.episodes.edits import Edit, Notes, trim
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
-from server.routes.answers import Route, UndoAnswer, answer, media
+from server.routes.answers import Route, answer, media
 from server.routes.bodies import Key
 from server.services import persistence_of
 
 router = APIRouter(prefix="/api", route_class=Route)
-_MOST_IN_A_STRIP = 400
+_COLUMNS = {
+    "frame": "frame_id",
+    "relabelled": "is_relabelled",
+    "deleted": "is_deleted",
+    "intervention": "is_intervention",
+    **{name: name for name in ("at_s", "label", "predicted", "confidence", "driven_by", "sent")},
+    **{name: name for name in ("asks_pilot", "distance_m", "bumped", "pose")},
+}
+"""The columns of a timeline, and what of a picture is in each."""
 
 
 class EpisodeChange(Outside):
@@ -47,13 +55,6 @@ class EpisodeSplit(Outside):
     """The first frame of the second part."""
 
     frame: int = must_be("a frame's number")
-
-
-@dataclass
-class IdAnswer:
-    """A recording's id."""
-
-    id: str
 
 
 @dataclass
@@ -80,25 +81,16 @@ class EpisodeAnswer:
 
 @dataclass
 class EpisodeList:
-    """All episodes, the newest first, and how the recording goes."""
+    """All episodes, the newest first, and how the recording goes.
+
+    `offered` are those that could be deleted if they are too much for the disk.
+    """
 
     recording: str | None
     fault: str | None
     dropped_frames: int
     episodes: list[EpisodeAnswer]
-
-
-@dataclass
-class StorageAnswer:
-    """The disk usage in bytes, and which episodes could be deleted if it is too much."""
-
-    models: int
-    episodes: int
-    exports: int
-    trash: int
-    free: int
-    budget: int
-    offered: list[EpisodeAnswer]
+    offered: list[str]
 
 
 @dataclass
@@ -110,11 +102,8 @@ class EditAnswer:
     label: str | None
 
 
-@dataclass
-class EditList:
-    """The edits of an episode."""
-
-    edit_list: Sequence[EditAnswer]
+Edits = dict[str, list[EditAnswer]]
+"""The edits of an episode, as `edit_list`."""
 
 
 @dataclass
@@ -131,36 +120,8 @@ class EpisodeDetails(EpisodeAnswer):
 
 
 @dataclass
-class FrameAnswer:
-    """One picture of the strip as the page gets it."""
-
-    frame: int
-    at_s: float
-    label: str | None
-    relabelled: bool
-    deleted: bool
-    predicted: str | None
-    confidence: float | None
-    driven_by: str | None
-    sent: str | None
-    intervention: bool
-    asks_pilot: bool
-    distance_m: float | None
-    bumped: bool
-    pose: list[float] | None
-
-
-@dataclass
-class Strip:
-    """Evenly spaced pictures, and of how many."""
-
-    frames: list[FrameAnswer]
-    of: int
-
-
-@dataclass
 class EpisodeTimeline:
-    """Every picture as columns for drawing: those of a strip's pictures."""
+    """Pictures as columns for drawing: those of `_COLUMNS`."""
 
     columns: dict[str, list[Any]]
     is_estimate: bool
@@ -194,24 +155,16 @@ def list_episodes(request: Request) -> Response:
         fault=recorder.fault,
         dropped_frames=recorder.lost["frames"],
         episodes=[_describe(one, recorder.episode_id) for one in persistence.episodes.summaries()],
+        offered=[one.id for one in persistence.episodes.offered()],
     )
     # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.
     return Response(json.dumps(found, default=vars, allow_nan=False), media_type="application/json")
 
 
-@router.get("/storage")
-def show_storage(request: Request) -> StorageAnswer:
-    """Return the disk usage, and which episodes could be deleted if it is too much."""
-    persistence = persistence_of(request)
-    store, usage = persistence.episodes, persistence.storage.usage()
-    offered = [_describe(summary) for summary in store.offered()]
-    return StorageAnswer(**usage, budget=store.budget_bytes, offered=offered)
-
-
 @router.post("/episodes/restore")
-def restore_episode(body: Key, store: EpisodeStore = STORE) -> IdAnswer:
+def restore_episode(body: Key, store: EpisodeStore = STORE) -> dict[str, str]:
     """Restore a deleted episode."""
-    return IdAnswer(id=store.restore(body.undo))
+    return {"id": store.restore(body.undo)}
 
 
 @router.get("/episodes/{episode_id}")
@@ -228,39 +181,22 @@ def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE)
         declared_moves=[move.describe() for move in declared],
         first_frame=ids[0] if ids else None,
         last_frame=ids[-1] if ids else None,
-        edit_list=_edits(notes).edit_list,
+        **_edits(notes),
         redoable=len(notes.undone),
     )
 
 
-@router.get("/episodes/{episode_id}/strip")
-def show_strip(
-    episode_id: str,
-    count: int = 24,
-    first: int | None = None,
-    last: int | None = None,
-    store: EpisodeStore = STORE,
-) -> Strip:
-    """Return evenly spaced pictures, each with label, prediction and driver."""
-    episode, notes = store.open(episode_id), store.notes(episode_id)
-    found = [
-        moment
-        for moment in moments(episode, notes)
-        if (first is None or moment.frame_id >= first) and (last is None or moment.frame_id <= last)
-    ]
-    chosen = choose(found, min(max(count, 1), _MOST_IN_A_STRIP))
-    return Strip(frames=list(map(_describe_frame, chosen)), of=len(found))
-
-
 @router.get("/episodes/{episode_id}/timeline")
-def show_timeline(episode_id: str, store: EpisodeStore = STORE) -> EpisodeTimeline:
-    """Return every picture's label, prediction and driver, as columns for drawing."""
+def show_timeline(
+    episode_id: str, count: int | None = None, store: EpisodeStore = STORE
+) -> EpisodeTimeline:
+    """Return each picture's label, prediction and driver; or of `count` at even distances."""
     found = moments(store.open(episode_id), store.notes(episode_id))
-    rows = [vars(_describe_frame(moment)) for moment in found]
-    return EpisodeTimeline(
-        columns={field.name: [row[field.name] for row in rows] for field in fields(FrameAnswer)},
-        is_estimate=any(moment.is_pose_estimate for moment in found),
-    )
+    shown = found if count is None else choose(found, max(count, 1))
+    columns = {name: [getattr(one, of) for one in shown] for name, of in _COLUMNS.items()}
+    columns["at_s"] = [round(one.at_s, 3) for one in shown]
+    is_estimate = any(moment.is_pose_estimate for moment in shown)
+    return EpisodeTimeline(columns=columns, is_estimate=is_estimate)
 
 
 @router.get("/episodes/{episode_id}/frames/{frame_id}", **media("image/jpeg", "image/png"))
@@ -295,7 +231,7 @@ def change_episode(
 
 
 @router.post("/episodes/{episode_id}/edits", status_code=201)
-def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> EditList:
+def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> Edits:
     """Delete or relabel frames, or all others."""
     episode, between = store.open(episode_id), (body.first, body.last)
     if body.verb == "trim":
@@ -305,46 +241,36 @@ def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE
 
 
 @router.delete("/episodes/{episode_id}/edits/last")
-def undo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
+def undo_edit(episode_id: str, store: EpisodeStore = STORE) -> Edits:
     """Undo the last edit."""
     return _edits(store.undo_edit(episode_id))
 
 
 @router.post("/episodes/{episode_id}/edits/redo")
-def redo_edit(episode_id: str, store: EpisodeStore = STORE) -> EditList:
+def redo_edit(episode_id: str, store: EpisodeStore = STORE) -> Edits:
     """Redo the edit that was undone last."""
     return _edits(store.redo_edit(episode_id))
 
 
 @router.post("/episodes/{episode_id}/split", status_code=201)
-def split_episode(episode_id: str, body: EpisodeSplit, store: EpisodeStore = STORE) -> IdAnswer:
+def split_episode(
+    episode_id: str, body: EpisodeSplit, store: EpisodeStore = STORE
+) -> dict[str, str]:
     """Split a recording in two."""
-    return IdAnswer(id=store.split(episode_id, body.frame))
+    return {"id": store.split(episode_id, body.frame)}
 
 
 @router.post("/episodes/{episode_id}/compact")
-def compact_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
+def compact_episode(episode_id: str, store: EpisodeStore = STORE) -> dict[str, str]:
     """Apply the edits to the recording; `undo` restores the original."""
-    return UndoAnswer(undo=store.compact(episode_id))
+    return {"undo": store.compact(episode_id)}
 
 
 @router.delete("/episodes/{episode_id}")
-def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> UndoAnswer:
+def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> dict[str, str]:
     """Move an episode to the trash; `undo` is the key that restores it."""
-    return UndoAnswer(undo=store.delete(episode_id))
+    return {"undo": store.delete(episode_id)}
 
 
-def _describe_frame(moment: EpisodeFrame) -> FrameAnswer:
-    return answer(
-        FrameAnswer,
-        moment,
-        frame=moment.frame_id,
-        at_s=round(moment.at_s, 3),
-        relabelled=moment.is_relabelled,
-        deleted=moment.is_deleted,
-        intervention=moment.is_intervention,
-    )
-
-
-def _edits(notes: Notes) -> EditList:
-    return EditList([answer(EditAnswer, edit) for edit in notes.edits])
+def _edits(notes: Notes) -> Edits:
+    return {"edit_list": [answer(EditAnswer, edit) for edit in notes.edits]}

@@ -12,7 +12,7 @@ from fastapi import APIRouter, HTTPException, Request, Response
 from robot.devices.outside import text
 from robot.store.models.model import decode_model
 from robot.store.models.store import StoredModel
-from server.routes.answers import PNG, NameAnswer, Route, UndoAnswer, answer, attachment, media, png
+from server.routes.answers import PNG, Route, answer, attachment, media, png
 from server.routes.bodies import NAMED, NO_SESSION, Key, Named, do
 from server.services import persistence_of
 
@@ -73,52 +73,52 @@ def list_models(request: Request) -> ModelList:
 
 
 @router.post("", dependencies=[NO_SESSION], status_code=201)
-def begin_model(request: Request, body: NewModel = _NEW) -> NameAnswer:
+def begin_model(request: Request, body: NewModel = _NEW) -> dict[str, str]:
     """Save the model in use and start an empty one."""
     begin = persistence_of(request).autosave.begin
-    return NameAnswer(name=begin(body.name, body.learner, body.place))
+    return {"name": begin(body.name, body.learner, body.place)}
 
 
 @router.post("/save")
-def save_model(request: Request) -> NameAnswer:
+def save_model(request: Request) -> dict[str, str]:
     """Save the model in use now."""
-    return NameAnswer(name=persistence_of(request).autosave.save())
+    return {"name": persistence_of(request).autosave.save()}
 
 
 @router.post("/restore")
-def restore_model(request: Request, body: Key) -> NameAnswer:
+def restore_model(request: Request, body: Key) -> dict[str, str]:
     """Restore a deleted model."""
-    return NameAnswer(name=persistence_of(request).models.restore(body.undo))
+    return {"name": persistence_of(request).models.restore(body.undo)}
 
 
 @router.post("/{name}/load", dependencies=[NO_SESSION])
-def load_model(request: Request, name: str) -> NameAnswer:
+def load_model(request: Request, name: str) -> dict[str, str]:
     """Save the model in use and load this one; 409 unless the robot is stopped."""
     persistence_of(request).autosave.load(name)
-    return NameAnswer(name=name)
+    return {"name": name}
 
 
 @router.patch("/{name}")
-def change_model(request: Request, name: str, body: ModelChange) -> NameAnswer:
+def change_model(request: Request, name: str, body: ModelChange) -> dict[str, str]:
     """Rename a model, or set the place where it was taught."""
     autosave = persistence_of(request).autosave
     if body.place is not None:
         autosave.set_place(name, body.place)
     if body.name not in (None, name):
         name = autosave.rename(name, body.name)
-    return NameAnswer(name=name)
+    return {"name": name}
 
 
 @router.post("/{name}/copy", status_code=201)
-def copy_model(request: Request, name: str, body: Named = NAMED) -> NameAnswer:
+def copy_model(request: Request, name: str, body: Named = NAMED) -> dict[str, str]:
     """Copy a model; the body names the copy."""
-    return NameAnswer(name=persistence_of(request).models.copy(name, body.name))
+    return {"name": persistence_of(request).models.copy(name, body.name)}
 
 
 @router.delete("/{name}", dependencies=[NO_SESSION])
-def delete_model(request: Request, name: str) -> UndoAnswer:
+def delete_model(request: Request, name: str) -> dict[str, str]:
     """Move a model to the trash; `undo` is the key that restores it."""
-    return UndoAnswer(undo=persistence_of(request).autosave.delete(name))
+    return {"undo": persistence_of(request).autosave.delete(name)}
 
 
 @router.get("/{name}/preview", **PNG)
@@ -140,13 +140,13 @@ def download_model(request: Request, name: str) -> Response:
     status_code=201,
     openapi_extra={"requestBody": {"required": True, "content": {"application/octet-stream": {}}}},
 )
-async def upload_model(request: Request, name: str) -> NameAnswer:
+async def upload_model(request: Request, name: str) -> dict[str, str]:
     """Save an uploaded model under this name, or under a similar one if it is taken."""
     persistence = persistence_of(request)
     data = await request.body()
     if not data:
         raise HTTPException(400, "The body must be a model's file.")
-    return NameAnswer(name=await do(persistence.models.add_file, name, data))
+    return {"name": await do(persistence.models.add_file, name, data)}
 
 
 def _describe(saved: StoredModel) -> ModelAnswer:

@@ -7,7 +7,7 @@ from typing import Any
 from fastapi import APIRouter, HTTPException, Request
 
 from robot.devices.outside import Outside, must_be, text
-from server.routes.answers import NameAnswer, Route
+from server.routes.answers import Route
 from server.routes.bodies import NAMED, NO_SESSION, Named, Short
 from server.services import persistence_of, services_of
 
@@ -41,7 +41,7 @@ def begin_retraining(request: Request, body: RetrainingOrder) -> dict[str, Any]:
 
 
 @router.post("/keep", dependencies=[NO_SESSION], status_code=201)
-def keep(request: Request, body: Named = NAMED) -> NameAnswer:
+def keep(request: Request, body: Named = NAMED) -> dict[str, str]:
     """Save the result as a model and load it; 409 unless the robot is stopped."""
     services, persistence = services_of(request), persistence_of(request)
     model = services.retraining.take()
@@ -53,7 +53,7 @@ def keep(request: Request, body: Named = NAMED) -> NameAnswer:
         persistence.models.delete(kept)
         raise
     services.retraining.drop()
-    return NameAnswer(name=kept)
+    return {"name": kept}
 
 
 @router.delete("")

@@ -30,35 +30,27 @@ class Why:
     alike: list[list[float]]
 
 
-@dataclass
-class WhyAnswer:
-    """What the present proposal rests on; null if nothing was taught."""
-
-    why: Why | None
-
-
 @router.get("/api/why")
-async def show_why(request: Request) -> WhyAnswer:
+async def show_why(request: Request) -> dict[str, Why | None]:
     """Return the image that decides now beside the present view; null if there is none."""
     services = services_of(request)
     found = await services.on_loop(lambda: _explain(services.robot.loop))
     if found is None:
-        return WhyAnswer(why=None)
+        return {"why": None}
     prediction, explanation = found
     image = explanation.image
-    return WhyAnswer(
-        why=Why(
-            frame=prediction.frame_id,
-            action=prediction.action,
-            novelty=round(float(prediction.novelty), 3),
-            node=image.node_id,
-            votes={move.value: count for move, count in image.votes.items()},
-            frames=image.frames,
-            present=png_text(explanation.present),
-            image=png_text(image.thumbnail),
-            alike=[[round(float(part), 2) for part in row] for row in explanation.alike],
-        )
+    why = Why(
+        frame=prediction.frame_id,
+        action=prediction.action,
+        novelty=round(float(prediction.novelty), 3),
+        node=image.node_id,
+        votes={move.value: count for move, count in image.votes.items()},
+        frames=image.frames,
+        present=png_text(explanation.present),
+        image=png_text(image.thumbnail),
+        alike=[[round(float(part), 2) for part in row] for row in explanation.alike],
     )
+    return {"why": why}
 
 
 def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:

@@ -68,15 +68,14 @@ def test_a_drive_appears_in_the_list_while_it_is_recorded(
     assert episode["damage"] is None and episode["lessons"] == loop.history.n_examples
 
 
-def test_an_episode_is_shown_with_strip_timeline_and_pictures(
-    client: Client, episode_id: str
-) -> None:
+def test_an_episode_is_shown_with_timeline_and_pictures(client: Client, episode_id: str) -> None:
     shown = client.get(f"/api/episodes/{episode_id}").json()
     assert shown["lessons"] == 60 and shown["moves"] == ["forward", "left", "right"]
-    strip = client.get(f"/api/episodes/{episode_id}/strip", params={"count": 5}).json()
-    assert len(strip["frames"]) == 5 and strip["of"] == shown["frames"]
-    assert strip["frames"][2]["label"] and strip["frames"][2]["driven_by"] == "pilot"
-    columns = client.get(f"/api/episodes/{episode_id}/timeline").json()["columns"]
+    path = f"/api/episodes/{episode_id}/timeline"
+    columns = client.get(path, params={"count": 5}).json()["columns"]
+    assert len(columns["frame"]) == 5 and columns["frame"][-1] == shown["last_frame"]
+    assert columns["label"][2] and columns["driven_by"][2] == "pilot"
+    columns = client.get(path).json()["columns"]
     assert len(columns["frame"]) == len(columns["label"]) == shown["frames"]
     picture = client.get(f"/api/episodes/{episode_id}/frames/{shown['first_frame']}")
     assert picture.headers["content-type"] == "image/png"
@@ -105,7 +104,9 @@ def test_mending_is_undone_step_by_step(client: Client, episode_id: str) -> None
     assert client.delete(f"{path}/edits/last").status_code == 409
 
 
-def test_title_protection_compact_delete_and_restore(client: Client, episode_id: str) -> None:
+def test_title_protection_compact_delete_and_restore(
+    client: Client, persistence: Persistence, episode_id: str
+) -> None:
     path = f"/api/episodes/{episode_id}"
     changed = client.patch(path, json={"title": "Hall", "protected": True}).json()
     assert (changed["title"], changed["protected"]) == ("Hall", True)
@@ -118,8 +119,9 @@ def test_title_protection_compact_delete_and_restore(client: Client, episode_id:
     undo = client.delete(path).json()["undo"]
     assert client.get(path).status_code == 404
     assert client.post("/api/episodes/restore", json={"undo": undo}).json() == {"id": episode_id}
-    storage = client.get("/api/storage").json()
-    assert storage["episodes"] > 0 and storage["trash"] > 0 and storage["offered"] == []
+    assert client.get("/api/episodes").json()["offered"] == []
+    persistence.episodes.budget_bytes = 0
+    assert client.get("/api/episodes").json()["offered"] == [episode_id]
 
 
 @pytest.mark.parametrize(

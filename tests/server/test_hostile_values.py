@@ -41,11 +41,11 @@ EDIT = {"verb": "relabel", "first": 1, "last": 2, "label": "left"}
 PATHS = [
     ("GET", "/api/models/NAME/preview"), ("GET", "/api/models/NAME/file"),
     ("POST", "/api/models/NAME/load"), ("DELETE", "/api/models/NAME"),
-    ("GET", "/api/episodes/NAME"), ("GET", "/api/episodes/NAME/strip"),
+    ("GET", "/api/episodes/NAME"), ("GET", "/api/episodes/NAME/timeline"),
     ("GET", "/api/episodes/NAME/frames/1"), ("GET", "/api/episodes/NAME/file"),
     ("DELETE", "/api/episodes/NAME"), ("POST", "/api/episodes/NAME/compact"),
-    ("GET", "/api/episodes/ID/frames/NAME"), ("GET", "/api/episodes/ID/strip?count=NAME"),
-    ("GET", "/api/episodes/ID/strip?first=NAME"), ("GET", "/api/teaching/last?seconds=NAME"),
+    ("GET", "/api/episodes/ID/frames/NAME"), ("GET", "/api/episodes/ID/timeline?count=NAME"),
+    ("GET", "/api/teaching/last?seconds=NAME"),
 ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from robot.driver import Move, move_at
-from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Point
+from robot.types import DEFAULT_MOVES, Action, Encoding, Point
 from server import protocol
 from server.protocol import ErrorCode, ProtocolError, VideoFrame
 
@@ -42,19 +42,12 @@ def test_pictures(vector: dict[str, Any]) -> None:
     fields = dict(vector["picture"])
     picture = VideoFrame(
         data=bytes.fromhex(fields.pop("data_hex")),
+        captured_s=fields.pop("captured_ms") / 1000,
         encoding=Encoding(fields.pop("encoding")),
         **fields,
     )
     assert protocol.parse_picture(message) == picture
-    frame = Frame(
-        frame_id=picture.frame_id,
-        captured_s=picture.captured_ms / 1000,
-        width=picture.width,
-        height=picture.height,
-        encoding=picture.encoding,
-        data=picture.data,
-    )
-    encoded = protocol.encode_picture(frame, picture.nonce, is_quiet=picture.quiet)
+    encoded = protocol.encode_picture(picture, picture.nonce, is_quiet=picture.quiet)
     assert encoded == message
 
 

@@ -158,7 +158,7 @@ async def _watch(port: int, watched: Watched) -> None:
         async for message in socket:
             assert isinstance(message, bytes)
             picture, now_s = parse_picture(message), time.monotonic()
-            watched.append((now_s, now_s - picture.captured_ms / 1000))
+            watched.append((now_s, now_s - picture.captured_s))
             if not picture.quiet:
                 await socket.send(encode_acknowledgement(picture.frame_id))
 

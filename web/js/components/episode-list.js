@@ -9,14 +9,15 @@ import { language, t } from '../i18n.js';
 /** @param {Home} home */
 export async function listEpisodes(home) {
   const turn = (home.listing += 1);
-  const [answer, storage] = await Promise.all([home.attempt(() => ask('GET', 'api/episodes')), ask('GET', 'api/storage').catch(() => null)]);
+  const answer = await home.attempt(() => ask('GET', 'api/episodes'));
   if (!answer) return;
   const seen = answer.episodes.filter((/** @type {any} */ episode) => episode.frames || answer.recording === episode.id);
   const list = await Promise.all(seen.map((/** @type {any} */ episode) => card(home, episode, answer.recording === episode.id)));
+  const offered = answer.episodes.filter((/** @type {any} */ episode) => answer.offered.includes(episode.id));
   if (!home.isConnected || turn !== home.listing) return;
   const part = /** @type {HTMLElement} */ (home.episodes);
   fill(part, h('h2', {}, t('episodes')), answer.fault ? h('p', { class: 'hint' }, answer.fault) : null,
-    storage?.offered.length ? h('p', { class: 'hint' }, t('episodes.full', { names: storage.offered.map(title).join(', ') })) : null,
+    offered.length ? h('p', { class: 'hint' }, t('episodes.full', { names: offered.map(title).join(', ') })) : null,
     home.offer, ...(list.length ? list : [h('p', { class: 'hint' }, t('episodes.none'))]));
   const ids = new Set(seen.map((/** @type {any} */ episode) => episode.id));
   for (const id of home.ticked) if (!ids.has(id)) home.ticked.delete(id);
@@ -110,9 +111,9 @@ function facts(episode) {
 
 /** @param {Home} home @param {string} path @param {HTMLElement} strip */
 async function showStrip(home, path, strip) {
-  const answer = /** @type {any} */ (await home.attempt(() => ask('GET', `${path}/strip?count=12`)));
-  const frames = answer?.frames ?? [];
-  fill(strip, ...frames.map((/** @type {any} */ moment) => h('img', { alt: '', width: 40, height: 30, loading: 'lazy', src: `${path}/frames/${moment.frame}` })));
+  const answer = /** @type {any} */ (await home.attempt(() => ask('GET', `${path}/timeline?count=12`)));
+  const frames = answer?.columns.frame ?? [];
+  fill(strip, ...frames.map((/** @type {number} */ frame) => h('img', { alt: '', width: 40, height: 30, loading: 'lazy', src: `${path}/frames/${frame}` })));
 }
 
 /** @param {Home} home @param {string} path @param {string} name */
