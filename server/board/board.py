@@ -17,6 +17,8 @@ from server.board.strangers import Strangers
 from server.board.teacher_session import TeacherSession
 from server.board.transport import NetworkTransport, RobotAddress, UnreachableError
 
+PICTURE_EVERY_S = 1.0
+
 
 class Onlooker:
     """One open page of the board: what it has not been told yet, and the newest pictures.
@@ -42,6 +44,7 @@ class Board:
         key: The class's key.
         transport: Reaches the robots.
         clock: All waiting goes through it.
+        picture_every_s: How often a robot's picture is renewed, while a page shows it.
 
     Attributes:
         robots: Those of the class: the teacher has named them, or they have proved it. None is
@@ -49,9 +52,16 @@ class Board:
         strangers: Who else was announced.
     """
 
-    def __init__(self, key: ClassKey, transport: NetworkTransport, clock: Clock) -> None:
+    def __init__(
+        self,
+        key: ClassKey,
+        transport: NetworkTransport,
+        clock: Clock,
+        picture_every_s: float = PICTURE_EVERY_S,
+    ) -> None:
         self._clock = clock
         self._meet = partial(TeacherSession, key=key, transport=transport)
+        self._picture_every_s = picture_every_s
         self.robots: dict[int, RobotLink] = {}
         self.strangers = Strangers(self._meet, clock, self.add, self._note_strangers)
         self._tasks: list[asyncio.Task[None]] = []
@@ -155,7 +165,7 @@ class Board:
     def _choose_pictures(self) -> None:
         watched = frozenset[int]().union(*(page.watched for page in self._onlookers))
         for robot in self.robots.values():
-            robot.show(robot.number in watched)
+            robot.show(self._picture_every_s if robot.number in watched else None)
 
     def _note_news(self, robot: RobotLink) -> None:
         if not any(other.stop.stage is Stopping.ASKED for other in self.robots.values()):

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from robot.clock import RealClock
 from robot.store.folder import default_root
-from server.cli.parser import whole
+from server.cli.parser import number, whole
 
 if TYPE_CHECKING:
     from server.board.class_key import ClassKey
@@ -38,6 +38,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--port", type=whole(0, 65535), default=8080, help="port (default: %(default)s)"
     )
+    parser.add_argument(
+        "--pictures",
+        type=number(above=0, most=10),
+        default=1.0,
+        metavar="HZ",
+        help="pictures a second of each robot (default: %(default)s)",
+    )
     parser.add_argument("-v", "--verbose", action="store_true", help="log more")
 
 
@@ -52,11 +59,13 @@ def run(args: argparse.Namespace) -> int:
     key = keep_class_key(args.class_key)
     print(f"Start each robot with: --lan --class-key {args.class_key.name}", flush=True)
     print(f"and a copy of {args.class_key.resolve()}", flush=True)
-    serve_board(key, args.port, listed)
+    serve_board(key, args.port, listed, 1 / args.pictures)
     return 0
 
 
-def serve_board(key: ClassKey, port: int, listed: Sequence[RobotAddress]) -> None:
+def serve_board(
+    key: ClassKey, port: int, listed: Sequence[RobotAddress], picture_every_s: float = 1.0
+) -> None:
     """Serve the page of these robots, or of all that the network announces if there are none."""
     from server.board.app import create_board_app
     from server.board.board import Board
@@ -69,7 +78,7 @@ def serve_board(key: ClassKey, port: int, listed: Sequence[RobotAddress]) -> Non
     listener = open_socket(config.host, config.port)
     config = dataclasses.replace(config, port=listener.getsockname()[1])
     clock = RealClock()
-    board = Board(key, NetworkTransport(), clock)
+    board = Board(key, NetworkTransport(), clock, picture_every_s)
     with contextlib.ExitStack() as stack:
 
         def begin() -> None:

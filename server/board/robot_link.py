@@ -29,7 +29,6 @@ PING_EVERY_S, SILENCE_S = 1.0, 3.0
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _PATIENCE_S = 5.0
 _INVITE_EVERY_S = 100.0
-_PICTURES = "/ws/video?every_ms=1000"
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
     *("busy", "agreement", "lessons", "battery", "pilot", "viewers", "stopped_by_teacher"),
@@ -70,9 +69,10 @@ class RobotLink:
         self._clock = clock
         self._on_news, self._on_picture = on_news, on_picture
         self._at_leisure = at_leisure
-        self._is_watched = False
-        self._watch_changed = asyncio.Event()
+        self._every_s: float | None = None
+        self._rate_changed = asyncio.Event()
         self._hurry = asyncio.Event()
+        self._was_there = False
         self._heard_s = 0.0
 
     # What others ask ---------------------------------------------------------------------------
@@ -105,11 +105,11 @@ class RobotLink:
             return address
         return pairing_address(address, token) if token else None
 
-    def show(self, is_watched: bool) -> None:
-        """Get pictures from now on, or no more."""
-        if is_watched != self._is_watched:
-            self._is_watched = is_watched
-            self._watch_changed.set()
+    def show(self, every_s: float | None) -> None:
+        """Get a picture in so many seconds; None for none at all."""
+        if every_s != self._every_s:
+            self._every_s = every_s
+            self._rate_changed.set()
 
     async def refresh(self) -> None:
         """Ask for name, colour, locks and model again."""
@@ -124,17 +124,15 @@ class RobotLink:
         retry_s = _RETRY_S
         try:
             while True:
-                status, detail = Status.AWAY, ""
                 try:
                     await self._serve()
                 except WrongClassError as error:
-                    status, detail = error.status, str(error)
+                    self._lose(error.status, str(error))
                 except (RobotError, TimeoutError) as error:
-                    detail = str(error) or "it does not answer in time"
+                    self._lose(Status.AWAY, str(error) or "it does not answer in time")
                 except (ValueError, KeyError, TypeError) as error:
-                    detail = f"its answer makes no sense: {error!r}"[:300]
-                was_there = self.status is Status.THERE
-                self._lose(status, detail)
+                    self._lose(Status.AWAY, f"its answer makes no sense: {error!r}"[:300])
+                was_there, self._was_there = self._was_there, False
                 retry_s = _RETRY_S if was_there else min(2 * retry_s, _LONGEST_RETRY_S)
                 if self.stop.is_under_way:
                     retry_s = _STOP_RETRY_S
@@ -165,7 +163,7 @@ class RobotLink:
             if self.stop.stage is not None:
                 await self.stop.send(channel)
             await channel.send(json.dumps({"type": "idle"}))
-            self.stop.channel = channel
+            self.stop.channel, self._was_there = channel, True
             self.status, self.detail = Status.THERE, ""
             self._heard_s = self._clock.now_s()
             self._on_news(self)
@@ -227,13 +225,14 @@ class RobotLink:
     async def _look(self) -> None:
         """Get pictures while somebody looks."""
         while True:
-            self._watch_changed.clear()
-            if not self._is_watched:
-                await self._watch_changed.wait()
+            self._rate_changed.clear()
+            if self._every_s is None:
+                await self._rate_changed.wait()
                 continue
+            path = f"/ws/video?every_ms={round(self._every_s * 1000)}"
             try:
-                async with self._session.connect(_PICTURES) as channel:
-                    await first_of(self._take_pictures(channel), self._watch_changed.wait())
+                async with self._session.connect(path) as channel:
+                    await first_of(self._take_pictures(channel), self._rate_changed.wait())
             except UnreachableError:
                 await self._clock.pause(_RETRY_S)
 

@@ -214,7 +214,7 @@ def test_a_study_from_the_plan_to_the_same_tables_elsewhere(
     with zipfile.ZipFile(file) as packed:
         tables = [n for n in packed.namelist() if n.endswith((".csv", ".svg", ".html"))]
         tables = [n for n in tables if not n.startswith("events/")]
-        assert len(tables) == 2 + 4 + 4, "rows and report, tables, a figure a condition and move"
+        assert len(tables) > 25
         for name in tables:
             assert (file.parent / "again" / name).read_bytes() == packed.read(name), name
     print(f"study: {len(people)} participants, {len(tables)} tables and figures the same")
