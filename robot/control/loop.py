@@ -166,8 +166,7 @@ class ControlLoop:
         """Run one tick. Never raises: an error stops the robot and is reported in `state`."""
         started_s = self.clock.now_s()
         frame, sensors, link = None, Sensors(), self.state.link
-        taken: _Commands = []
-        refused: _Commands = []
+        taken, refused = _Commands(), _Commands()
         try:
             self._is_held_up(now_s - self.state.now_s)
             self._mailbox.serve()

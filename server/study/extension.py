@@ -15,7 +15,7 @@ from robot.errors import ConfigurationError, NotFoundError
 from robot.study.builtin import paper_plan
 from robot.study.session import SessionStep
 from server.extension import Extension
-from server.routes.answers import NameAnswer, Route, attachment, media
+from server.routes.answers import Route, attachment, media
 from server.routes.bodies import do
 from server.security.access import ONLY_PILOTS, Role
 from server.security.guard import role_of
@@ -177,12 +177,12 @@ async def download_older(request: Request, result_id: str) -> Response:
 
 
 @router.post("/studies", dependencies=[PILOT], status_code=201)
-async def create_study(request: Request, body: NewStudy) -> NameAnswer:
+async def create_study(request: Request, body: NewStudy) -> dict[str, str]:
     """Make a study of a plan, or of the paper's."""
     plan = body.plan if body.trial is None else paper_plan(body.trial)
     if plan is None:
         raise ConfigurationError("send 'plan', a TOML text, or 'trial', 1, 2 or 3")
-    return NameAnswer(name=await do(_conductor(request).folder.create, body.name, plan))
+    return {"name": await do(_conductor(request).folder.create, body.name, plan)}
 
 
 @router.get("/studies/{name}", dependencies=[PILOT])
@@ -274,7 +274,7 @@ class StudyExtension(Extension):
         kept = services.persistence
         self.conductor: Conductor | None = None
         if kept is not None:
-            self.conductor = Conductor(services.robot, kept, services.events.publish)
+            self.conductor = Conductor(services.robot, kept, services.hub.announce)
 
     def start(self) -> None:
         if self.conductor is not None:
