@@ -15,8 +15,8 @@ import time
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import BinaryIO
+from uuid import uuid4
 
 from robot.errors import ConfigurationError, NotFoundError
 
@@ -231,10 +231,12 @@ class Storage:
 
     def _try_longest(self) -> None:
         """Make a file with a path as long as any to come: Windows takes 260 characters in all."""
-        # A folder of its own: another program may be trying at the same time.
+        # A folder of its own: another program may be trying at the same time. On Windows `tempfile`
+        # tries names for ever where nothing can be written.
+        folder = self.trash / uuid4().hex.ljust(_LONGEST_NAME, "n")
         try:
-            with TemporaryDirectory(prefix="n" * (_LONGEST_NAME - 8), dir=self.trash) as folder:
-                Path(folder, "n" * (_LONGEST_NAME + _LONGEST_ENDING)).touch()
+            folder.mkdir()
+            (folder / ("n" * (_LONGEST_NAME + _LONGEST_ENDING))).touch()
         except OSError as error:
             if error.errno not in (errno.ENAMETOOLONG, errno.ENOENT, errno.EINVAL):
                 raise
@@ -243,6 +245,8 @@ class Storage:
                 error.errno,
                 f"a file in it can need a path of {n} characters, which is too long here",
             ) from error
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
 
     def sweep(self) -> None:
         """Remove what a power cut left half done a minute ago or more: `.part`, empty recordings.
