@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from robot.errors import MissingExtraError
+
 KERNEL = "a kernel's interface that Linux alone has: "
 RIGHTS = "who may read a file is not said by bits there"
-NO_EXTRA = "the extra `export` is not installed there (pyarrow, av)"
+NO_EXTRA = "the extra `{}` is not installed there"
+EXTRA_LIBRARIES = ("sklearn", "scipy", "matplotlib", "river", "pyarrow", "av")
+"""Which tests import by themselves; the others learn from the product what is missing."""
 SKIPPED = {
     "robot/bodies/gpio": KERNEL + "GPIO",
     "robot/bodies/ev3/test_v4l2.py": KERNEL + "V4L2",
@@ -24,8 +30,13 @@ SKIPPED = {
             "robot/exchange/test_own_moves.py",
             "robot/exchange/test_timeline.py",
         ],
-        NO_EXTRA,
+        NO_EXTRA.format("export"),
     ),
+    "robot/lab/test_evaluation.py::test_the_command_writes": NO_EXTRA.format("evaluate"),
+    "robot/lab/eyes/test_weights.py::test_a_broken_installation": "importlib there is of two kinds",
+    "robot/bodies/ev3/test_agent_syntax.py": "the brick's Python is asked, which is not there",
+    "robot/bodies/ev3/test_installer.py": "a stand-in for ssh, a script that Linux runs",
+    "robot/bodies/ev3/test_stock.py::test_the_cable_carries": KERNEL + "packets of a local socket",
 }
 ABSENT = {"mkfifo": KERNEL + "named pipes, which a stand-in for a brick has"}
 """Functions of `os`: a test that calls one is skipped there."""
@@ -63,3 +74,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if reason := _reason(item.path, item.name):
             item.add_marker(pytest.mark.skip(reason))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup() -> Generator[None, Any, Any]:
+    return (yield from _without_extras())
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, Any, Any]:
+    return (yield from _without_extras())
+
+
+def _without_extras() -> Generator[None, Any, Any]:
+    """Skip a test that finds that an extra's library is not there."""
+    try:
+        return (yield)
+    except MissingExtraError as error:
+        pytest.skip(NO_EXTRA.format(error.extra))
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in EXTRA_LIBRARIES:
+            raise
+        pytest.skip(f"{error.name} is not installed there")

@@ -126,7 +126,7 @@ def test_models_of_other_features_and_impossible_ones_are_refused():
         IntegerRidge(N + 1).load({}, arrays)
     for halvings in (-1, 2**40):
         ridge = IntegerRidge(N)
-        ridge.load({}, {**arrays, "halvings": np.array([halvings])})
+        ridge.load({}, {**arrays, "halvings": np.array([halvings], np.int64)})
         with pytest.raises(ValueError, match="halvings"):
             ridge.check()
     for bad in (
