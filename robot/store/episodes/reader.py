@@ -249,14 +249,18 @@ def _parts(body: bytes) -> Iterator[tuple[int, bytes]]:
 
 def _unpack(compression: str, data: bytes, size: int) -> bytes:
     """Unpack to at most one byte more than was claimed, whatever the data holds."""
-    if not compression:
-        return data
-    if compression != "zstd":
-        raise RecordingError(f"unknown compression of a chunk: {compression[:20]!r}")
-    import zstandard
-
     try:
-        with zstandard.ZstdDecompressor().stream_reader(io.BytesIO(data)) as reader:
-            return reader.read(size + 1)
-    except zstandard.ZstdError as error:
+        if compression == "zstd":
+            import zstandard
+
+            with zstandard.ZstdDecompressor().stream_reader(io.BytesIO(data)) as reader:
+                return reader.read(size + 1)
+        if compression == "lz4":
+            import lz4.frame
+
+            return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
+    except Exception as error:  # each library has errors of its own; all mean the same here
         raise RecordingError(f"a chunk cannot be unpacked: {error}") from error
+    if compression:
+        raise RecordingError(f"unknown compression of a chunk: {compression[:20]!r}")
+    return data
