@@ -6,7 +6,7 @@ A library that is missing is named with the command that adds it to this very in
 from __future__ import annotations
 
 import difflib
-import importlib.util
+import importlib
 import json
 import shlex
 import sys
@@ -120,6 +120,10 @@ def _source() -> str | None:
 
 def _pip_install() -> str:
     """Return pip for the very Python that runs, whatever is on the PATH."""
-    python = shlex.quote(sys.executable)
-    has_pip = importlib.util.find_spec("pip") is not None
-    return f"{python} -m pip install" if has_pip else f"uv pip install --python {python}"
+    import importlib.metadata
+
+    try:
+        importlib.metadata.version("pip")
+    except importlib.metadata.PackageNotFoundError:
+        return f"uv pip install --python {shlex.quote(sys.executable)}"
+    return f"{shlex.quote(sys.executable)} -m pip install"
