@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -34,8 +35,9 @@ READ_CODES = """async () => {
 
 
 def free_ports(count: int) -> int:
-    """Return the first of so many ports in a row that nobody has."""
-    for first in range(21000, 60000, 100):
+    """Return the first of so many ports in a row that nobody has, nor another worker may find."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
+    for first in range(21_000 + 100 * (worker % 16), 32_000, 1600):
         with contextlib.ExitStack() as held, contextlib.suppress(OSError):
             for port in range(first, first + count):
                 held.enter_context(socket.socket()).bind(("127.0.0.1", port))

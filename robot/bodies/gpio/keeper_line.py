@@ -10,7 +10,7 @@ from multiprocessing import Pipe
 from robot.bodies.gpio.keeper import FAILED, READY
 from robot.clock import Clock
 
-START_S = 10.0
+START_S = 30.0
 """Importing Python's libraries on a small Raspberry Pi takes seconds."""
 HANGS_S = 0.3
 """A keeper that answers nothing for so long is killed; the next one stops the motors."""
