@@ -9,7 +9,6 @@ from functools import cache
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
-from starlette.middleware.gzip import GZipMiddleware
 
 from server.hosting.network import host_names
 from server.hosting.static_files import PageFiles
@@ -47,7 +46,7 @@ def create_app(services: Services) -> FastAPI:
     for router in parts:
         app.include_router(router)
     app.openapi = cache(lambda: describe_routes(app, parts))  # type: ignore[method-assign]
-    app.mount("/", GZipMiddleware(PageFiles(config.web)), name="web")
+    app.mount("/", PageFiles(config.web), name="web")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

@@ -12,8 +12,6 @@ from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, WebSocket
 from fastapi.responses import FileResponse, JSONResponse, Response
-from starlette.middleware.gzip import GZipMiddleware
-from starlette.staticfiles import StaticFiles
 
 from robot.clock import Clock
 from robot.devices.outside import Outside, must_be, text, whole
@@ -22,6 +20,7 @@ from server.board.board import Board, Onlooker
 from server.board.model_copy import copy_model
 from server.config import Config
 from server.hosting.network import host_names
+from server.hosting.static_files import CompressedFiles
 from server.routes.bodies import HANDLERS, Short
 from server.routes.sockets import end_with_either
 from server.security.access import Access
@@ -92,7 +91,7 @@ def create_board_app(
     door = Door(config.limits, connection_capacity())
     keep_door(app, door, clock)
     _add_routes(app, config, board, clock)
-    app.mount("/", GZipMiddleware(StaticFiles(directory=config.web)), name="web")
+    app.mount("/", CompressedFiles(directory=config.web), name="web")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

@@ -1,23 +1,35 @@
-"""The page's files: joined ones kept for ever, the others asked for again."""
+"""The page's files: joined ones kept for ever, the others asked for again; text is compressed."""
 
 from __future__ import annotations
 
+import gzip
 import hashlib
+from functools import lru_cache
 from pathlib import Path
 
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
-from starlette.responses import JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
 from server.hosting.joined_page import JoinedPage, join_page
 from server.security.guard import content_policy
 
+_TEXT = ("text/", "application/json", "application/manifest+json", "image/svg+xml")
 _FOR_EVER = "max-age=31536000, immutable"
 
 
-class PageFiles(StaticFiles):
+class CompressedFiles(StaticFiles):
+    """Serves a folder as `StaticFiles` does, with text compressed."""
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """Answer with the file, compressed if it is text."""
+        response = await super().get_response(path, scope)
+        return _compress(response, scope) if isinstance(response, FileResponse) else response
+
+
+class PageFiles(CompressedFiles):
     """Serves the page joined, and everything else in its folder as it is."""
 
     def __init__(self, folder: Path) -> None:
@@ -37,10 +49,10 @@ class PageFiles(StaticFiles):
             return JSONResponse(self._page.shell)
         kind = "text/css" if path.endswith(".css") else "text/javascript"
         if path == "js/pair.js":
-            return Response(self._page.pair, media_type=kind)
+            return _compress(Response(self._page.pair, media_type=kind), scope)
         if path in self._page.files:
             kept = {"cache-control": _FOR_EVER}
-            return Response(self._page.files[path], 200, kept, kind)
+            return _compress(Response(self._page.files[path], 200, kept, kind), scope)
         return await super().get_response(path, scope)
 
 
@@ -59,4 +71,26 @@ def _document(page: JoinedPage, scope: Scope) -> Response:
     }
     if sent.get("if-none-match") == etag:
         return Response(status_code=304, headers=headers)
-    return Response(page.html, 200, headers, "text/html")
+    return _compress(Response(page.html, 200, headers, "text/html"), scope)
+
+
+def _compress(response: Response, scope: Scope) -> Response:
+    """Return a whole text compressed, where the client takes that."""
+    headers = response.headers
+    if not headers.get("content-type", "").startswith(_TEXT):
+        return response
+    headers["vary"] = "accept-encoding"
+    if "gzip" not in Headers(scope=scope).get("accept-encoding", ""):
+        return response
+    if isinstance(response, FileResponse):
+        data = Path(response.path).read_bytes()
+    else:
+        data = bytes(response.body)
+    about_data = ("content-length", "accept-ranges")
+    kept = {name: value for name, value in headers.items() if name not in about_data}
+    return Response(_pack(data), response.status_code, {**kept, "content-encoding": "gzip"})
+
+
+@lru_cache(maxsize=160)
+def _pack(data: bytes) -> bytes:
+    return gzip.compress(data, 9, mtime=0)

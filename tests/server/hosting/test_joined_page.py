@@ -13,7 +13,6 @@ from pathlib import Path
 import httpx
 import pytest
 from starlette.exceptions import HTTPException
-from starlette.middleware.gzip import GZipMiddleware
 
 from server.hosting.joined_page import JoinError, join_page, shrink
 from server.hosting.static_files import PageFiles
@@ -99,7 +98,7 @@ def test_comments_go_and_texts_stay(source: str, left: str) -> None:
     assert shrink(source) == left
 
 
-_FILES = GZipMiddleware(PageFiles(WEB))
+_FILES = PageFiles(WEB)
 
 
 def get(path: str, **headers: str) -> httpx.Response:
