@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 from bisect import bisect_left
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -23,6 +24,8 @@ from robot.policy.history import Replaced, Taught, Undone
 MARK_EVERY = 10
 """Examples between two points of the curve."""
 _MARKS, _POINTS = 2000, 200
+_REMEMBERED = 512
+"""How many images are cached, including those that are gone."""
 _REFRESH_S = 0.4
 """The gallery is fetched at most so often while the robot learns."""
 
@@ -53,6 +56,7 @@ class Progress:
         self.trail = Trail()
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
+        self._seen: OrderedDict[int, LearnedImage] = OrderedDict()
         self._newest = -1  # of the images that clients were told of
         self._is_stale = True
         self._fetched_s = -math.inf
@@ -70,7 +74,8 @@ class Progress:
         for event in tick.history_events:
             if isinstance(event, Replaced):
                 self._marks = []
-                self._newest = -1  # its images have the same numbers as others
+                # Its images have the same numbers as others.
+                self._seen, self._newest = OrderedDict(), -1
             elif isinstance(event, Undone):
                 self._marks = [mark for mark in self._marks if mark.n_examples <= n_examples]
             elif isinstance(event, Taught):
@@ -112,19 +117,26 @@ class Progress:
             history = self._loop.history
             request = self._loop.submit(lambda: history.policy.gallery())
             self._gallery = await asyncio.wrap_future(request)
-            self._newest = max([self._newest, *(image.node_id for image in self._gallery)])
+            self._remember(self._gallery)
         return self._gallery
 
     async def image(self, node: int) -> LearnedImage | None:
-        """Return a learned image; None for one that never was.
+        """Return a learned image; if it has been merged since, as it was last seen.
 
         A client asks for images that it was told of a moment ago, and each example may merge
-        some: for one that is gone the best answer is the image that is used now.
+        some: the last version is then the best answer. One that was merged before it was listed
+        is answered by the image that is used now. None for one that never was.
         """
-        for is_fresh in (False, True):
-            for image in await self.gallery(fresh=is_fresh):
-                if image.node_id == node:
-                    return image
-        if not 0 <= node <= self._newest:
-            return None
-        return max(self._gallery, key=lambda image: image.last_used, default=None)
+        await self.gallery()
+        if node not in self._seen:
+            await self.gallery(fresh=True)
+        if node not in self._seen and 0 <= node <= self._newest:
+            return max(self._gallery, key=lambda image: image.last_used, default=None)
+        return self._seen.get(node)
+
+    def _remember(self, images: list[LearnedImage]) -> None:
+        for image in images:
+            self._seen[image.node_id] = image
+            self._seen.move_to_end(image.node_id)
+        while len(self._seen) > max(_REMEMBERED, 2 * len(images)):
+            self._seen.popitem(last=False)

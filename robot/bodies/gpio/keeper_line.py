@@ -43,7 +43,7 @@ class KeeperLine:
         self._waits_s: float | None = None
 
     def send(self, message: bytes) -> None:
-        """Write one line; a keeper that is gone or hangs is replaced, and the message dropped."""
+        """Send one message; a keeper that is gone or hangs is replaced, and the message dropped."""
         now_s = self._clock.now_s()
         if self._waits_s is None:
             self._waits_s = now_s
