@@ -10,7 +10,7 @@ Whatever goes wrong becomes a `Gap`: what to show the robot, and the picture of 
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -26,8 +26,11 @@ STARTS = 3
 RARE_SHARE = 0.02
 """A move on fewer of the examples has to have been begun twice as often. Who drives straight for
 minutes shows too little of what to do at a wall, and each further minute makes it less."""
-_SLIP, _MEANT = 5, 10
-"""Fewer examples in all, or in a single try, are a slip of the finger."""
+_SLIP_S, _MEANT_S = 0.35, 0.9
+"""A shorter try is a slip of the finger. A rare move is in use once it was held for so long without
+slips: who never meant it would else be asked for it until he had slipped often enough."""
+_FEWEST = 5
+"""Fewer examples are no move in use, whatever their share."""
 CLEAN_S = 45.0
 """The robot is ready when it has driven so long without anything going wrong,"""
 NOVEL_SHARE = 0.015
@@ -94,6 +97,8 @@ class Readiness:
         self._taught_s = 0.0
         self._examples: Counter[Action] = Counter()
         self._starts: Counter[Action] = Counter()
+        self._meant_s: dict[Action, float] = defaultdict(float)
+        self._try_s = 0.0
         self._last: tuple[float, Action] | None = None
         self._proposed: deque[tuple[float, Action | None]] = deque(maxlen=64)
         self._foreseen: deque[bool] = deque(maxlen=_CHANGES)
@@ -149,7 +154,12 @@ class Readiness:
         is_going_on = before is not None and 0.0 <= step_s < _PAUSE_S
         self._taught_s += step_s if is_going_on else 0.0
         if before is not None and is_going_on and label == before[1]:
+            was_slip = self._try_s < _SLIP_S
+            self._try_s += step_s
+            if self._try_s >= _SLIP_S:
+                self._meant_s[label] += self._try_s if was_slip else step_s
             return
+        self._try_s = 0.0
         self._starts[label] += 1
         if not is_going_on or event.example.is_intervention:
             return
@@ -205,10 +215,11 @@ class Readiness:
     @property
     def moves_in_use(self) -> list[Action]:
         """The moves that this pilot uses, without slips of the finger."""
+        often = max(_FEWEST, RARE_SHARE * self._examples.total())
         return [
             move
             for move, count in self._examples.items()
-            if count >= (_SLIP if self._starts[move] > 1 else _MEANT)
+            if count >= often or self._meant_s.get(move, 0.0) >= _MEANT_S
         ]
 
     @property

@@ -163,6 +163,21 @@ def test_a_slip_of_the_finger_is_no_move_to_be_taught() -> None:
     assert R not in drive.readiness.moves_in_use
 
 
+@pytest.mark.parametrize("rate_hz", [10, 15, 30])
+@pytest.mark.parametrize("slip_s", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("n_slips", [1, 2, 3, 4, 5])
+def test_who_never_turns_left_is_not_asked_for_it_however_often_the_finger_slips(
+    rate_hz, slip_s, n_slips
+) -> None:
+    drive = Drive(rate_hz)
+    for turn in range(14):
+        drive.teach(F, 3.0)
+        drive.teach(R, 3.0)
+        if turn < n_slips:
+            drive.teach(L, slip_s)
+    assert drive.readiness.stage is Stage.TRY
+
+
 @pytest.mark.parametrize(
     ("what", "kind"),
     [
