@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -60,9 +61,12 @@ class DrivingLearner:
             bumped: True if a bumper is pressed.
 
         Raises:
-            ValueError: If the pixels have another shape or type.
-            CameraError: If the picture is too small for the learner.
+            ValueError: If the pixels have another shape or type, or the time is no finite number.
+            CameraError: If the picture has no pixels.
         """
+        self._seen = None
+        if not math.isfinite(at_s):
+            raise ValueError(f"a picture is taken at a number of seconds, not at {at_s}")
         pixels = np.asarray(picture)
         if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype != np.uint8:
             raise ValueError(
@@ -96,16 +100,19 @@ class DrivingLearner:
             point: The move by degrees, if the person meant it so.
 
         Raises:
-            ValueError: If the move is none of `moves`, or no picture was seen since the last call.
+            ValueError: If the move is none of `moves`, a share of the point is not from -1 to 1, or
+                no picture was seen since the last call.
         """
         if self._seen is None:
             raise ValueError("there is no new picture to learn: call see() before each teach()")
+        if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
+            raise ValueError(f"steering and throttle are from -1 to 1, not {tuple(point)}")
         x, at_s = self._seen
         example = Example(
             frame_id=self._frame_id,
             label=Action(move),
             is_intervention=is_correction,
-            point=point,
+            point=None if point is None else Point(*map(float, point)),
         )
         self.history.teach(example, x, at_s)
         self._seen = self._under_way = None

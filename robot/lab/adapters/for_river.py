@@ -80,9 +80,10 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
                     longer = [(0, 0)] * (state.arrays[name].ndim - 1) + [(0, more)]
                     state.arrays[name] = np.pad(state.arrays[name], longer)
                 self._learner.set_state(state)
-        if y not in self._labels:
+        label = self._labels.index(y) if y in self._labels else len(self._labels)
+        self._learner.learn_one(self._vector(x), str(label))  # may refuse the values
+        if label == len(self._labels):
             self._labels.append(y)
-        self._learner.learn_one(self._vector(x), str(self._labels.index(y)))
 
     def predict_proba_one(self, x: Mapping[Any, Any]) -> dict[Any, float]:
         """Return each label's share; nothing before the first example."""

@@ -78,10 +78,10 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
             self.classes_ = unique_labels(self.classes_, given)
         places = {label: place for place, label in enumerate(self._came)}
         for x, label in zip(xs, ys.tolist(), strict=True):
-            if label not in places:
-                places[label] = len(self._came)
+            place = places.setdefault(label, len(places))
+            self.learner_.learn_one(x, str(place))  # may refuse values that are too large
+            if place == len(self._came):
                 self._came.append(label)
-            self.learner_.learn_one(x, str(places[label]))
         return self
 
     def predict_proba(self, X: ArrayLike) -> NDArray[np.float64]:  # noqa: N803

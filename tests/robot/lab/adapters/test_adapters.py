@@ -90,3 +90,23 @@ def test_river_takes_any_label_and_features_that_come_late() -> None:
     for kind, label in enumerate(labels):
         assert model.predict_one({f"{kind}-{j}": 1.5 for j in range(12)}) == label
     assert model.predict_proba_one({"never seen": 1.0}).keys() == set(labels)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), 1e39, "text"])
+def test_after_a_refused_example_river_is_answered_as_before(bad: Any) -> None:
+    model = RiverBSOC()
+    with pytest.raises(ValueError):
+        model.learn_one({"light": bad}, "dusk")
+    assert model.predict_proba_one({"light": 1.0}) == {}
+    model.learn_one({"light": 0.9}, "day")
+    with pytest.raises(ValueError):
+        model.learn_one({"light": bad, "wind": 1.0}, "dusk")
+    assert model.predict_proba_one({"light": 1.0}) == {"day": 1.0}
+
+
+def test_after_a_refused_example_scikit_learn_is_answered_as_before() -> None:
+    estimator = BSOCEstimator().partial_fit([[0.9]], ["day"], classes=["day", "dusk", "night"])
+    with pytest.raises(ValueError, match="large"):
+        estimator.partial_fit([[1e30]], ["dusk"])
+    assert estimator.partial_fit([[0.1]], ["night"]).predict_proba([[0.1]]).shape == (1, 3)
+    assert estimator.predict([[0.1], [0.9]]).tolist() == ["night", "day"]

@@ -9,7 +9,7 @@ from robot.control.online_learning import OnlineLearning
 from robot.lab.adapters.driving_learner import DrivingLearner
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
-from robot.types import Action, Encoding, Frame, PilotCommand
+from robot.types import Action, Encoding, Frame, PilotCommand, Point
 
 MOVES = ("left", "right", "gas")
 
@@ -90,3 +90,26 @@ def test_bad_input_is_named() -> None:
     learner.see(picture(1), 0.0)
     with pytest.raises(ValueError, match="fly"):
         learner.teach("fly")
+
+
+@pytest.mark.parametrize("at_s", [float("nan"), float("inf")])
+def test_a_time_that_is_none_is_refused_and_undo_goes_on(at_s: float) -> None:
+    learner = DrivingLearner(MOVES)
+    for i in range(20):
+        learner.see(picture(1, i), 0.1 * i)
+        learner.teach("gas")
+        with pytest.raises(ValueError, match="seconds"):
+            learner.see(picture(1, i), at_s)
+        with pytest.raises(ValueError, match="see"):  # and what was seen before is not taught twice
+            learner.teach("gas")
+    assert learner.undo(0.95) == 10
+
+
+@pytest.mark.parametrize("steering", [float("nan"), 1.5, -1e30])
+def test_steering_that_is_none_is_refused(steering: float) -> None:
+    learner = DrivingLearner(MOVES)
+    learner.see(picture(1), 0.0)
+    with pytest.raises(ValueError, match="-1 to 1"):
+        learner.teach("left", point=Point(steering, 0.5))
+    learner.teach("left", point=Point(-0.5, 0.5))
+    assert learner.see(picture(1), 0.1).point == Point(-0.5, 0.5)
