@@ -171,7 +171,8 @@ class LastMet(PolicyPart):
         self._note(self.used, seen.evidence.node, seen.number)
 
     def on_example(self, lesson: Lesson) -> None:
-        self._note(self.taught, self._learner.last_node_, lesson.number)
+        if lesson.is_learned:  # else the learner names the image of one that may be undone by now
+            self._note(self.taught, self._learner.last_node_, lesson.number)
 
     def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
         if node_id is None:

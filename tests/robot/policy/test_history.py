@@ -325,3 +325,24 @@ def test_undo_leaves_the_learner_as_if_the_lessons_had_never_been(
     teach(history, xs[:20], first=500)
     teach(untouched, xs[:20], first=500)
     assert same(history.policy.get_state(), untouched.policy.get_state())
+
+
+@pytest.mark.parametrize("learner", LEARNERS)
+def test_an_undone_lesson_is_no_images_last_one_either(learner: str) -> None:
+    histories = [TrainingHistory(make_policy(learner)) for _ in range(2)]
+    xs = vectors(histories[0].policy, 84)
+    for history in histories:
+        teach_forward(history, xs[:81], [0.125 * i for i in range(81)])  # then it is copied
+    teach_forward(histories[0], xs[81:83], [10.125, 10.25])
+    assert len(histories[0].undo(0.2)) == 2
+    for history, at_s in zip(histories, (10.26, 10.01), strict=True):
+        teach_forward(history, xs[83:], [at_s])  # too soon to be learned
+    undone, untouched = (history.policy.get_state() for history in histories)
+    assert same(undone, untouched)
+    assert undone.params["last_taught"] == untouched.params["last_taught"]
+
+
+def teach_forward(history: TrainingHistory, xs: list[np.ndarray], times_s: list[float]) -> None:
+    for x, at_s in zip(xs, times_s, strict=True):
+        example = Example(frame_id=0, label=Action.FORWARD, is_intervention=False)
+        history.teach(example, x, at_s)
