@@ -38,7 +38,8 @@ class RecorderConfig:
     trail_s: float = 1.0
     """Pictures go on for so long after the robot came to stand."""
     lead_frames: int = 15
-    """Pictures from before the start that go along: the pilot may label them."""
+    """Pictures from before the start that go along, as far as they fill a quarter of the queue: the
+    pilot may label them."""
     spare_bytes: int = 64 * 2**20
     """Recording stops while the disk still has so much left: for models, and for the system."""
 

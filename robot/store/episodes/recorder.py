@@ -129,7 +129,7 @@ class Recorder:
         if self._is_open:
             self._record(tick, events)
         elif tick.frame is not None:
-            self._lead.append(tick.frame)
+            self._remember(tick.frame)
         self._mode = mode
         self._end_if_due(tick, events)
 
@@ -179,7 +179,7 @@ class Recorder:
                     self._keep(self._lead.popleft())
                 self._record_frame(tick)
             else:
-                self._lead.append(tick.frame)
+                self._remember(tick.frame)
         for command in tick.commands:
             self.queue.write_message(COMMAND, now_s, describe_command(command))
         if tick.decision.mode is not Mode.STOPPED:
@@ -216,6 +216,11 @@ class Recorder:
         if isinstance(event, Taught):
             self._taught.add(event.example.frame_id)
         self.queue.write_message(LESSON, now_s, describe_event(event, with_vector=is_lost))
+
+    def _remember(self, frame: Frame) -> None:
+        self._lead.append(frame)
+        while sum(len(frame.data) for frame in self._lead) > self._config.queue_bytes // 4:
+            self._lead.popleft()  # large ones would fill the queue all at once
 
     def _keep(self, frame: Frame) -> None:
         if frame.frame_id not in self._kept and self.queue.write_frame(frame):

@@ -158,6 +158,16 @@ def test_pictures_from_before_the_start_go_along_when_they_are_labelled(tmp_path
     assert episode.frame(seen.frame_id).data == seen.data
 
 
+def test_large_pictures_from_before_the_start_leave_room_for_those_after_it(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path, config=RecorderConfig(queue_bytes=400_000, spare_bytes=0))
+    for _ in range(20):
+        robot.camera.show(1)  # 57,600 bytes each
+        robot.tick()
+    robot.start(Mode.TRAIN, 2)
+    robot.step(3, Action.LEFT)
+    assert robot.recorder.queue.lost["frames"] == 0
+
+
 class SlowFile(io.BytesIO):
     """A disk that has gone to sleep: writing waits until the test lets it go on."""
 
