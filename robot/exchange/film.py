@@ -44,6 +44,7 @@ def write_film(
 
     Raises:
         MissingExtraError: If `av` is not installed.
+        RecordingError: If the pictures are of several sizes, or have one row or column.
     """
     av = need(*AV)
     count, stream = 0, None
@@ -52,6 +53,8 @@ def write_film(
     with av.open(str(path), "w", options=options) as container:
         for picture in pictures:
             even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
+            if not even.size:
+                raise RecordingError("a film needs pictures of two pixels a side at least")
             if stream is None:
                 stream = container.add_stream(
                     "libx264", rate=fps, options={"crf": str(crf), "preset": preset}

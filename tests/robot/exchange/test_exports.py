@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
-from robot.exchange.film import write_look
+from robot.errors import RecordingError
+from robot.exchange.film import write_film, write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.tub import write_tub
 from robot.policy.image import to_rgb
@@ -107,6 +108,14 @@ def test_a_film_to_look_at_plays(episode: Episode, tmp_path: Path) -> None:
     shown = decoded(tmp_path / "film.mp4")
     assert len(shown) == count == len(episode.frames)
     assert shown[0].shape[0] >= 480
+
+
+@pytest.mark.parametrize(("height", "width"), [(1, 8), (8, 1)])
+def test_pictures_of_one_row_or_column_make_no_film(
+    height: int, width: int, tmp_path: Path
+) -> None:
+    with pytest.raises(RecordingError, match="two pixels"):
+        write_film([np.zeros((height, width, 3), np.uint8)], tmp_path / "film.mp4", 10)
 
 
 def test_a_tub_counts_its_lines_as_donkeycar_reads_them(episode: Episode, tmp_path: Path) -> None:
