@@ -68,8 +68,8 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
 
     def learn_one(self, x: Mapping[Any, Any], y: Any) -> None:
         # In an order of their own, so that the order in the dict does not matter.
-        for name in sorted((name for name in x if name not in self._columns), key=repr):
-            self._columns[name] = len(self._columns)
+        new = sorted((name for name in x if name not in self._columns), key=repr)
+        self._columns.update((name, i) for i, name in enumerate(new, start=len(self._columns)))
         # Images grow longer: features that nobody had seen were 0 in all of them.
         more = max(self._room, len(self._columns) - self._room)
         if len(self._columns) > self._room:
@@ -81,7 +81,12 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
                     state.arrays[name] = np.pad(state.arrays[name], longer)
                 self._learner.set_state(state)
         label = self._labels.index(y) if y in self._labels else len(self._labels)
-        self._learner.learn_one(self._vector(x), str(label))  # may refuse the values
+        try:
+            self._learner.learn_one(self._vector(x), str(label))
+        except (ValueError, TypeError):  # refused: nothing of it is known
+            for name in new:
+                del self._columns[name]
+            raise
         if label == len(self._labels):
             self._labels.append(y)
 

@@ -101,7 +101,10 @@ def test_after_a_refused_example_river_is_answered_as_before(bad: Any) -> None:
     model.learn_one({"light": 0.9}, "day")
     with pytest.raises(ValueError):
         model.learn_one({"light": bad, "wind": 1.0}, "dusk")
-    assert model.predict_proba_one({"light": 1.0}) == {"day": 1.0}
+    model.learn_one({"light": 0.1}, "night")
+    known = model.predict_proba_one({"light": 1.0})
+    assert known.keys() == {"day", "night"}
+    assert model.predict_proba_one({"light": 1.0, "wind": 9.0}) == known
 
 
 def test_after_a_refused_example_scikit_learn_is_answered_as_before() -> None:
