@@ -115,7 +115,7 @@ class Progress:
         if fresh or (self._is_stale and now_s - self._fetched_s > _REFRESH_S):
             self._is_stale, self._fetched_s = False, now_s
             history = self._loop.history
-            request = self._loop.submit(lambda: history.policy.gallery())
+            request = self._loop.submit(lambda: history.policy.gallery.images())
             self._gallery = await asyncio.wrap_future(request)
             self._remember(self._gallery)
         return self._gallery

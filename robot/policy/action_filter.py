@@ -19,7 +19,7 @@ from typing import Self
 
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import PolicyPart, Seen
-from robot.policy.pilot_pace import Allowances, PilotPace
+from robot.policy.pilot_pace import PilotPace
 from robot.policy.stall_detector import Headway, StallDetector
 from robot.types import Action, Point
 
@@ -148,19 +148,18 @@ class ActionFilter(PolicyPart):
 
     def on_frame(self, seen: Seen) -> None:
         """Average the votes, and choose the move with most of them, or the one under way."""
-        pace = self.pace.allowances()
-        seen.shares = self._average.update(seen.shares, seen.at_s, pace.usual_run_s)
+        seen.shares = self._average.update(seen.shares, seen.at_s, self.pace.usual_run_s)
         seen.kept = self._average.kept
         self._now_s = self._now_s + USUAL_STEP_S if seen.at_s is None else seen.at_s
-        seen.action = self._choose(seen, self._now_s, pace)
+        seen.action = self._choose(seen, self._now_s)
         seen.is_stalled, seen.needs_help = self._stall_detector.is_stalled, self.needs_help
         self._last = seen
         if self._gives_up:
             self._headway.turn(seen.action, self._now_s)
 
-    def _choose(self, seen: Seen, at_s: float, pace: Allowances) -> Action:
+    def _choose(self, seen: Seen, at_s: float) -> Action:
         """Return the best move that is not barred; the first on a tie."""
-        under_way, shares, turns = seen.under_way, seen.shares, self._kinds.turns
+        under_way, shares, turns, pace = seen.under_way, seen.shares, self._kinds.turns, self.pace
         urge = 0.0
         if self._gives_up:  # on an EV3 each comparison of pictures counts
             self._stall_detector.patience_s = pace.patience_s
@@ -169,7 +168,7 @@ class ActionFilter(PolicyPart):
                 under_way,
                 at_s,
                 bumped=seen.bumped,
-                taught=self.pace.scale,
+                taught=pace.scale,
                 stands=pace.stands,
             )
             urge = self._watch(under_way, at_s, ALLOWANCE * pace.longest_debt_s)

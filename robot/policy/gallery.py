@@ -20,13 +20,12 @@ _COMPARED = 128
 class LearnedImage:
     """One node as the gallery shows it.
 
-    `node_id` follows the node through merges, `index` is its present place. `last_used` and
-    `last_taught` are the numbers of the latest proposal and example that matched it (0: none).
+    `node_id` follows the node through merges. `last_used` and `last_taught` are the numbers of the
+    latest proposal and example that matched it (0: none).
     `angle` is how its frames were steered, on the mean, if by degrees.
     """
 
     node_id: int
-    index: int
     thumbnail: NDArray[np.uint8]
     votes: dict[Action, int]
     frames: int
@@ -68,12 +67,11 @@ class Gallery:
 
     def images(self) -> list[LearnedImage]:
         """Return every learned image, in the order of the nodes; none if the learner keeps none."""
-        return [self._shown(index, node) for index, node in enumerate(self._learner.nodes())]
+        return [self._shown(node) for node in self._learner.nodes()]
 
-    def _shown(self, index: int, node: Node) -> LearnedImage:
+    def _shown(self, node: Node) -> LearnedImage:
         return LearnedImage(
             node_id=node.id,
-            index=index,
             thumbnail=self._features.thumbnail(node.image),
             votes={Action(label): count for label, count in node.votes.items()},
             frames=node.frames,
@@ -91,20 +89,20 @@ class Gallery:
         share, an empty floor, explains nothing.
         """
         nodes, features = self._learner.nodes(), self._features
-        index = next((i for i, node in enumerate(nodes) if node.id == node_id), None)
-        if index is None:
+        decides = next((node for node in nodes if node.id == node_id), None)
+        if decides is None:
             return None
         view = np.asarray(x, np.float64)
         some = nodes[:: -(-len(nodes) // _COMPARED)]
         others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
         usual = np.mean(others, axis=0)
-        here = features.cells(view - np.asarray(nodes[index].image, np.float64))
+        here = features.cells(view - np.asarray(decides.image, np.float64))
         # Where even the average difference is small there is little to be alike in.
         weight = np.maximum(usual, usual.mean())
         alike = np.zeros_like(here)
         np.divide(usual - here, weight, out=alike, where=weight > 0.0)
         return Explanation(
-            image=self._shown(index, nodes[index]),
+            image=self._shown(decides),
             present=features.thumbnail(x),
             alike=alike.clip(0.0, 1.0),
         )

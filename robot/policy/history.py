@@ -251,10 +251,10 @@ def _make(policy: Policy, event: LogEvent) -> None:
     elif event.verb == "relabel":
         policy.relabel_node(event.node_id, Action(event.value))
     elif event.verb == "delete":
-        policy.delete_node(event.node_id)
+        policy.learner.delete_node(event.node_id)
     elif event.verb == "pin":
-        policy.pin_node(event.node_id, bool(event.value))
+        policy.learner.pin_node(event.node_id, bool(event.value))
     elif event.verb == "outdate":
-        policy.outdate()
+        policy.learner.outdate()
     else:
         raise ValueError(f"unknown edit {event.verb!r}; known: relabel, delete, pin, outdate")

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import statistics
 from collections import deque
-from collections.abc import Collection
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,16 +33,6 @@ TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
 time for which he usually keeps to a move."""
 PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
-
-
-class Allowances(NamedTuple):
-    """How long a robot may do what its pilot does; see the properties of `PilotPace`."""
-
-    usual_run_s: float | None
-    patience_s: float
-    longest_debt_s: float
-    to_and_fro_s: float
-    stands: Collection[Action]
 
 
 class PilotPace(PolicyPart):
@@ -88,12 +76,6 @@ class PilotPace(PolicyPart):
         self._stand_s = 0.0
         self.stands: list[Action] = []
         self._headway = Headway(self.kinds)
-
-    def allowances(self) -> Allowances:
-        """Return how long the robot may, in one value."""
-        return Allowances(
-            self.usual_run_s, self.patience_s, self.longest_debt_s, self.to_and_fro_s, self.stands
-        )
 
     @property
     def patience_s(self) -> float:

@@ -12,7 +12,7 @@ from robot.learner.part import Arrays, Params, Stateful, Value
 from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import Features
-from robot.policy.gallery import Explanation, Gallery, LearnedImage
+from robot.policy.gallery import Gallery
 from robot.policy.light import LightAdaptation
 from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
@@ -48,6 +48,7 @@ class Policy(Stateful):
         kinds: Which of the moves are turns, and which drive straight: `describe` tells it what a
             body says of its own.
         n_seen: How many examples were learned.
+        gallery: Shows the learned images.
     """
 
     fields = (
@@ -76,7 +77,7 @@ class Policy(Stateful):
         self.n_seen = 0
         self._n_proposals = 0
         met, pace, smoothing = LastMet(learner), PilotPace(self.kinds), action_filter(self.kinds)
-        self._gallery = Gallery(learner, features, met)
+        self.gallery = Gallery(learner, features, met)
         smoothing.pace = pace
         self._smoothing = smoothing
         self._degrees = degrees = Degrees(learner, moves, self.kinds)
@@ -256,14 +257,6 @@ class Policy(Stateful):
                 yield "it has labels that are not among its moves"
                 break
 
-    def gallery(self) -> list[LearnedImage]:
-        """Return every learned image, in the order of the nodes; none if the learner keeps none."""
-        return self._gallery.images()
-
-    def explain(self, x: Vector, node_id: int | None) -> Explanation | None:
-        """Return why a view was decided by a learned image; None if that is gone."""
-        return self._gallery.explain(x, node_id)
-
     def relabel_node(self, node_id: int, label: Action) -> None:
         """Let one learned image vote for `label` alone.
 
@@ -275,18 +268,6 @@ class Policy(Stateful):
         usual = self.usual_point(label) if self.learner.abilities.angles else None
         steered = () if usual is None else (usual.steering,)
         self.learner.relabel_node(node_id, Action(label), *steered)
-
-    def delete_node(self, node_id: int) -> None:
-        """Forget one learned image; raises LookupError if there is none."""
-        self.learner.delete_node(node_id)
-
-    def pin_node(self, node_id: int, pinned: bool = True) -> None:
-        """Keep one learned image from merging; raises LookupError if there is none."""
-        self.learner.pin_node(node_id, pinned)
-
-    def outdate(self) -> None:
-        """Let what is taught from now on count more; raises ValueError if the learner cannot."""
-        self.learner.outdate()
 
     def _chance(self, shares: Mapping[Action, float], action: Action, novelty: float) -> float:
         """Return how likely the action is right; near a guess on an unknown view."""

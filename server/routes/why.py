@@ -59,5 +59,5 @@ def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
     if newest is None:
         return None
     x, prediction = newest
-    explanation = loop.history.policy.explain(x, prediction.node)
+    explanation = loop.history.policy.gallery.explain(x, prediction.node)
     return None if explanation is None else (prediction, explanation)

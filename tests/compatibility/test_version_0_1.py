@@ -56,7 +56,7 @@ def test_a_model_opens_with_all_that_it_knew(storage: Storage, name: str) -> Non
     model = store.load(name)
     policy = model.to_policy()
     assert {move.value: n for move, n in model.summary.taught.items()} == facts["taught"]
-    images = [{m.value: n for m, n in image.votes.items()} for image in policy.gallery()]
+    images = [{m.value: n for m, n in image.votes.items()} for image in policy.gallery.images()]
     assert images == facts["images"] and len(images) == facts["nodes"]
 
 

@@ -44,7 +44,7 @@ def nodes_of(policy: Policy) -> list[dict[str, Any]]:
             "votes": {move.value: count for move, count in image.votes.items()},
             "pinned": bool(image.is_pinned),
         }
-        for node, image in zip(policy.learner.nodes(), policy.gallery(), strict=True)
+        for node, image in zip(policy.learner.nodes(), policy.gallery.images(), strict=True)
     ]
 
 

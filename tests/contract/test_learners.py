@@ -69,7 +69,7 @@ def test_it_is_a_learner(kind: str) -> None:
 def test_a_learner_of_images_shows_them_all_and_others_show_none(kind: str) -> None:
     policy = make(kind)
     teach(policy, 40)
-    gallery = policy.gallery()
+    gallery = policy.gallery.images()
     ids = [image.node_id for image in gallery]
     assert bool(gallery) is policy.learner.abilities.images
     assert policy.n_nodes == len(gallery) == len(set(ids))
@@ -84,8 +84,10 @@ def test_a_prediction_names_an_image_of_the_gallery(kind: str) -> None:
     teach(policy, 40)
     node = policy.propose(1, policy.extract(view(3, 500))).node
     if policy.learner.abilities.images:
-        assert node in {image.node_id for image in policy.gallery()}
-        assert [image.last_used for image in policy.gallery() if image.node_id == node] == [1]
+        assert node in {image.node_id for image in policy.gallery.images()}
+        assert [image.last_used for image in policy.gallery.images() if image.node_id == node] == [
+            1
+        ]
     else:
         assert node is None
 
@@ -96,20 +98,20 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
     if not policy.learner.abilities.images:
         for edit in (
             lambda: policy.relabel_node(0, MOVES[0]),
-            lambda: policy.delete_node(0),
-            lambda: policy.pin_node(0),
+            lambda: policy.learner.delete_node(0),
+            lambda: policy.learner.pin_node(0),
         ):
             with pytest.raises(ValueError, match="keeps no images"):
                 edit()
         return
-    first, second = (image.node_id for image in policy.gallery()[:2])
+    first, second = (image.node_id for image in policy.gallery.images()[:2])
     policy.relabel_node(first, Action.RIGHT)
-    policy.delete_node(second)
-    shown = {image.node_id: image for image in policy.gallery()}
+    policy.learner.delete_node(second)
+    shown = {image.node_id: image for image in policy.gallery.images()}
     assert second not in shown
     assert shown[first].votes[Action.RIGHT] == shown[first].frames
     with pytest.raises(LookupError):
-        policy.delete_node(10**9)
+        policy.learner.delete_node(10**9)
 
 
 def test_what_is_under_way_counts_or_the_learner_says_that_it_does_not(kind: str) -> None:
@@ -130,14 +132,14 @@ def test_a_pinned_image_stays_as_it_is(kind: str) -> None:
     teach(policy, 40)
     if not policy.learner.abilities.pinning:
         pytest.skip("it says that it cannot pin")
-    pinned = policy.gallery()[0]
-    policy.pin_node(pinned.node_id)
+    pinned = policy.gallery.images()[0]
+    policy.learner.pin_node(pinned.node_id)
     teach(policy, 60, first=40)
-    [still] = [image for image in policy.gallery() if image.node_id == pinned.node_id]
+    [still] = [image for image in policy.gallery.images() if image.node_id == pinned.node_id]
     assert still.is_pinned
     assert np.array_equal(still.thumbnail, pinned.thumbnail)
     with pytest.raises(ValueError, match="pinned"):
-        policy.delete_node(pinned.node_id)
+        policy.learner.delete_node(pinned.node_id)
 
 
 def test_a_strange_view_is_novel_or_the_learner_says_that_it_cannot_tell(kind: str) -> None:
@@ -153,8 +155,8 @@ def test_a_strange_view_is_novel_or_the_learner_says_that_it_cannot_tell(kind: s
 def test_after_the_last_image_is_deleted_it_proposes_nothing(kind: str) -> None:
     policy = make(kind)
     teach(policy, 6)
-    for image in policy.gallery():
-        policy.delete_node(image.node_id)
+    for image in policy.gallery.images():
+        policy.learner.delete_node(image.node_id)
     prediction = policy.propose(1, policy.extract(view(1)))
     assert (prediction.action is None) is policy.learner.abilities.images
 
@@ -196,7 +198,7 @@ def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
     before = history.policy.get_state()
     if not history.policy.learner.abilities.images:
         pytest.skip("it says that it keeps no images")
-    history.edit("delete", history.policy.gallery()[0].node_id)
+    history.edit("delete", history.policy.gallery.images()[0].node_id)
     assert not same(history.policy.get_state(), before)
     assert history.undo_edit()
     assert same(history.policy.get_state(), before)

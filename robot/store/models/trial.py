@@ -69,7 +69,7 @@ def _drive(policy: Policy) -> None:
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
         if _MACHINE.now_s() > until_s:
             break
-    policy.gallery()
+    policy.gallery.images()
     policy.reset()
 
 

@@ -162,14 +162,14 @@ def test_a_policy_that_is_restored_goes_on_as_the_first(learner: str, seed: int)
             x = policy.extract(view(bend, i))
             policy.learn(x, move_of(by_degrees(bend)), 0.1 * i, point)
         if i == 80:
-            node = dice.choice(first.gallery())
+            node = dice.choice(first.gallery.images())
             first.relabel_node(node.node_id, dice.choice(list(node.votes)))
             second.restore(first.get_state())
             policies.append(second)
         if i == 120:
-            gone = dice.choice(first.gallery()).node_id
+            gone = dice.choice(first.gallery.images()).node_id
             for policy in policies:
-                policy.delete_node(gone)
+                policy.learner.delete_node(gone)
                 policy.check()
     assert same(first.get_state(), second.get_state())
     assert first.get_state().params == second.get_state().params

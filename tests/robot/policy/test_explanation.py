@@ -51,7 +51,7 @@ def test_what_is_marked_is_what_only_the_deciding_image_shares(name: str, seed: 
     for which in range(3):
         x = policy.extract(frame_of(view(which)))
         proposal = policy.propose(1, x)
-        why = policy.explain(x, proposal.node)
+        why = policy.gallery.explain(x, proposal.node)
         assert why is not None and why.alike.shape == (CELL_ROWS, CELL_COLUMNS)
         assert why.alike.min() >= 0.0 and why.alike.max() <= 1.0
         assert why.alike[rows[which], columns[which]] > 0.6, "its own pattern"
@@ -72,9 +72,9 @@ def test_without_an_image_there_is_nothing_to_show() -> None:
     rng = np.random.default_rng(3)
     policy = make_policy("default-16")
     x = policy.extract(frame_of(rng.integers(0, 256, (120, 160))))
-    assert policy.explain(x, None) is None
+    assert policy.gallery.explain(x, None) is None
     policy.learn(x, Action.LEFT)
     node = policy.propose(1, x).node
-    assert node is not None and policy.explain(x, node + 99) is None, "merged meanwhile"
-    why = policy.explain(x, node)
+    assert node is not None and policy.gallery.explain(x, node + 99) is None, "merged meanwhile"
+    why = policy.gallery.explain(x, node)
     assert why is not None and not why.alike.any(), "one image alone is like no other"

@@ -51,7 +51,7 @@ def test_an_image_says_when_it_was_used_and_taught_last(learner, gallery, met):
     shown = {image.node_id: image for image in gallery.images()}
     assert (shown[first].last_used, shown[first].last_taught) == (4, 0)
     assert (shown[second].last_used, shown[second].last_taught) == (0, 2)
-    assert [image.index for image in gallery.images()] == [0, 1, 2]
+    assert [image.node_id for image in gallery.images()] == [node.id for node in learner.nodes()]
 
 
 def test_what_was_taught_is_restored_and_what_was_used_is_forgotten(learner, gallery, met):

@@ -67,25 +67,25 @@ def test_state_gives_the_same_predictions_and_the_same_future(name):
         assert first.propose(i, x) == second.propose(i, x)
         first.learn(x, F)
         second.learn(x, F)
-    assert [g.votes for g in first.gallery()] == [g.votes for g in second.gallery()]
+    assert [g.votes for g in first.gallery.images()] == [g.votes for g in second.gallery.images()]
 
 
 def test_gallery_shows_every_node_and_its_edits():
     policy = taught("default-6")
-    gallery = policy.gallery()
+    gallery = policy.gallery.images()
     assert len(gallery) == policy.n_nodes == 6
     assert sum(image.frames for image in gallery) == policy.n_seen == 40
     assert all(image.thumbnail.shape == (30, 40) for image in gallery)
     first, second = gallery[0].node_id, gallery[1].node_id
     policy.relabel_node(first, R)
-    policy.pin_node(first)
-    policy.delete_node(second)
-    shown = {image.node_id: image for image in policy.gallery()}
+    policy.learner.pin_node(first)
+    policy.learner.delete_node(second)
+    shown = {image.node_id: image for image in policy.gallery.images()}
     assert second not in shown
     assert shown[first].is_pinned
     assert shown[first].votes[R] == shown[first].frames
     with pytest.raises(ValueError, match="pinned"):
-        policy.delete_node(first)
+        policy.learner.delete_node(first)
     with pytest.raises(LookupError, match="no node"):
         policy.relabel_node(second, L)
 

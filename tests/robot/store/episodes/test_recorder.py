@@ -82,7 +82,7 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
     """Read by the library itself, with the schemas that the file carries."""
     robot = RecordedBench(tmp_path)
     robot.drive(range(30))
-    node = robot.loop.history.policy.gallery()[0].node_id
+    node = robot.loop.history.policy.gallery.images()[0].node_id
     robot.loop.submit(lambda: robot.loop.history.edit("relabel", node, Action.LEFT))
     robot.loop.submit(lambda: robot.loop.history.undo(0.3))
     robot.tick()

@@ -183,7 +183,7 @@ def test_runs_in_which_nothing_was_taught_or_driven_are_not_kept(tmp_path: Path,
     if does == "edits":
         robot.drive(range(5))
         robot.recorder.finish()
-        node = robot.loop.history.policy.gallery()[0].node_id
+        node = robot.loop.history.policy.gallery.images()[0].node_id
         robot.loop.submit(lambda: robot.loop.history.edit("pin", node, True))
         robot.tick()
         assert len(robot.finish()) == 2

@@ -153,7 +153,7 @@ class Life(BenchRobot):
 
     def edit(self) -> None:
         verb = self.rng.choice(("relabel", "pin", "delete"))
-        nodes = [image.node_id for image in self.policy.gallery()]
+        nodes = [image.node_id for image in self.policy.gallery.images()]
         if nodes:
             value = self.rng.choice(MOVES) if verb == "relabel" else self.rng.random() < 0.5
             node = self.rng.choice(nodes)

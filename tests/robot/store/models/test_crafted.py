@@ -51,8 +51,8 @@ def real(learner: str, n_examples: int, n_views: int = 120) -> Model:
         taught[label] += 1
         if i == n_examples // 2:
             policy.reset()
-    if len(policy.gallery()) > 1:
-        policy.pin_node(policy.gallery()[0].node_id)
+    if len(policy.gallery.images()) > 1:
+        policy.learner.pin_node(policy.gallery.images()[0].node_id)
     return decode_model(encode_model(take_model(policy, taught, saved_at_s=1.7e9)))
 
 
@@ -163,7 +163,7 @@ def drive(model: Model) -> Model:
         assert np.isfinite([seen.confidence, seen.novelty, *seen.probabilities.values()]).all()
         label = policy.moves[i // 9 % len(policy.moves)]
         history.teach(Example(frame_id=i, label=label, is_intervention=False), x, at_s)
-        nodes = [image.node_id for image in policy.gallery() if not image.is_pinned]
+        nodes = [image.node_id for image in policy.gallery.images() if not image.is_pinned]
         if i == 30 and len(nodes) > 1:
             history.edit("relabel", nodes[0], policy.moves[-1])
             history.edit("delete", nodes[1])

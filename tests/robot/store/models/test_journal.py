@@ -123,7 +123,7 @@ def test_who_deleted_the_last_image_starts_again_with_none(tmp_path: Path, learn
     rng = random.Random(1)
     first = Life(tmp_path, [0.0], rng, learner)
     first.teach()
-    for image in first.policy.gallery():
+    for image in first.policy.gallery.images():
         first.loop.submit(lambda n=image.node_id: first.loop.history.edit("delete", n)).result(0)
     first.save()
     first.policy.reset()
