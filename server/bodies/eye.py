@@ -84,7 +84,7 @@ def encode_frame(seq: int, taken_ms: float, jpeg: bytes, *, is_covered: bool = F
     return HEADER.pack(_EYE_FRAME, _COVERED if is_covered else 0, 0, seq, taken_ms) + jpeg
 
 
-def parse_text(text: str) -> dict[str, Any]:
+def parse_text(text: str | bytes) -> dict[str, Any]:
     """Parse one text message: `stop`, or `pong` with two finite numbers.
 
     Raises:

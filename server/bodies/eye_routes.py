@@ -66,18 +66,18 @@ class _Eye:
             await converse(
                 self._websocket,
                 self._clock,
-                idle_s=self._hub.config.limits.idle_s,
-                on_text=self._hear,
-                on_bytes=self._see,
+                hear=self._hear,
+                see=self._see,
                 sending=self._publish(),
                 shut_out=self._shut_out,
+                idle_s=self._hub.config.limits.idle_s,
             )
         finally:
             if self._camera.source is self:
                 self._camera.source = None
                 self._camera.lose()
 
-    def _hear(self, text: str) -> None:
+    def _hear(self, text: str | bytes) -> None:
         try:
             said = parse_text(text)
         except ProtocolError as error:

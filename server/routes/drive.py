@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 from fastapi import APIRouter, WebSocket
 from starlette.requests import Request
@@ -65,8 +64,11 @@ async def drive(websocket: WebSocket) -> None:
     await websocket.accept()
     client = hub.join(role_of(websocket), person_of(websocket))
 
-    async def refuse_bytes(_: bytes) -> None:
-        hub.refuse(client, ProtocolError(ErrorCode.MALFORMED, "messages are text, not bytes"))
+    def hear(message: str | bytes) -> None:
+        if isinstance(message, str):
+            hub.receive(client, message)
+        else:
+            hub.refuse(client, ProtocolError(ErrorCode.MALFORMED, "messages are text, not bytes"))
 
     async def send() -> None:
         while True:
@@ -77,11 +79,10 @@ async def drive(websocket: WebSocket) -> None:
         await converse(
             websocket,
             hub.clock,
-            idle_s=hub.config.limits.idle_s,
-            on_text=partial(hub.receive, client),
-            on_bytes=refuse_bytes,
+            hear=hear,
             sending=send(),
             shut_out=client.shut_out,
+            idle_s=hub.config.limits.idle_s,
         )
     finally:
         hub.leave(client)

@@ -27,42 +27,42 @@ async def converse(
     websocket: WebSocket,
     clock: Clock,
     *,
-    idle_s: float,
-    on_text: Callable[[str], None],
-    on_bytes: Callable[[bytes], Coroutine[Any, Any, None]],
+    hear: Callable[[str | bytes], None],
     sending: Coroutine[Any, Any, None],
     shut_out: asyncio.Event,
+    idle_s: float | None = None,
+    see: Callable[[bytes], Coroutine[Any, Any, None]] | None = None,
 ) -> None:
-    """Serve a client until it disconnects, has sent nothing for `idle_s`, or is shut out.
+    """Serve a client until it disconnects, has said nothing for `idle_s`, or is shut out.
 
-    Texts are heard where bytes become messages, before all queues, and while the socket closes: in
-    what a client that is shown out has sent, STOP is still heard. Where uvicorn is too old for
-    that, they come in their turn.
+    Messages are heard where bytes become messages, before all queues, and while the socket closes:
+    in what a client that is shown out has sent, STOP is still heard. Where uvicorn is too old for
+    that, they come in their turn; so do bytes that take time, which `see` takes in place of `hear`.
     """
     heard_s = clock.now_s()
 
-    def hear(text: str) -> None:
+    def note(message: str | bytes) -> None:
         nonlocal heard_s
         heard_s = clock.now_s()
         note_use(websocket.scope, heard_s)
-        on_text(text)
+        hear(message)
 
     async def receive() -> None:
         while True:
             try:
-                message = dict(await asyncio.wait_for(websocket.receive(), idle_s))
+                event = dict(await asyncio.wait_for(websocket.receive(), idle_s))
             except TimeoutError:
-                if clock.now_s() - heard_s < idle_s:
+                if idle_s is None or clock.now_s() - heard_s < idle_s:
                     continue
                 await websocket.close(1001, "idle for too long")
                 return
-            if message["type"] == "websocket.disconnect":
+            if event["type"] == "websocket.disconnect":
                 return
-            text = message.get("text")
-            if text is not None:
-                hear(text)
+            text = event.get("text")
+            if text is None and see is not None:
+                await see(event["bytes"])
             else:
-                await on_bytes(message["bytes"])
+                note(event["bytes"] if text is None else text)
 
     async def show_out() -> None:
         await shut_out.wait()
@@ -70,7 +70,9 @@ async def converse(
         await websocket.close(1008, "too many refused messages")
 
     if (direct := fast_path(websocket)) is not None:
-        direct.on_text = hear
+        direct.on_text = note
+        if see is None:
+            direct.on_bytes = note
     await end_with_either(receive(), sending, show_out())
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Any
 
 from fastapi import APIRouter, WebSocket
 
@@ -11,8 +10,8 @@ from server.clients.hub import Hub
 from server.clients.video import EncodedFrame, Viewer
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.answers import Route
-from server.routes.sockets import end_with_either, fast_path
-from server.security.guard import note_use, person_of
+from server.routes.sockets import converse, fast_path
+from server.security.guard import person_of
 from server.security.pace import Pace
 from server.services import services_of
 
@@ -21,7 +20,7 @@ _SELDOM_MS = 60_000
 
 
 class _VideoClient:
-    """One viewer's socket, read directly or through ASGI."""
+    """One viewer's socket, written to directly or through ASGI."""
 
     def __init__(self, websocket: WebSocket, hub: Hub, every_s: float) -> None:
         self._websocket = websocket
@@ -29,6 +28,7 @@ class _VideoClient:
         limits = hub.config.limits
         self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
         self._refusals_left = limits.refused_before_closing
+        self._shut_out = asyncio.Event()
         self._waiting: asyncio.Queue[EncodedFrame] = asyncio.Queue()
         self._direct = fast_path(websocket)
         self.viewer = Viewer(self._send, every_s, person_of(websocket))
@@ -39,43 +39,31 @@ class _VideoClient:
         else:
             self._waiting.put_nowait(frame)
 
-    def receive(self, message: object) -> None:
-        """Receive one message from the viewer; refused ones are counted."""
+    def _hear(self, message: str | bytes) -> None:
+        """Take an acknowledgement; what is none is refused and counted."""
         try:
             now_s = self._hub.clock.now_s()
-            note_use(self._websocket.scope, now_s)
             if not self._pace.allows(now_s):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
-            if not isinstance(message, bytes):
+            if isinstance(message, str):
                 raise ProtocolError(ErrorCode.MALFORMED, "acknowledgements are bytes, not text")
             self._hub.video.acknowledge(self.viewer, parse_acknowledgement(message), now_s)
         except ProtocolError as error:
             self._hub.refused[error.code] += 1
             self._refusals_left -= 1
             if self._refusals_left == 0:
-                self._disconnect()
-
-    def _disconnect(self) -> None:
-        self._hub.video.remove(self.viewer)
-        self._ending = asyncio.ensure_future(
-            self._websocket.close(1008, "too many refused messages")
-        )
+                self._hub.video.remove(self.viewer)
+                self._shut_out.set()
 
     async def run(self) -> None:
         """Serve the viewer until it disconnects."""
-        if self._direct is not None:
-            self._direct.on_bytes = self.receive
-            await self._receive()
-        else:
-            await end_with_either(self._receive(), self._send_waiting())
-
-    async def _receive(self) -> None:
-        while self._refusals_left > 0:
-            message: dict[str, Any] = dict(await self._websocket.receive())
-            if message["type"] == "websocket.disconnect":
-                return
-            data = message.get("bytes")
-            self.receive(data if data is not None else message.get("text"))
+        await converse(
+            self._websocket,
+            self._hub.clock,
+            hear=self._hear,
+            sending=self._send_waiting(),
+            shut_out=self._shut_out,
+        )
 
     async def _send_waiting(self) -> None:
         while True:

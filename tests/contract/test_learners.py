@@ -84,10 +84,8 @@ def test_a_prediction_names_an_image_of_the_gallery(kind: str) -> None:
     teach(policy, 40)
     node = policy.propose(1, policy.extract(view(3, 500))).node
     if policy.learner.abilities.images:
-        assert node in {image.node_id for image in policy.gallery.images()}
-        assert [image.last_used for image in policy.gallery.images() if image.node_id == node] == [
-            1
-        ]
+        shown = {image.node_id: image for image in policy.gallery.images()}
+        assert node in shown and shown[node].last_used == 1
     else:
         assert node is None
 
