@@ -175,7 +175,7 @@ def parse_message(
 
 
 def is_stop(text: str) -> bool:
-    """True if this is an emergency stop, which no limit may hold up."""
+    """True if this is an emergency stop, which no limit may hold up; cheap for all else."""
     if len(text) > MAX_DRIVE_MESSAGE_BYTES or '"stop"' not in text:
         return False
     try:

@@ -197,7 +197,7 @@ class Hub:
     def _handle_mode(self, client: Client, message: protocol.ModeMessage, now_s: float) -> None:
         client.require_newer(message.seq)
         self._require_wheel(client, message.seq)
-        self.lease.renew(client.id, now_s)
+        self.lease.renew(now_s)
         if message.mode is not Mode.STOPPED:
             self._require_known_frame(message.frame, message.seq)
             if message.frame is None:
@@ -225,7 +225,7 @@ class Hub:
         client.require_newer(message.seq)
         self._require_wheel(client, message.seq)
         self._require_known_frame(message.frame, message.seq)
-        self.lease.renew(client.id, now_s)
+        self.lease.renew(now_s)
         held, point, loop = message.held, message.point, self.robot.loop
         if point is not None:
             held = move_at(point, describe(loop.state.moves, self.robot.driver.declared_moves))

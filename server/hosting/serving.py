@@ -133,7 +133,7 @@ async def _serve(server: Any, guarded: DoorListener) -> None:
 
 def _behind_door(app: Any, listener: socket.socket) -> DoorListener:
     door, clock = door_of(app)
-    return DoorListener.behind(door, listener, clock)
+    return DoorListener(door, listener, clock)
 
 
 @contextlib.contextmanager

@@ -46,24 +46,21 @@ def connection_capacity() -> int:
 
 
 class DoorListener(socket.socket):
-    """Accepts only connections that its `Door` has room for. Made by `behind`."""
+    """Accepts only connections that its `Door` has room for.
 
-    door: Door
-    clock: Clock
+    Args:
+        door: Counts them.
+        listener: It takes the place of this one, which is used up.
+        clock: The door's.
+    """
 
-    @classmethod
-    def behind(cls, door: Door, listener: socket.socket, clock: Clock) -> DoorListener:
-        """Return a listener in place of `listener`, which is used up."""
-        own = cls(listener.family, listener.type, listener.proto, fileno=listener.detach())
-        own.door, own.clock = door, clock
-        own._spare = os.open(os.devnull, os.O_RDONLY)
-        own._waiting = deque()
-        return own
-
-    _spare: int | None
-    _is_sweeping = False
-    _waiting: deque[_Connection | None]
-    """None stands behind those that were gathered at once."""
+    def __init__(self, door: Door, listener: socket.socket, clock: Clock) -> None:
+        super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
+        self.door, self.clock = door, clock
+        self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
+        self._is_sweeping = False
+        # None stands behind those that were gathered at once.
+        self._waiting: deque[_Connection | None] = deque()
 
     def accept(self) -> tuple[socket.socket, Any]:
         """Accept the next connection, of all that wait a STOP first; see `socket.socket.accept`.

@@ -19,7 +19,7 @@ from server.security.listener import DoorListener
 
 
 def _listener(door: Door) -> DoorListener:
-    listener = DoorListener.behind(door, open_socket("127.0.0.1", 0), VirtualClock())
+    listener = DoorListener(door, open_socket("127.0.0.1", 0), VirtualClock())
     listener.setblocking(False)
     return listener
 
