@@ -13,27 +13,18 @@ from robot.errors import MissingExtraError, PluginError, did_you_mean
 
 DRIVERS = "drivelesson.drivers"
 CAMERAS = "drivelesson.cameras"
-OWN = "drivelesson"
-"""The distribution that this program is installed as."""
 
 sys.modules.setdefault("robot.moves", robot.driver)  # where plugins of version 0.2 look for moves
 
 
-def driver_names(*, own_only: bool = False) -> list[str]:
-    """Names of all installed drivers, sorted; `own_only`: of those that come with this program."""
-    return _names(DRIVERS, own_only)
+def driver_names() -> list[str]:
+    """Names of all installed drivers, sorted."""
+    return sorted({point.name for point in entry_points(group=DRIVERS)})
 
 
-def camera_names(*, own_only: bool = False) -> list[str]:
-    """Names of all installed cameras, sorted; `own_only` as for `driver_names`."""
-    return _names(CAMERAS, own_only)
-
-
-def _names(group: str, own_only: bool) -> list[str]:
-    points = entry_points(group=group)
-    return sorted(
-        {point.name for point in points if not own_only or (point.dist and point.dist.name == OWN)}
-    )
+def camera_names() -> list[str]:
+    """Names of all installed cameras, sorted."""
+    return sorted({point.name for point in entry_points(group=CAMERAS)})
 
 
 def load_driver(name: str) -> type[Driver]:

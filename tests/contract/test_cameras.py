@@ -6,13 +6,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from robot.devices.plugins import camera_names
+from robot.devices.plugins import CAMERAS as GROUP
 from robot.testing.camera_contract import CameraContract
 from robot.testing.cases import CameraCase
 from tests.contract.builders import CAMERAS
+from tests.own_plugins import own_plugins
 
 
-@pytest.fixture(params=camera_names(own_only=True))
+@pytest.fixture(params=own_plugins(GROUP))
 def camera_case(request: pytest.FixtureRequest) -> Iterator[CameraCase]:
     assert request.param in CAMERAS, f"say in builders.py how to build {request.param!r}"
     with CAMERAS[request.param]() as built:

@@ -6,17 +6,18 @@ from collections.abc import Iterator
 
 import pytest
 
-from robot.devices.plugins import driver_names
+from robot.devices.plugins import DRIVERS as GROUP
 from robot.testing.cases import DriverCase
 from robot.testing.driver_contract import DriverContract
 from tests.contract.builders import DRIVERS
+from tests.own_plugins import own_plugins
 
 OVER_REAL_LINES = {"lego-education"}
 """A foreign library with threads of its own: real_parts.py holds it to the contract."""
 
 
 def test_no_driver_is_left_out() -> None:
-    missing = set(driver_names(own_only=True)) - OVER_REAL_LINES - set(DRIVERS)
+    missing = set(own_plugins(GROUP)) - OVER_REAL_LINES - set(DRIVERS)
     assert not missing, f"say in builders.py how to build {missing}"
 
 

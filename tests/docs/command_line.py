@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 from unittest.mock import patch
 
 from robot.devices.options import Option, options_of
-from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
+from robot.devices.plugins import CAMERAS, DRIVERS, load_camera, load_driver
 from server.cli.main import commands, load_command
+from tests.own_plugins import own_plugins
 
 PAGE = Path(__file__).parents[2] / "docs/reference/command-line.md"
 _HEAD = """# The command line
@@ -24,8 +24,8 @@ Made from the program by `make docs`; do not edit by hand.
 
 def render() -> str:
     """Return the whole page: of this program alone, whatever other plugins are installed."""
-    own_drivers = patch("server.cli.serve.driver_names", partial(driver_names, own_only=True))
-    own_cameras = patch("server.cli.serve.camera_names", partial(camera_names, own_only=True))
+    own_drivers = patch("server.cli.serve.driver_names", lambda: own_plugins(DRIVERS))
+    own_cameras = patch("server.cli.serve.camera_names", lambda: own_plugins(CAMERAS))
     with own_drivers, own_cameras:
         return _render()
 
@@ -38,8 +38,8 @@ def _render() -> str:
         parts.append(f"## drivelesson {name}\n\n{text[0].upper()}{text[1:]}.\n")
         parts.extend(_options(parser))
     for kind, names, load in (
-        ("robot", driver_names(own_only=True), load_driver),
-        ("camera", camera_names(own_only=True), load_camera),
+        ("robot", own_plugins(DRIVERS), load_driver),
+        ("camera", own_plugins(CAMERAS), load_camera),
     ):
         for name in names:
             rows = [_plugin_row(option) for option in options_of(load(name).options_type)]

@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from robot.devices.options import Option, make_options, options_of
-from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
+from robot.devices.plugins import CAMERAS, DRIVERS, load_camera, load_driver
 from robot.errors import ConfigurationError
+from tests.own_plugins import own_plugins
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,8 +50,8 @@ def test_a_bad_value_is_a_clear_error(given: dict[str, str], expected: str) -> N
 NUMBERS = [
     (kind, option)
     for kind in [
-        *(load_driver(name) for name in driver_names(own_only=True)),
-        *(load_camera(name) for name in camera_names(own_only=True)),
+        *(load_driver(name) for name in own_plugins(DRIVERS)),
+        *(load_camera(name) for name in own_plugins(CAMERAS)),
     ]
     for option in options_of(kind.options_type)
     if option.type in (int, float)

@@ -17,7 +17,8 @@ from typing import Any
 import httpx
 
 from robot.devices.options import options_of
-from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
+from robot.devices.plugins import CAMERAS, DRIVERS, load_camera, load_driver
+from tests.own_plugins import own_plugins
 from tests.server.live_robot import Pilot
 from tests.server.own_process import own_process
 from tests.standins.mjpeg import MjpegServer
@@ -39,8 +40,8 @@ def check_no_secret_leaves(tmp_path: Path) -> None:
 def _commands() -> Iterator[list[str]]:
     """Generate command lines from the declared options, with a secret in each that is marked."""
     for flag, names, load in (
-        ("--robot", driver_names(own_only=True), load_driver),
-        ("--camera", camera_names(own_only=True), load_camera),
+        ("--robot", own_plugins(DRIVERS), load_driver),
+        ("--camera", own_plugins(CAMERAS), load_camera),
     ):
         for name in names:
             options = options_of(load(name).options_type)

@@ -9,15 +9,16 @@ from typing import Any
 import pytest
 
 from robot.devices.options import options_of
-from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
+from robot.devices.plugins import CAMERAS, DRIVERS, load_camera, load_driver
 from server.cli.serve import _recorded
+from tests.own_plugins import own_plugins
 
 SECRET = "http://user:hunter2@camera/stream"
 
 
 def kinds() -> list[Any]:
-    cameras = [load_camera(name) for name in camera_names(own_only=True)]
-    return [*cameras, *(load_driver(name) for name in driver_names(own_only=True))]
+    cameras = [load_camera(name) for name in own_plugins(CAMERAS)]
+    return [*cameras, *(load_driver(name) for name in own_plugins(DRIVERS))]
 
 
 @pytest.mark.parametrize("kind", kinds(), ids=lambda kind: str(kind.name))

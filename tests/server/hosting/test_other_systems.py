@@ -28,11 +28,12 @@ for name in ("fcntl", "resource", "termios", "pwd", "grp", "pty"):
 import os
 for name in ("uname", "O_NONBLOCK", "O_NOFOLLOW", "O_DIRECTORY", "getuid", "fork"):
     vars(os).pop(name, None)
-from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
+from robot.devices.plugins import CAMERAS, DRIVERS, load_camera, load_driver
 from robot.errors import CameraError, MissingExtraError
 from server.cli.main import main
-for load, names in ((load_driver, driver_names), (load_camera, camera_names)):
-    for name in names(own_only=True):
+from tests.own_plugins import own_plugins
+for load, group in ((load_driver, DRIVERS), (load_camera, CAMERAS)):
+    for name in own_plugins(group):
         load(name)
 from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
 try:

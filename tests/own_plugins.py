@@ -1,0 +1,9 @@
+"""The plugins that come with this program, whatever others are installed."""
+
+from __future__ import annotations
+
+from importlib.metadata import distribution
+
+
+def own_plugins(group: str) -> list[str]:
+    return sorted(distribution("drivelesson").entry_points.select(group=group).names)
