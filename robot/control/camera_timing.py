@@ -41,8 +41,6 @@ class CameraState:
     period_s: float = USUAL_PERIOD_S
     delivery_age_s: float = 0.0
     """The age at which its pictures arrive."""
-    source_age_s: float | None = None
-    """How much of it is the camera's own; None: all of it."""
     timeout_s: float = 0.2
     """How old the newest picture may be while the robot may move."""
     speed_scale: float = 1.0
@@ -77,23 +75,15 @@ class CameraTiming:
         self._ages_s: deque[float] = deque(maxlen=self._WINDOW)
         self._captured_s: float | None = None
         self._noted_s: float | None = None
-        self.state = self._judge(USUAL_PERIOD_S, 0.0, None)
+        self.state = self._judge(USUAL_PERIOD_S, 0.0)
 
-    def note(
-        self,
-        captured_s: float,
-        delivered_s: float,
-        *,
-        is_moving: bool,
-        source_age_s: float | None = None,
-    ) -> None:
+    def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
         """Take note of a new picture.
 
         Args:
             captured_s: When it was taken, on the loop's clock.
             delivered_s: When the loop first saw it.
             is_moving: True in a mode in which the robot may move: estimates then grow slowly.
-            source_age_s: What a camera elsewhere says of its pictures' age there.
         """
         if self._captured_s is not None and captured_s > self._captured_s:
             self._periods_s.append(captured_s - self._captured_s)
@@ -107,12 +97,9 @@ class CameraTiming:
         self.state = self._judge(
             min(period_s, before.period_s + growth_s),
             min(_quantile(self._ages_s, self._AGE_QUANTILE), before.delivery_age_s + growth_s),
-            source_age_s,
         )
 
-    def _judge(
-        self, period_s: float, delivery_age_s: float, source_age_s: float | None
-    ) -> CameraState:
+    def _judge(self, period_s: float, delivery_age_s: float) -> CameraState:
         """Derive the limits from the estimates."""
         longest_s = max(self.config.longest_timeout_s, self._shortest_timeout_s)
         longest_s += max(0.0, period_s - self.config.full_speed_s)
@@ -121,7 +108,6 @@ class CameraTiming:
         return CameraState(
             period_s=period_s,
             delivery_age_s=delivery_age_s,
-            source_age_s=source_age_s,
             timeout_s=min(max(wanted_s, self._shortest_timeout_s), longest_s),
             speed_scale=min(1.0, max(_LEAST_SCALE, full_speed_share)),
             slack_s=max(0.0, period_s - USUAL_PERIOD_S),

@@ -195,6 +195,7 @@ class ControlLoop:
                 refused=tuple(refused),
                 sensors=sensors,
                 link=link,
+                source_age_s=self._camera.source_age_s,
                 fault=self._camera.fault or self._fault,
                 cycle_s=self.clock.now_s() - started_s,
             )
@@ -248,7 +249,6 @@ class ControlLoop:
             frame.captured_s,
             delivered_s,
             is_moving=self._gate.mode is not Mode.STOPPED and not self._camera.world_waits,
-            source_age_s=self._camera.source_age_s,
         )
         return frame
 

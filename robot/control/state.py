@@ -20,8 +20,9 @@ LATE_CYCLE_S = 0.1
 class Tick:
     """All that happened in one tick, and what the loop sees and knows at its end.
 
-    `frame` is set if it was a new one, `frame_id` and `frame_captured_s` are those of the newest.
-    `commands` count; `refused` are those that the gate found too old, or that name no frame.
+    `frame` is set if it was a new one, `frame_id` and `frame_captured_s` are those of the newest;
+    `source_age_s` is the camera's. `commands` count; `refused` are those that the gate found too
+    old, or that name no frame.
     """
 
     now_s: float
@@ -39,6 +40,7 @@ class Tick:
     cycle_hz: float = 0.0
     frame_id: int | None = None
     frame_captured_s: float | None = None
+    source_age_s: float | None = None
     emergency: bool = False
     fault: str | None = None
     stops: Mapping[StopReason, int] = field(default_factory=dict)

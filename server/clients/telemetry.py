@@ -27,7 +27,7 @@ def state_every_s(state: Tick) -> float:
 def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
     """Return the fields of a `state` message that come from the control loop."""
     decision, camera = state.decision, state.camera
-    captured_s, source_s = state.frame_captured_s, camera.source_age_s
+    captured_s, source_s = state.frame_captured_s, state.source_age_s
     # What a camera on a brick is late by for the brick and its line.
     brick_s = None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
     fields = {

@@ -12,8 +12,8 @@ from importlib import import_module
 from fastapi import APIRouter
 
 MODULES = (
-    *("drive", "video", "health", "mjpeg", "pairing", "models", "episodes"),
-    *("gallery", "why", "teaching", "retraining", "world", "settings"),
+    *("drive", "video", "health", "pairing", "models", "episodes"),
+    *("gallery", "teaching", "retraining", "world", "settings"),
 )
 """Modules of this package; a new one is registered here only. Houses add theirs as extensions."""
 

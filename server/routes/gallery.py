@@ -1,4 +1,4 @@
-"""`/api/gallery`: the learned images. See docs/reference/http.md."""
+"""`/api/gallery`: the learned images. `/api/why`: what the robot's present proposal rests on."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from typing import Literal
 from fastapi import APIRouter, HTTPException, Request, Response
 from pydantic import StrictBool, StrictStr
 
+from robot.control.loop import ControlLoop
 from robot.devices.outside import Outside, must_be
-from robot.policy.gallery import LearnedImage
+from robot.policy.gallery import Explanation, LearnedImage
+from robot.types import Prediction
 from server.progress import Progress
-from server.routes.answers import PNG, Route, answer, png
+from server.routes.answers import PNG, Route, answer, png, png_text
 from server.services import services_of
 
-router = APIRouter(prefix="/api/gallery", route_class=Route)
+router = APIRouter(prefix="/api", route_class=Route)
 
 
 class ImageEdit(Outside):
@@ -51,7 +53,22 @@ class ImageList:
     images: list[ImageAnswer]
 
 
-@router.get("")
+@dataclass
+class Why:
+    """The image that decides now beside the present view, both PNG in base64."""
+
+    frame: int
+    action: str | None
+    novelty: float
+    node: int
+    votes: dict[str, int]
+    frames: int
+    present: str
+    image: str
+    alike: list[list[float]]
+
+
+@router.get("/gallery")
 async def list_images(request: Request) -> ImageList:
     """List the learned images, in the learner's own order."""
     progress = services_of(request).progress
@@ -65,7 +82,7 @@ async def list_images(request: Request) -> ImageList:
     )
 
 
-@router.get("/{node}.png", **PNG)
+@router.get("/gallery/{node}.png", **PNG)
 async def show_image(request: Request, node: int) -> Response:
     """Return one learned image as a small PNG."""
     image = await services_of(request).progress.image(node)
@@ -74,7 +91,7 @@ async def show_image(request: Request, node: int) -> Response:
     return png(image.thumbnail, keep_s=600)
 
 
-@router.post("/undo")
+@router.post("/gallery/undo")
 async def undo_edit(request: Request) -> dict[str, bool]:
     """Undo the last change to an image; `undone` is false if there is none to undo."""
     undone = await services_of(request).change_learner(lambda history: history.undo_edit())
@@ -82,7 +99,7 @@ async def undo_edit(request: Request) -> dict[str, bool]:
     return {"undone": bool(undone)}
 
 
-@router.post("/{node}")
+@router.post("/gallery/{node}")
 async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, int]:
     """Change one image."""
     services = services_of(request)
@@ -98,6 +115,29 @@ async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, 
     return {"node": node}
 
 
+@router.get("/why")
+async def show_why(request: Request) -> dict[str, Why | None]:
+    """Return the image that decides now beside the present view; null if there is none."""
+    services = services_of(request)
+    found = await services.on_loop(lambda: _explain(services.robot.loop))
+    if found is None:
+        return {"why": None}
+    prediction, explanation = found
+    image = explanation.image
+    why = Why(
+        frame=prediction.frame_id,
+        action=prediction.action,
+        novelty=round(float(prediction.novelty), 3),
+        node=image.node_id,
+        votes={move.value: count for move, count in image.votes.items()},
+        frames=image.frames,
+        present=png_text(explanation.present),
+        image=png_text(image.thumbnail),
+        alike=[[round(float(part), 2) for part in row] for row in explanation.alike],
+    )
+    return {"why": why}
+
+
 def _describe(image: LearnedImage, progress: Progress) -> ImageAnswer:
     mark = progress.mark_of(image.last_taught)
     return answer(
@@ -108,3 +148,13 @@ def _describe(image: LearnedImage, progress: Progress) -> ImageAnswer:
         node=image.node_id,
         pinned=image.is_pinned,
     )
+
+
+def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
+    """Explain the newest proposal; on the loop's thread."""
+    newest = loop.learning.newest
+    if newest is None:
+        return None
+    x, prediction = newest
+    explanation = loop.history.policy.gallery.explain(x, prediction.node)
+    return None if explanation is None else (prediction, explanation)

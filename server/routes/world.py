@@ -1,5 +1,4 @@
-"""`/api/path`: the way that the robot went, for drawing. `/api/world`: the simulated world around
-it from above, and another one for the robot."""
+"""`/api/world`: the simulated world around the robot from above, and another one for it."""
 
 from __future__ import annotations
 
