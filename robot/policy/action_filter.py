@@ -148,21 +148,22 @@ class ActionFilter(PolicyPart):
 
     def on_frame(self, seen: Seen) -> None:
         """Average the votes, and choose the move with most of them, or the one under way."""
-        seen.shares = self._average.update(seen.shares, seen.at_s, self.pace.usual_run_s)
+        usual_run_s, to_and_fro_s = self.pace.usual_run_s, self.pace.to_and_fro_s
+        self._stall_detector.patience_s = self.pace.patience_s
+        seen.shares = self._average.update(seen.shares, seen.at_s, usual_run_s)
         seen.kept = self._average.kept
         self._now_s = self._now_s + USUAL_STEP_S if seen.at_s is None else seen.at_s
-        seen.action = self._choose(seen, self._now_s)
+        seen.action = self._choose(seen, self._now_s, to_and_fro_s)
         seen.is_stalled, seen.needs_help = self._stall_detector.is_stalled, self.needs_help
         self._last = seen
         if self._gives_up:
             self._headway.turn(seen.action, self._now_s)
 
-    def _choose(self, seen: Seen, at_s: float) -> Action:
+    def _choose(self, seen: Seen, at_s: float, to_and_fro_s: float) -> Action:
         """Return the best move that is not barred; the first on a tie."""
         under_way, shares, turns, pace = seen.under_way, seen.shares, self._kinds.turns, self.pace
         urge = 0.0
         if self._gives_up:  # on an EV3 each comparison of pictures counts
-            self._stall_detector.patience_s = pace.patience_s
             self._stall_detector.barred(
                 seen.picture,
                 under_way,
@@ -173,7 +174,7 @@ class ActionFilter(PolicyPart):
             )
             urge = self._watch(under_way, at_s, ALLOWANCE * pace.longest_debt_s)
         futile = self._stall_detector.futile
-        barred = self._barred_side(at_s, pace.to_and_fro_s)
+        barred = self._barred_side(at_s, to_and_fro_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
