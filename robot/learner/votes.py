@@ -103,7 +103,8 @@ def shares(votes: Floats) -> Floats:
 HELD_OUT = 20
 """A node that one of so many latest examples went into says nothing about how new the next one is:
 frames a tenth of a second apart are almost the same. At ten examples a second this is 2 s."""
-_FEWEST = 30
+_FEWEST, _MEMORY = 30, 600
+"""So many examples are compared with, of the latest."""
 _SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
@@ -120,7 +121,6 @@ class Novelty(Stateful):
     because distances shrink as the nodes cover the place.
 
     Args:
-        memory: How many of the latest examples it compares with.
         margin: By how much of the median the border lies beyond that percentile.
     """
 
@@ -128,9 +128,9 @@ class Novelty(Stateful):
         Array("novelty", np.float64, (range(_SCALE, 100_000),), high=1e12, attribute="_kept"),
     )
 
-    def __init__(self, *, memory: int = 600, margin: float = MARGIN) -> None:
+    def __init__(self, *, margin: float = MARGIN) -> None:
         self.margin = margin
-        self.lengths: deque[float] = deque(maxlen=memory)
+        self.lengths: deque[float] = deque(maxlen=_MEMORY)
         self._median = self._border = 0.0
         self._n_new = 0
 
@@ -171,7 +171,7 @@ class Novelty(Stateful):
         if "novelty" in params:
             n, mean, variance = row(count(), number(0.0), number(0.0))(params.pop("novelty"), {})
             border = mean + 4.0 * math.sqrt(variance) + self.margin * mean
-            lengths = [mean] * min(n, self.lengths.maxlen or 0)
+            lengths = [mean] * min(n, _MEMORY)
             arrays["novelty"] = np.array([mean, border, 0.0, *lengths])
 
 

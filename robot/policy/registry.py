@@ -113,18 +113,14 @@ def is_learner_kind(kind: str) -> bool:
     return kind in _points()
 
 
-def make_policy(
-    name: str = "default-32",
-    moves: tuple[Action, ...] = DEFAULT_MOVES,
-    integer: bool | None = None,
-) -> Policy:
+def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MOVES) -> Policy:
     """Return a policy by its name, KIND-NUMBER: `default-32`, `published-64`, `knn-9`.
+
+    On a machine without a floating-point unit it compares pixels in whole numbers.
 
     Args:
         name: The kind of learner, and its number of nodes (or of neighbours).
         moves: What it may propose.
-        integer: Compare pixels in whole numbers, for machines without a floating-point unit;
-            None: if this machine has none.
 
     Raises:
         ConfigurationError: If there is no such learner.
@@ -132,9 +128,8 @@ def make_policy(
     """
     kind, number = split_name(name)
     maker = _load(kind, name)
-    if integer is None:
-        integer = platform.machine().startswith("armv5")  # the EV3's processor
-    return maker(number, name, moves, integer)
+    is_whole = platform.machine().startswith("armv5")  # the EV3's processor
+    return maker(number, name, moves, is_whole)
 
 
 def split_name(name: str) -> tuple[str, int]:

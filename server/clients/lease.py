@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 
+LAPSE_S = 1.5
+
 
 class Lease:
     """The wheel: at most one client has it, and renews it by its commands.
 
-    A lease that was not renewed for `lapse_s` has lapsed: its owner keeps it until another client
+    A lease that was not renewed for `LAPSE_S` has lapsed: its owner keeps it until another client
     asks for it. A client that asks for a lease in use waits until it is yielded or lapses.
     """
 
-    def __init__(self, lapse_s: float = 1.5) -> None:
+    def __init__(self) -> None:
         self.owner: str | None = None
         self.asked_by: str | None = None
-        self._lapse_s = lapse_s
         self._renewed_s = -math.inf
 
     def join(self, client: str, now_s: float) -> bool:
@@ -55,7 +56,7 @@ class Lease:
         return True
 
     def _has_lapsed(self, now_s: float) -> bool:
-        return now_s - self._renewed_s > self._lapse_s
+        return now_s - self._renewed_s > LAPSE_S
 
     def _give(self, client: str, now_s: float) -> None:
         self.owner = client

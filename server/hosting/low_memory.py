@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
@@ -61,9 +61,9 @@ class PutOff(MetaPathFinder):
         return spec
 
 
-def leave_out_unused(environ: Mapping[str, str] = os.environ) -> None:
+def leave_out_unused() -> None:
     """Leave out and put off if the environment asks for it; modules already loaded stay."""
-    if environ.get("DRIVELESSON_LEAN") != "1":
+    if os.environ.get("DRIVELESSON_LEAN") != "1":
         return
     for name in LEFT_OUT:
         sys.modules.setdefault(name, None)  # type: ignore[arg-type]

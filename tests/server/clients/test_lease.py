@@ -6,7 +6,7 @@ from server.clients.lease import Lease
 
 
 def test_the_wheel_goes_to_the_first_and_then_to_who_asked() -> None:
-    lease = Lease(lapse_s=1.5)
+    lease = Lease()
     assert lease.join("a", 0.0)
     assert not lease.join("b", 0.1)
     assert not lease.take("b", 0.2)
@@ -15,7 +15,7 @@ def test_the_wheel_goes_to_the_first_and_then_to_who_asked() -> None:
 
 
 def test_a_lapsed_wheel_goes_to_who_waits_or_to_who_asks() -> None:
-    lease = Lease(lapse_s=1.5)
+    lease = Lease()
     lease.join("a", 0.0)
     assert not lease.pass_on_if_lapsed(9.0), "nobody waits"
     lease.renew(9.0)
