@@ -10,7 +10,6 @@ moves are named, and `made` gives the same sum over the moves that both made.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -78,33 +77,3 @@ def compare(teacher: Profile, robot: Profile, moves: Sequence[Action]) -> Differ
         never_by_teacher=tuple(move for move in moves if move not in teacher),
         never_by_robot=tuple(move for move in moves if move not in robot),
     )
-
-
-def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
-    """Return by how much steering changes a second, as root mean square: the smoother, the less.
-
-    Args:
-        steering: From -1 to 1 at each tick, shape (n,).
-        at_s: The times of the ticks, shape (n,).
-    """
-    rates = np.diff(np.asarray(steering, np.float64)) / np.diff(np.asarray(at_s, np.float64))
-    return float(np.sqrt((rates**2).mean())) if rates.size else 0.0
-
-
-RARE_SHARE = 0.05
-"""A move on fewer of the ticks is rare: a slip taught once and never repeated costs up to 200."""
-
-
-def move_shares(moves: Sequence[Action]) -> dict[Action, float]:
-    """Return each move's share of the ticks on which the robot moved."""
-    counts = Counter(move for move in moves if move is not Action.STOP)
-    return {move: count / counts.total() for move, count in counts.items()}
-
-
-def rare_moves(teacher: Mapping[Action, float], robot: Mapping[Action, float]) -> set[Action]:
-    """Return the moves that both make on less than `RARE_SHARE` of their ticks."""
-    return {
-        move
-        for move in {*teacher, *robot}
-        if max(teacher.get(move, 0.0), robot.get(move, 0.0)) < RARE_SHARE
-    }

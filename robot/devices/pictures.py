@@ -1,18 +1,15 @@
-"""Picture files from other programs: checked before use; JPEG bytes are kept unchanged."""
+"""Pictures from other programs: checked before use; JPEG bytes are kept unchanged."""
 
 from __future__ import annotations
 
 import io
 import struct
 from dataclasses import dataclass, field
-from pathlib import Path
 
-from robot.devices.png import encode_png
 from robot.errors import RecordingError, need
-from robot.policy.image import decode, to_rgb
-from robot.types import Encoding, Frame
+from robot.policy.image import decode
+from robot.types import Encoding
 
-MAX_FILE_BYTES = 32 * 2**20
 MAX_SIDE_PX = 4096
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
@@ -31,27 +28,6 @@ class Picture:
     def is_too_large(self) -> bool:
         """True for more than 4096 pixels a side."""
         return max(self.width, self.height) > MAX_SIDE_PX
-
-
-def read_picture_file(folder: Path, name: str) -> Picture:
-    """Read a picture of a folder, by an untrusted name.
-
-    Raises:
-        RecordingError: If the name leads out of the folder, there is no such file, or it is no
-            picture of a sensible size.
-    """
-    path = folder / name
-    try:
-        if not path.resolve().is_relative_to(folder.resolve()):
-            raise RecordingError(f"{name[:80]!r} leads out of the folder {folder}")
-        if path.stat().st_size > MAX_FILE_BYTES:
-            raise RecordingError(f"the picture {path} is too large")
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        if isinstance(error, RecordingError):
-            raise
-        raise RecordingError(f"the picture {name[:80]!r} cannot be read: {error}") from error
-    return read_picture(data, repr(name[:80]))
 
 
 def read_picture(data: bytes, name: str) -> Picture:
@@ -79,16 +55,6 @@ def read_picture(data: bytes, name: str) -> Picture:
     return Picture(
         encoding=Encoding.RGB, width=width, height=height, data=pixels[:, :, ::-1].tobytes()
     )
-
-
-def write_picture(frame: Frame, folder: Path, stem: str) -> str:
-    """Write a frame as a file, without loss, and return its name: `.jpg` as it was, else `.png`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    is_jpeg = frame.encoding is Encoding.JPEG
-    name = f"{stem}.jpg" if is_jpeg else f"{stem}.png"
-    data = frame.data if is_jpeg else encode_png(to_rgb(frame), level=3)
-    (folder / name).write_bytes(data)
-    return name
 
 
 def _size(data: bytes) -> tuple[int, int] | None:

@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from robot.devices.pictures import read_picture_file, write_picture
 from robot.driver import CLASSIC, Move, describe, from_text, names, to_text
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
+from robot.exchange.picture_files import read_picture_file, write_picture
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, done_at, read_meant, read_point
 from robot.exchange.text_files import read_text

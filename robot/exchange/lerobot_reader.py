@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import Any
 
 from robot.devices.outside import Outside, must_be, number, read, text, whole
-from robot.devices.pictures import Picture, read_picture, read_picture_file
+from robot.devices.pictures import Picture, read_picture
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
+from robot.exchange.picture_files import read_picture_file
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, read_meant, read_point
 from robot.exchange.text_files import parse, read_text

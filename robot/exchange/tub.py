@@ -15,9 +15,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from robot.devices.pictures import read_picture_file, write_picture
 from robot.driver import CLASSIC, Move, point_of
 from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
+from robot.exchange.picture_files import read_picture_file, write_picture
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, done_at, read_meant, read_point
 from robot.exchange.tub_records import (

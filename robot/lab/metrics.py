@@ -6,21 +6,16 @@ Collisions, pushing, distance, floor covered, agreement. Pure: logs in, numbers 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from robot.control.profile import (
-    Profile,
-    behavior_profile,
-    compare,
-    move_shares,
-    rare_moves,
-    steering_per_s,
-)
+from robot.control.profile import Profile, behavior_profile, compare
 from robot.driver import point_of
 from robot.lab.simulated_pilots.situation import Situation
 from robot.types import Action, DrivenBy, Point, Pose
@@ -178,3 +173,33 @@ def _spans(log: DriveLog) -> Iterator[tuple[DriveSample, float]]:
     yield from ((moment, following.now_s - moment.now_s) for moment, following in pairwise(log))
     if log:
         yield log[-1], log.seconds / len(log)
+
+
+def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
+    """Return by how much steering changes a second, as root mean square: the smoother, the less.
+
+    Args:
+        steering: From -1 to 1 at each tick, shape (n,).
+        at_s: The times of the ticks, shape (n,).
+    """
+    rates = np.diff(np.asarray(steering, np.float64)) / np.diff(np.asarray(at_s, np.float64))
+    return float(np.sqrt((rates**2).mean())) if rates.size else 0.0
+
+
+RARE_SHARE = 0.05
+"""A move on fewer of the ticks is rare: a slip taught once and never repeated costs up to 200."""
+
+
+def move_shares(moves: Sequence[Action]) -> dict[Action, float]:
+    """Return each move's share of the ticks on which the robot moved."""
+    counts = Counter(move for move in moves if move is not Action.STOP)
+    return {move: count / counts.total() for move, count in counts.items()}
+
+
+def rare_moves(teacher: Mapping[Action, float], robot: Mapping[Action, float]) -> set[Action]:
+    """Return the moves that both make on less than `RARE_SHARE` of their ticks."""
+    return {
+        move
+        for move in {*teacher, *robot}
+        if max(teacher.get(move, 0.0), robot.get(move, 0.0)) < RARE_SHARE
+    }

@@ -7,9 +7,9 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from robot.control.profile import steering_per_s
 from robot.lab import by_degrees
 from robot.lab.experiment import ExperimentSettings
+from robot.lab.metrics import steering_per_s
 from robot.lab.task import Task
 
 

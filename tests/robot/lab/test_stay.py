@@ -4,8 +4,16 @@ import math
 
 import pytest
 
-from robot.control.profile import RARE_SHARE, move_shares, rare_moves
-from robot.lab.metrics import STUCK_S, DriveLog, DriveSample, is_stuck, longest_stay_s
+from robot.lab.metrics import (
+    RARE_SHARE,
+    STUCK_S,
+    DriveLog,
+    DriveSample,
+    is_stuck,
+    longest_stay_s,
+    move_shares,
+    rare_moves,
+)
 from robot.types import Action, DrivenBy, Pose
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT

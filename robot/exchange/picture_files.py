@@ -1,0 +1,44 @@
+"""Picture files of other programs: one is read by an untrusted name, and written without loss."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from robot.devices.pictures import Picture, read_picture
+from robot.devices.png import encode_png
+from robot.errors import RecordingError
+from robot.policy.image import to_rgb
+from robot.types import Encoding, Frame
+
+_MOST_BYTES = 32 * 2**20
+
+
+def read_picture_file(folder: Path, name: str) -> Picture:
+    """Read a picture of a folder, by an untrusted name.
+
+    Raises:
+        RecordingError: If the name leads out of the folder, there is no such file, or it is no
+            picture of a sensible size.
+    """
+    path = folder / name
+    try:
+        if not path.resolve().is_relative_to(folder.resolve()):
+            raise RecordingError(f"{name[:80]!r} leads out of the folder {folder}")
+        if path.stat().st_size > _MOST_BYTES:
+            raise RecordingError(f"the picture {path} is too large")
+        data = path.read_bytes()
+    except (OSError, ValueError) as error:
+        if isinstance(error, RecordingError):
+            raise
+        raise RecordingError(f"the picture {name[:80]!r} cannot be read: {error}") from error
+    return read_picture(data, repr(name[:80]))
+
+
+def write_picture(frame: Frame, folder: Path, stem: str) -> str:
+    """Write a frame as a file, without loss, and return its name: `.jpg` as it was, else `.png`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    is_jpeg = frame.encoding is Encoding.JPEG
+    name = f"{stem}.jpg" if is_jpeg else f"{stem}.png"
+    data = frame.data if is_jpeg else encode_png(to_rgb(frame), level=3)
+    (folder / name).write_bytes(data)
+    return name
