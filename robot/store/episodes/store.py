@@ -18,7 +18,8 @@ from robot.store.episodes.summary import EpisodeSummary, read_summary
 from robot.store.folder import Storage, check_name, free_name, paths_in, whole_file
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
-_OPEN_EPISODES = 2
+_OPEN_EPISODES, _DESCRIBED = 2, 2**16
+"""So many are remembered: opened, and as the list shows them."""
 _READ_WHOLE_BYTES = 2 * 2**20
 """Of a recording that is being written only the beginning is read once it is larger."""
 
@@ -38,8 +39,9 @@ class EpisodeStore:
         self._lock = threading.RLock()
         self._listing = threading.Lock()
         self._open = lru_cache(_OPEN_EPISODES)(lambda path, *state: open_episode(path))
-        self._described: dict[Path, tuple[list[tuple[int, int]], EpisodeSummary]] = {}
-        """What was read of each recording, and the state in which it was."""
+        self._read = lru_cache(_DESCRIBED)(
+            lambda path, is_growing, *state: read_summary(path, is_growing=is_growing)
+        )
 
     def ids(self) -> list[str]:
         """Name the episodes, in the order of their names, the last first."""
@@ -48,18 +50,14 @@ class EpisodeStore:
     def summaries(self) -> list[EpisodeSummary]:
         """Describe all episodes, the newest by time first; each state of a file is read once."""
         found = []
-        with self._listing:
-            paths = self._paths()
-            for path in paths:
-                with contextlib.suppress(OSError):  # it is gone
-                    found.append(self._describe(path))
-            self._described = {p: self._described[p] for p in paths if p in self._described}
+        for path in self._paths():
+            with contextlib.suppress(OSError):  # it is gone
+                found.append(self._describe(path))
         return sorted(found, key=lambda s: (s.started_at_s, s.id), reverse=True)
 
     def summary(self, episode_id: str) -> EpisodeSummary:
         """Describe one episode; raises OSError if it is gone."""
-        with self._listing:
-            return self._describe(self.path(episode_id))
+        return self._describe(self.path(episode_id))
 
     def _paths(self) -> list[Path]:
         found = [path for path in paths_in(self._storage.episodes) if path.suffix == ".mcap"]
@@ -70,10 +68,9 @@ class EpisodeStore:
         notes = notes_path(path)
         found = [file.stat() for file in (path, notes) if file is path or file.exists()]
         state = [(status.st_size, status.st_mtime_ns) for status in found]
-        if path not in self._described or self._described[path][0] != state:
-            is_growing = path.stem == self._recording() and found[0].st_size > _READ_WHOLE_BYTES
-            self._described[path] = state, read_summary(path, is_growing=is_growing)
-        return self._described[path][1]
+        is_growing = path.stem == self._recording() and found[0].st_size > _READ_WHOLE_BYTES
+        with self._listing:
+            return self._read(path, is_growing, *state)
 
     def path(self, episode_id: str) -> Path:
         """Return the file of an episode."""
