@@ -20,7 +20,7 @@ from robot.errors import RecordingError
 from robot.exchange.report import ImportReport
 from robot.exchange.timeline import make_timeline
 from robot.policy.history import Taught
-from robot.store.episodes.messages import COMMAND, LESSON, describe_command
+from robot.store.episodes.messages import Topic, describe_command
 from robot.store.episodes.writer import EpisodeWriter, describe_run
 from robot.store.folder import whole_file
 from robot.store.models.events import describe_event
@@ -147,12 +147,12 @@ def _write_shot(writer: EpisodeWriter, shot: Shot, picture: Picture, t_s: float)
         return
     label, point = shot.label, shot.point
     command = PilotCommand(held=label, frame_id=frame_id, seq=frame_id, received_s=t_s, point=point)
-    writer.write_message(COMMAND, t_s, describe_command(command))
+    writer.write_message(Topic.COMMAND, t_s, describe_command(command))
     example = Example(
         frame_id=frame_id, label=label, is_intervention=shot.is_intervention, point=point
     )
     taught = Taught(example=example, x=np.zeros(0), at_s=t_s)
-    writer.write_message(LESSON, t_s, describe_event(taught))
+    writer.write_message(Topic.LESSON, t_s, describe_event(taught))
 
 
 def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:

@@ -46,7 +46,7 @@ from robot.policy.image import Pixels, to_rgb
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
-from robot.store.episodes.messages import SENSORS
+from robot.store.episodes.messages import Topic
 from robot.types import Action, Point
 
 CAMERA = "observation.images.front"
@@ -214,7 +214,7 @@ def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
     """Return when a sensor said what, shape (n, 2)."""
     said = [
         (now_s - episode.start_s, float(words[name]))
-        for now_s, words in episode.messages.get(SENSORS, [])
+        for now_s, words in episode.messages.get(Topic.SENSORS, [])
         if words.get(name) is not None
     ]
     return np.array(said).reshape(-1, 2)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.store.episodes.messages import CAMERA, SCHEMAS
+from robot.store.episodes.messages import SCHEMAS, Topic
 from robot.types import StopReason
 from tests.conformance.samples import metrics_of_a_robot
 
@@ -52,4 +52,4 @@ def test_the_layout_shows_topics_and_fields_that_recordings_have() -> None:
         assert name in SCHEMAS[topic]["properties"], path
     topics = [topic for panel in panels for topic in panel.get("topics", ())]
     topics += [panel["imageMode"]["imageTopic"] for panel in panels if "imageMode" in panel]
-    assert {*topics} <= {CAMERA, *SCHEMAS}
+    assert {*topics} <= {Topic.CAMERA, *SCHEMAS}

@@ -13,15 +13,7 @@ from robot.errors import ConfigurationError
 from robot.policy.history import Taught, Undone
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, taught_frames
-from robot.store.episodes.messages import (
-    CAMERA,
-    DECISION,
-    LESSON,
-    MODEL_BEFORE,
-    PREDICTION,
-    SENSORS,
-    Fields,
-)
+from robot.store.episodes.messages import MODEL_BEFORE, Fields, Topic
 from robot.store.episodes.reader import Message, scan
 from robot.store.episodes.teaching import plan
 from robot.store.episodes.writer import FORMAT, EpisodeWriter
@@ -61,9 +53,11 @@ class EpisodeFrame:
 def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
     """List the recording's pictures in order, each with label, prediction and driver."""
     examples = taught_frames(episode)
-    predictions = {fields["frame"]: fields for _, fields in episode.messages.get(PREDICTION, [])}
-    decisions = episode.messages.get(DECISION, [])
-    sensed = episode.messages.get(SENSORS, [])
+    predictions = {
+        fields["frame"]: fields for _, fields in episode.messages.get(Topic.PREDICTION, [])
+    }
+    decisions = episode.messages.get(Topic.DECISION, [])
+    sensed = episode.messages.get(Topic.SENSORS, [])
     start_s, found = episode.start_s, []
     for entry in episode.frames.values():
         decision = _next_of(decisions, entry.captured_s)
@@ -128,9 +122,9 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
     run = {**episode.run, "format": str(FORMAT)}
     writer = EpisodeWriter(file, run, before)
     for record in scan(episode.path):
-        if not isinstance(record, Message) or record.topic == LESSON:
+        if not isinstance(record, Message) or record.topic == Topic.LESSON:
             continue
-        if record.topic != CAMERA or not notes.is_deleted(record.sequence):
+        if record.topic != Topic.CAMERA or not notes.is_deleted(record.sequence):
             writer.write_copy(record)
     _write_events(writer, episode, notes)
     writer.close({"dropped_frames": "0", "lost_words": "0"})
@@ -142,8 +136,8 @@ def _write_events(writer: EpisodeWriter, episode: Episode, notes: Notes) -> None
     for _, event in plan([(episode, notes)]):
         if isinstance(event, Taught) and event.example.frame_id in episode.frames:
             now_s = episode.frames[event.example.frame_id].captured_s
-        writer.write_message(LESSON, now_s, describe_event(event))
+        writer.write_message(Topic.LESSON, now_s, describe_event(event))
     own = {made.example.frame_id for _, made in episode.events if isinstance(made, Taught)}
     for at_s, late in episode.events:
         if isinstance(late, Undone) and not own.issuperset(late.frame_ids):
-            writer.write_message(LESSON, at_s, describe_event(late))
+            writer.write_message(Topic.LESSON, at_s, describe_event(late))

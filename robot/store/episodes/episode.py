@@ -12,20 +12,7 @@ from robot.driver import Move, from_text
 from robot.errors import UNREADABLE, RecordingError
 from robot.policy.history import HistoryEvent
 from robot.store.episodes.images import FrameEntry, decode_image
-from robot.store.episodes.messages import (
-    CAMERA,
-    COMMAND,
-    DECISION,
-    LESSON,
-    MODE,
-    MODEL_AFTER,
-    MODEL_BEFORE,
-    PREDICTION,
-    RUN,
-    SENSORS,
-    SUMMARY,
-    Fields,
-)
+from robot.store.episodes.messages import MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY, Fields, Topic
 from robot.store.episodes.reader import Attachment, Cut, Message, Metadata, read_chunk, scan
 from robot.store.episodes.writer import FORMAT, note_taught
 from robot.store.models.events import read_event
@@ -156,7 +143,7 @@ def check_run(values: dict[str, str]) -> dict[str, str]:
 
 def _take_message(episode: Episode, message: Message) -> None:
     now_s = (message.log_ns - episode.origin_ns) / 1e9
-    if message.topic == CAMERA:
+    if message.topic == Topic.CAMERA:
         size = dict(message.channel.metadata)
         episode.frames[message.sequence] = FrameEntry(
             frame_id=message.sequence,
@@ -165,9 +152,15 @@ def _take_message(episode: Episode, message: Message) -> None:
             size=(int(size.get("width", "0")), int(size.get("height", "0"))),
             place=message.place,
         )
-    elif message.topic == LESSON:
+    elif message.topic == Topic.LESSON:
         episode.events.append((now_s, read_event(json.loads(message.data))))
-    elif message.topic in (COMMAND, DECISION, PREDICTION, SENSORS, MODE):
+    elif message.topic in (
+        Topic.COMMAND,
+        Topic.DECISION,
+        Topic.PREDICTION,
+        Topic.SENSORS,
+        Topic.MODE,
+    ):
         fields = json.loads(message.data)
         if not isinstance(fields, dict):
             raise RecordingError("a message has an unknown form")

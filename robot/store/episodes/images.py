@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any
 
 from robot.errors import RecordingError
-from robot.store.episodes.messages import CAMERA
+from robot.store.episodes.messages import Topic
 from robot.store.episodes.reader import MessageChannel, Schema
 from robot.types import Encoding, Frame
 
@@ -42,7 +42,7 @@ _FIELDS = {
 
 def camera_channel(frame: Frame) -> MessageChannel:
     size = (("width", str(frame.width)), ("height", str(frame.height)))
-    return MessageChannel(CAMERA, "protobuf", _schema(_name_of(frame)), size)
+    return MessageChannel(Topic.CAMERA, "protobuf", _schema(_name_of(frame)), size)
 
 
 def _name_of(frame: Frame) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict
+from enum import StrEnum
 from functools import cache
 from typing import Any
 
@@ -14,14 +15,20 @@ from robot.store.episodes.reader import MessageChannel, Schema
 from robot.store.models.events import describe_point, to_json
 from robot.types import PilotCommand, Point, Prediction, Sensors
 
-CAMERA = "/camera"
-COMMAND = "/command"
-DECISION = "/decision"
-PREDICTION = "/prediction"
-SENSORS = "/sensors"
-POSE = "/pose"
-MODE = "/mode"
-LESSON = "/lesson"
+
+class Topic(StrEnum):
+    """What each message is about."""
+
+    CAMERA = "/camera"
+    COMMAND = "/command"
+    DECISION = "/decision"
+    PREDICTION = "/prediction"
+    SENSORS = "/sensors"
+    POSE = "/pose"
+    MODE = "/mode"
+    LESSON = "/lesson"
+
+
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
 """Names of the metadata records at the beginning and at the end."""
 MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
@@ -60,13 +67,13 @@ _POINT = _all(_SHARE, *Point._fields)
 _POSE = _object({**_all(_NUMBER, "x_m", "y_m", "heading_rad"), "is_estimate": _TRUTH})
 _GAME = _object({**_all(_NUMBER, "score", "reward"), "number": _COUNT, "is_over": _TRUTH})
 
-SCHEMAS: dict[str, Fields] = {
-    COMMAND: _schema(
+SCHEMAS: dict[Topic, Fields] = {
+    Topic.COMMAND: _schema(
         "drivelesson.Command",
         {"held": _MAYBE_TEXT, "frame": _MAYBE_COUNT, "seq": _COUNT, "pilot": _TEXT},
         **_POINT,
     ),
-    DECISION: _schema(
+    Topic.DECISION: _schema(
         "drivelesson.Decision",
         {
             **_all(_TEXT, "action", "sent", "driven_by", "mode"),
@@ -76,7 +83,7 @@ SCHEMAS: dict[str, Fields] = {
         },
         **_POINT,
     ),
-    PREDICTION: _schema(
+    Topic.PREDICTION: _schema(
         "drivelesson.Prediction",
         {
             **_all(_NUMBER, "confidence", "novelty", "distance"),
@@ -88,7 +95,7 @@ SCHEMAS: dict[str, Fields] = {
         spread=_NUMBER,
         **_POINT,
     ),
-    SENSORS: _schema(
+    Topic.SENSORS: _schema(
         "drivelesson.Sensors",
         {
             **_all(_MAYBE_NUMBER, "distance_m", "battery"),
@@ -97,8 +104,8 @@ SCHEMAS: dict[str, Fields] = {
         },
         game=_GAME,
     ),
-    MODE: _schema("drivelesson.Mode", {"mode": _TEXT, "stop_reason": _MAYBE_TEXT}),
-    LESSON: _schema(
+    Topic.MODE: _schema("drivelesson.Mode", {"mode": _TEXT, "stop_reason": _MAYBE_TEXT}),
+    Topic.LESSON: _schema(
         "drivelesson.Lesson",
         {"event": {"enum": ["taught", "edited", "undone", "replaced"]}},
         **_all(_COUNT, "frame", "node"),
@@ -110,7 +117,7 @@ SCHEMAS: dict[str, Fields] = {
         value={},
         frames={"type": "array", "items": _COUNT},
     ),
-    POSE: _schema(
+    Topic.POSE: _schema(
         "foxglove.PoseInFrame",
         {
             "timestamp": _object(_all(_NUMBER, "sec", "nsec")),
@@ -128,7 +135,7 @@ SCHEMAS: dict[str, Fields] = {
 
 
 @cache
-def json_channel(topic: str) -> MessageChannel:
+def json_channel(topic: Topic) -> MessageChannel:
     schema = SCHEMAS[topic]
     return MessageChannel(topic, "json", Schema(schema["title"], "jsonschema", to_json(schema)))
 

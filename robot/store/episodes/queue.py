@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from robot.clock import Clock
-from robot.store.episodes.messages import Fields
+from robot.store.episodes.messages import Fields, Topic
 from robot.store.episodes.writer import EpisodeWriter
 from robot.store.models.autosave import Announce
 from robot.store.models.model import Model, encode_model
@@ -88,7 +88,7 @@ class RecordingQueue:
             self.lost["frames"] += 1
         return is_kept
 
-    def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
+    def write_message(self, topic: Topic, now_s: float, fields: Fields) -> None:
         if not self._put(0, self._write, EpisodeWriter.write_message, topic, now_s, fields):
             self.lost["messages"] += 1
 

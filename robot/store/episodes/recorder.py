@@ -23,12 +23,7 @@ from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
 from robot.store.disk import DiskThread
 from robot.store.episodes.ending import end_cut_recordings
 from robot.store.episodes.messages import (
-    COMMAND,
-    DECISION,
-    LESSON,
-    MODE,
-    PREDICTION,
-    SENSORS,
+    Topic,
     describe_command,
     describe_prediction,
     describe_sensors,
@@ -172,7 +167,7 @@ class Recorder:
         now_s = tick.now_s
         if tick.decision.mode is not self._mode:
             now = {"mode": tick.decision.mode, "stop_reason": tick.decision.stop_reason}
-            self.queue.write_message(MODE, now_s, now)
+            self.queue.write_message(Topic.MODE, now_s, now)
         if tick.frame is not None:
             if now_s - self._moved_s <= self._config.trail_s:
                 while self._lead:  # a command may label what was seen just before
@@ -181,7 +176,7 @@ class Recorder:
             else:
                 self._remember(tick.frame)
         for command in tick.commands:
-            self.queue.write_message(COMMAND, now_s, describe_command(command))
+            self.queue.write_message(Topic.COMMAND, now_s, describe_command(command))
         if tick.decision.mode is not Mode.STOPPED:
             self._record_decision(tick)
         for event in events:
@@ -201,21 +196,23 @@ class Recorder:
             "cycle_ms": round(tick.cycle_s * 1000, 4),
             **describe_point(decision.point),
         }
-        self.queue.write_message(DECISION, tick.now_s, fields)
+        self.queue.write_message(Topic.DECISION, tick.now_s, fields)
 
     def _record_frame(self, tick: Tick) -> None:
         assert tick.frame is not None
         self._keep(tick.frame)
-        self.queue.write_message(SENSORS, tick.now_s, describe_sensors(tick.sensors))
+        self.queue.write_message(Topic.SENSORS, tick.now_s, describe_sensors(tick.sensors))
         if tick.prediction is not None and tick.prediction.frame_id == tick.frame.frame_id:
-            self.queue.write_message(PREDICTION, tick.now_s, describe_prediction(tick.prediction))
+            self.queue.write_message(
+                Topic.PREDICTION, tick.now_s, describe_prediction(tick.prediction)
+            )
 
     def _record_event(self, event: HistoryEvent, now_s: float) -> None:
         self._is_kept = True
         is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
         if isinstance(event, Taught):
             self._taught.add(event.example.frame_id)
-        self.queue.write_message(LESSON, now_s, describe_event(event, with_vector=is_lost))
+        self.queue.write_message(Topic.LESSON, now_s, describe_event(event, with_vector=is_lost))
 
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)

@@ -15,15 +15,12 @@ from robot.driver import Move, to_text
 from robot.policy.history import HistoryEvent, Taught, Undone
 from robot.store.episodes.images import camera_channel, encode_image
 from robot.store.episodes.messages import (
-    CAMERA,
-    LESSON,
     MODEL_AFTER,
     MODEL_BEFORE,
-    POSE,
     RUN,
-    SENSORS,
     SUMMARY,
     Fields,
+    Topic,
     json_channel,
     pose_in_frame,
 )
@@ -123,13 +120,13 @@ class EpisodeWriter:
         data = encode_image(frame, stamp_ns)
         self._add(camera_channel(frame), stamp_ns, data, frame.frame_id)
 
-    def write_message(self, topic: str, now_s: float, fields: Fields) -> None:
-        """Add one message; its topic is one of `messages.SCHEMAS`."""
+    def write_message(self, topic: Topic, now_s: float, fields: Fields) -> None:
+        """Add one message."""
         stamp_ns = self._to_ns(now_s)
         self._add(json_channel(topic), stamp_ns, to_json(fields))
-        if topic == SENSORS and fields["pose"]:
+        if topic == Topic.SENSORS and fields["pose"]:
             drawn = to_json(pose_in_frame(fields["pose"], stamp_ns))
-            self._add(json_channel(POSE), stamp_ns, drawn)
+            self._add(json_channel(Topic.POSE), stamp_ns, drawn)
 
     def write_copy(self, record: Message | Metadata | Attachment) -> None:
         """Add what stands in another recording, byte for byte."""
@@ -174,9 +171,9 @@ class EpisodeWriter:
     def _add(self, channel: MessageChannel, stamp_ns: int, data: bytes, sequence: int = 0) -> None:
         self._first_ns = min(stamp_ns, self._first_ns)
         self._last_ns = max(stamp_ns, self._last_ns)
-        if channel.topic == CAMERA:
+        if channel.topic == Topic.CAMERA:
             self._frames.add(sequence)
-        elif channel.topic == LESSON:
+        elif channel.topic == Topic.LESSON:
             note_taught(self._taught, read_event(json.loads(data)))
         self._writer.add_message(self._channel(channel), stamp_ns, data, stamp_ns, sequence)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.store.episodes.messages import DECISION, LESSON
+from robot.store.episodes.messages import Topic
 from robot.store.episodes.writer import EpisodeWriter, describe_run
 from robot.types import DEFAULT_MOVES, Encoding, Frame
 
@@ -51,8 +51,8 @@ def write_cut_recording(path: Path, minutes: float) -> Path:
             label = DEFAULT_MOVES[number // 40 % len(DEFAULT_MOVES)]
             taught = {"event": "taught", "frame": number, "label": label, "intervention": False}
             writer.write_frame(frame)
-            writer.write_message(DECISION, now_s, decision | {"frame": number})
-            writer.write_message(LESSON, now_s, taught | {"at_s": now_s, "x": None})
+            writer.write_message(Topic.DECISION, now_s, decision | {"frame": number})
+            writer.write_message(Topic.LESSON, now_s, taught | {"at_s": now_s, "x": None})
         writer.flush()
         file.truncate(file.tell() - 1000)
     return path
