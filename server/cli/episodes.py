@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError
-from robot.store.episodes.editing import EpisodeFrame, choose, moments, read_move
-from robot.store.episodes.edits import Edit, Notes, trim
+from robot.store.episodes.editing import EpisodeFrame, choose, edit_of, moments
+from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
@@ -167,12 +167,8 @@ def edit(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> Non
         print(f"{episode_id} is in the trash; back with: drivelesson episodes restore {key}")
         return
     episode = store.open(episode_id)
-    between = _range(args, episode)
-    if args.verb == "trim":
-        change = trim(episode.frames, *between)
-    else:
-        label = read_move(args.label, episode) if args.verb == "relabel" else None
-        change = Edit(verb=args.verb, ranges=(between,), label=label)
+    label = args.label if args.verb == "relabel" else None
+    change = edit_of(args.verb, _range(args, episode), episode, label)
     _print_edits(store.edit(episode_id, change))
 
 

@@ -14,8 +14,8 @@ from robot.devices.outside import Outside, must_be, text
 from robot.devices.png import encode_png
 from robot.driver import describe as describe_moves
 from robot.policy.image import to_rgb
-from robot.store.episodes.editing import choose, moments, read_move
-from robot.store.episodes.edits import Edit, Notes, trim
+from robot.store.episodes.editing import choose, edit_of, moments
+from robot.store.episodes.edits import Notes
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
 from robot.types import Encoding
@@ -233,11 +233,9 @@ def change_episode(
 @router.post("/episodes/{episode_id}/edits", status_code=201)
 def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> Edits:
     """Delete or relabel frames, or all others."""
-    episode, between = store.open(episode_id), (body.first, body.last)
-    if body.verb == "trim":
-        return _edits(store.edit(episode_id, trim(list(episode.frames), *between)))
-    label = read_move(body.label, episode) if body.verb == "relabel" else None
-    return _edits(store.edit(episode_id, Edit(verb=body.verb, ranges=(between,), label=label)))
+    between = (body.first, body.last)
+    edit = edit_of(body.verb, between, store.open(episode_id), body.label)
+    return _edits(store.edit(episode_id, edit))
 
 
 @router.delete("/episodes/{episode_id}/edits/last")

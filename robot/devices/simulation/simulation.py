@@ -62,7 +62,6 @@ class Simulation:
         self.action = Action.STOP
         self.point: Point | None = None
         self.speed_scale = 1.0
-        self.time_s = 0.0
 
     def step(self, dt_s: float) -> None:
         """Advance by `dt_s` seconds with the current action."""
@@ -155,7 +154,6 @@ class Simulation:
         moved = move(self.pose, left_mps * scale, right_mps * scale, dt_s)
         self.world = move_things(self.world, moved, dt_s)
         self.pose, self._contacts_rad = push_out(self.world, moved)
-        self.time_s += dt_s
 
     def _drift_on(self, dt_s: float) -> None:
         """Update the drift: an Ornstein-Uhlenbeck process of deviation `drift_share`."""

@@ -11,7 +11,7 @@ from typing import BinaryIO
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
 from robot.policy.history import Taught, Undone
-from robot.store.episodes.edits import Notes
+from robot.store.episodes.edits import Edit, Notes, Range, trim
 from robot.store.episodes.episode import Episode, taught_frames
 from robot.store.episodes.messages import MODEL_BEFORE, Fields, Topic
 from robot.store.episodes.reader import Message, scan
@@ -97,12 +97,15 @@ def _next_of(messages: Sequence[tuple[float, Fields]], at_s: float) -> Fields:
     return messages[index][1] if index < len(messages) else {}
 
 
-def read_move(label: object, episode: Episode) -> Action:
-    """Return the move that a person wants for some frames."""
+def edit_of(verb: str, between: Range, episode: Episode, label: str | None = None) -> Edit:
+    """Return what a person wants done to a range of frames; `trim` keeps these alone."""
+    if verb == "trim":
+        return trim(episode.frames, *between)
     known = tuple(dict.fromkeys((*episode.moves, *CLASSIC)))
-    if not isinstance(label, str) or label not in known:
+    if verb == "relabel" and label not in known:
         raise ConfigurationError(f"unknown label {label!r}; known: {', '.join(known)}")
-    return Action(label)
+    move = Action(label) if verb == "relabel" and label else None
+    return Edit(verb=verb, ranges=(between,), label=move)
 
 
 def choose(found: Sequence[EpisodeFrame], count: int) -> list[EpisodeFrame]:
