@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import secrets
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +81,4 @@ class IdentityFile:
 
     def _write(self) -> None:
         if self._path is not None:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            plain = {"name": self.now.name, "colour": self.now.colour}
-            write_whole(self._path, json.dumps(plain).encode())
+            write_whole(self._path, json.dumps(asdict(self.now)).encode())
