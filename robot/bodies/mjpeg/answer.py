@@ -7,7 +7,6 @@ are wrong. A JPEG and a PNG say themselves where they begin and end, so only tha
 from __future__ import annotations
 
 import re
-from email.parser import BytesParser
 from http.client import HTTPMessage, HTTPResponse
 
 from robot.errors import CameraError
@@ -56,8 +55,11 @@ class Answer(HTTPResponse):
             end = 0
         text, self._rest = head[:end].lstrip(), head[end:]
         status = _STATUS.match(text)
-        fields = text.partition(b"\n")[2] if status else text
-        self.headers = self.msg = BytesParser(_class=HTTPMessage).parsebytes(fields, True)
+        self.headers = self.msg = HTTPMessage()
+        for field in text.decode("latin-1").splitlines():  # what is no field costs no other
+            name, colon, value = field.partition(":")
+            if colon:
+                self.headers[name.strip()] = value.strip()
         self.code = self.status = int(status[1]) if status else 200
         self.reason, self.version, self.will_close, self.chunked = "", 10, True, False
         self.length = None if self.status // 100 == 2 else 0

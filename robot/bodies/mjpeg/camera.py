@@ -40,17 +40,12 @@ class MjpegCamera(WatchedCamera):
     def __init__(self, options: MjpegOptions, clock: Clock) -> None:
         super().__init__(options, clock)
         try:
-            url = urlsplit(options.source)
-            is_port = url.port != 0
-        except ValueError:  # half of an IPv6 address, or a port that is none
-            url, is_port = urlsplit(""), False
-        if url.scheme not in ("http", "https") or not url.hostname or not is_port:
+            self._line = CameraLine(urlsplit(options.source))
+        except ValueError as error:
             raise ConfigurationError(
                 "the camera 'mjpeg' needs the address of a stream, "
                 "as in --source http://192.168.4.1:81/stream"
-            )
-        self._host = url.hostname
-        self._line = CameraLine(url)
+            ) from error
         self._reason: str | None = None
         self._shown_s: float | None = None
         self._gap_s = 0.0
@@ -115,7 +110,7 @@ class MjpegCamera(WatchedCamera):
         self._show_picture(picture, captured_s)
 
     def _name_fault(self, wrong: str) -> str:
-        return f"The camera at {self._host} {self._explain(wrong)}."
+        return f"The camera at {self._line.host} {self._explain(wrong)}."
 
     def _explain(self, wrong: str) -> str:
         since_s = self.clock.now_s() - (self._shown_s or 0.0)

@@ -19,6 +19,8 @@ from robot.bodies.mjpeg.answer import Answer
 from robot.errors import CameraError
 
 _SILENT_S = 2.0
+_PORTS = {"http": 80, "https": 443}
+_MOVED = (301, 302, 303, 307, 308)
 _PAGES = ("text/", "application/json", "application/xml", "application/xhtml")
 _ADVICE = {
     403: "it lets nobody in from here; look into its settings",
@@ -28,11 +30,15 @@ _ADVICE = {
 
 
 class CameraLine:
-    """One connection at a time; `close` may be called from any thread, and wakes who reads."""
+    """One connection at a time; `close` may be called from any thread, and wakes who reads.
+
+    Raises:
+        ValueError: If `url` is no address of a camera.
+    """
 
     def __init__(self, url: SplitResult) -> None:
-        self._address = quote(_without_user(url), safe=string.punctuation)
-        self._host, self._has_user = url.hostname, bool(url.username)
+        self._address = quote(_checked(url), safe=string.punctuation)
+        self.host, self._has_user = url.hostname, bool(url.username)
         self._socket: socket.socket | None = None
         self._answer: Any = None
         self._opener = http.OpenerDirector()
@@ -88,7 +94,7 @@ class CameraLine:
         return Answer(sock, *args, **options)
 
     def _explain(self, error: Exception) -> str:
-        where = f"the camera at {self._host}"
+        where = f"the camera at {self.host}"
         if isinstance(error, HTTPError) and error.code == 401:
             advice = (
                 "it wants a user and a password, as in --source http://USER:PASSWORD@ADDRESS/PATH"
@@ -96,7 +102,7 @@ class CameraLine:
             if self._has_user:
                 advice = "it does not take this user and password; look them up in its settings"
             return f"{where} answers 401: {advice}"
-        if isinstance(error, HTTPError) and error.code // 100 != 3:
+        if isinstance(error, HTTPError) and not _is_moved(error):
             said = f"{error.code} {_kind(error.headers)}".rstrip()
             advice = "restart it, or look up the address in its manual"
             return f"{_place(error.url)} answers {said}: {_ADVICE.get(error.code, advice)}"
@@ -133,11 +139,20 @@ class _Redirects(http.HTTPRedirectHandler):
     def redirect_request(
         self, req: http.Request, fp: Any, code: int, msg: str, headers: Any, newurl: str
     ) -> http.Request | None:
-        url = urlsplit(newurl)
-        if url.scheme not in ("http", "https") or not url.hostname or url.port == 0:
-            raise ValueError("no address of a camera")
-        newurl = _without_user(url)
+        newurl = _checked(urlsplit(newurl))
         return super().redirect_request(req, fp, code, msg, headers, newurl)
+
+
+class _OneAddress(http.HTTPPasswordMgr):
+    """Knows user and password of one address; the library's would show them on other schemes."""
+
+    def __init__(self, url: SplitResult) -> None:
+        super().__init__()
+        self._home = _origin(url)
+        self._known = unquote(url.username or ""), unquote(url.password or "")
+
+    def find_user_password(self, realm: str, authuri: str) -> tuple[str, str] | tuple[None, None]:
+        return self._known if _origin(urlsplit(authuri)) == self._home else (None, None)
 
 
 class _Passwords(http.HTTPDigestAuthHandler):
@@ -147,12 +162,8 @@ class _Passwords(http.HTTPDigestAuthHandler):
     """
 
     def __init__(self, url: SplitResult) -> None:
-        self._known = http.HTTPPasswordMgrWithDefaultRealm()
+        self._known = _OneAddress(url)
         super().__init__(self._known)
-        user, password = unquote(url.username or ""), unquote(url.password or "")
-        home = url._replace(netloc=_netloc(url), path="/", query="", fragment="").geturl()
-        if user:
-            self._known.add_password(None, home, user, password)
 
     def http_request(self, req: http.Request) -> http.Request:
         user, password = self._known.find_user_password("", req.full_url)
@@ -175,7 +186,7 @@ class _Passwords(http.HTTPDigestAuthHandler):
         parts = http.parse_http_list(text.partition(" ")[2])
         try:
             words = self.get_authorization(req, http.parse_keqv_list([p for p in parts if p]))
-        except (ValueError, URLError):
+        except (ValueError, LookupError, URLError):
             words = None
         if words is None:
             raise CameraError(
@@ -189,7 +200,7 @@ class _Passwords(http.HTTPDigestAuthHandler):
         self, algorithm: str
     ) -> tuple[Callable[[str], str], Callable[[str, str], str]]:
         if algorithm.upper() != "SHA-256":
-            return super().get_algorithm_impls(algorithm)
+            return super().get_algorithm_impls(algorithm.upper())
         return _sha256, lambda secret, data: _sha256(f"{secret}:{data}")
 
 
@@ -210,9 +221,17 @@ def _place(address: str) -> str:
     return f"{url.hostname}{url.path or '/'}"
 
 
-def _netloc(url: SplitResult) -> str:
-    return url.netloc.rpartition("@")[2]
+def _is_moved(error: HTTPError) -> bool:
+    return error.code in _MOVED and "location" in error.headers
 
 
-def _without_user(url: SplitResult) -> str:
-    return url._replace(netloc=_netloc(url)).geturl()
+def _origin(url: SplitResult) -> tuple[str, str | None, int]:
+    return url.scheme, url.hostname, url.port or _PORTS.get(url.scheme, 0)
+
+
+def _checked(url: SplitResult) -> str:
+    """Return an address as it is asked for, without user; ValueError if there can be no camera."""
+    host = url.netloc.rpartition("@")[2].encode("idna").decode()
+    if url.scheme not in _PORTS or not url.hostname or url.port == 0:
+        raise ValueError("no address of a camera")
+    return url._replace(netloc=host).geturl()

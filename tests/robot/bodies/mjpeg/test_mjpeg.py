@@ -37,7 +37,8 @@ def camera(source: str) -> MjpegCamera:
 
 
 @pytest.mark.parametrize(
-    "source", ["", "0", "film.avi", "rtsp://a/b", "http://", "ftp://a", "http://a:99999/"]
+    "source",
+    ["", "0", "film.avi", "rtsp://a/b", "http://", "ftp://a", "http://a:99999/", "http://a..b/"],
 )
 def test_what_is_no_address_is_refused_at_once(source: str) -> None:
     with pytest.raises(ConfigurationError, match="--source"):

@@ -10,6 +10,8 @@ import re
 from collections.abc import Callable
 from typing import Any
 from unittest import mock
+from urllib.parse import urlsplit
+from urllib.request import Request
 
 import cv2
 import numpy as np
@@ -17,6 +19,7 @@ import pytest
 
 from robot.bodies.mjpeg.answer import Answer, PictureFinder
 from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
+from robot.bodies.mjpeg.line import _Passwords
 from robot.errors import CameraError
 from robot.testing import VirtualClock
 from robot.types import Encoding
@@ -227,6 +230,17 @@ def test_a_head_may_lack_what_it_likes() -> None:
         assert body == b"body"
 
 
+@pytest.mark.parametrize(
+    "strange", ["junk", "Server : x", " folded", "Realm: K\u00fcche", ":", "HTTP/1.1 200 OK"]
+)
+def test_a_strange_line_of_a_head_costs_no_other(strange: str) -> None:
+    fields = ["Transfer-Encoding : chunked", "content-type:image/jpeg"]
+    for at, coding in ((0, "utf-8"), (1, "latin-1"), (2, "latin-1")):
+        head = ["HTTP/1.1 200 OK", *fields[:at], strange, *fields[at:], "", ""]
+        answer, body = read_whole("\r\n".join(head).encode(coding) + b"2\r\nab\r\n1\r\nc\r\n0\r\n")
+        assert answer.headers["content-type"] == "image/jpeg" and body == b"abc"
+
+
 def answer(status: str, *fields: str) -> list[bytes]:
     return ["\r\n".join([f"HTTP/1.1 {status}", *fields, "", ""]).encode()]
 
@@ -254,6 +268,26 @@ def test_a_redirect_in_a_circle_is_said() -> None:
     assert "circle" in watch([answer("302 Found", "Location: /") for _ in range(9)])[1]
 
 
+@pytest.mark.parametrize("status", ["300 Choose", "302 Found", "304 Not Modified"])
+def test_an_answer_that_leads_nowhere_is_no_circle(status: str) -> None:
+    assert f"/stream answers {status[:3]}: " in watch([answer(status)])[1]
+
+
+def test_a_redirect_may_have_letters_of_any_language() -> None:
+    asked = watch([answer("302 Found", "Location: /k\u00fcche"), list(STREAM)])[2]
+    assert asked[1].startswith(b"GET /k%C3%BCche ")
+
+
+@pytest.mark.parametrize(
+    "other", ["http://cam", "https://cam:444", "https://cam2", "http://cam:443"]
+)
+def test_the_password_is_shown_to_the_address_that_was_given_alone(other: str) -> None:
+    passwords = _Passwords(urlsplit("https://me:secret@Cam/stream"))
+    for address, is_shown in ((other, False), ("https://cam:443", True)):
+        asked = passwords.http_request(Request(address + "/stream"))
+        assert asked.has_header("Authorization") is is_shown
+
+
 def test_digest_is_answered_and_what_does_not_fit_is_said() -> None:
     source = "http://me:secret@camera.local/stream?a=b"
     shown, _, asked = watch([answer("401 No", DIGEST), list(STREAM)], source=source)
@@ -262,11 +296,26 @@ def test_digest_is_answered_and_what_does_not_fit_is_said() -> None:
     _, said, _ = watch([answer("401 No", DIGEST), answer("401 No", DIGEST)], source=source)
     assert "does not take this user" in said
     assert "--source http://USER" in watch([answer("401 No", DIGEST)])[1]
-    unknown = DIGEST.replace("MD5", "SHA3-x")
+
+
+@pytest.mark.parametrize(
+    "unknown",
+    [
+        DIGEST.replace("MD5", "SHA3-x"),
+        DIGEST.replace("cam", "K\u00fcche"),
+        DIGEST + ", opaque=",
+        DIGEST.replace("nonce", "none"),
+        "WWW-Authenticate: Digest x",
+    ],
+)
+def test_a_digest_that_is_not_known_is_said(unknown: str) -> None:
+    source = "http://me:secret@camera.local/stream"
     assert "not known here" in watch([answer("401 No", unknown)], source=source)[1]
 
 
-@pytest.mark.parametrize(("asked", "hashed"), [(["MD5"], "md5"), (["MD5", "SHA-256"], "sha256")])
+@pytest.mark.parametrize(
+    ("asked", "hashed"), [(["MD5"], "md5"), (["md5"], "md5"), (["MD5", "SHA-256"], "sha256")]
+)
 def test_the_digest_is_that_of_rfc_7616(asked: list[str], hashed: str) -> None:
     source = "http://me:secret@camera.local/stream?a=b"
     challenges = [DIGEST.replace("MD5", algorithm) for algorithm in asked]
