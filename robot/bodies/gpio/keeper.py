@@ -48,7 +48,7 @@ def keep(motors: TimedMotors, line: Connection, clock: Clock) -> None:
             if is_asked:
                 report = motors.obey(line.recv_bytes(_LONGEST_ORDER), _ms(clock))
                 line.send_bytes(encode_plain_report(report))
-    except (EOFError, OSError):
+    except (EOFError, ConnectionError):  # a fault of the pins is none of these: it is shown
         return
     finally:
         motors.stand()
@@ -59,7 +59,8 @@ def _ms(clock: Clock) -> int:
 
 
 def main() -> None:
-    for quiet in (signal.SIGINT, signal.SIGHUP):  # they are meant for the robot's program
+    # They are meant for the robot's program, after which this one ends with its motors at rest.
+    for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(quiet, signal.SIG_IGN)
     line = Connection(0)
     try:

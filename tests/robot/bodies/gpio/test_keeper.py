@@ -9,15 +9,22 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from multiprocessing import Pipe
 from pathlib import Path
 
 import pytest
 
 from robot.bodies.gpio.driver import GpioDriver, GpioOptions
+from robot.bodies.gpio.keeper import keep
 from robot.bodies.gpio.keeper_line import KeeperLine
+from robot.bodies.gpio.wheels import TimedMotors
+from robot.bodies.remote.orders import Order
+from robot.bodies.remote.plain import encode_plain_order
 from robot.clock import RealClock
 from robot.errors import DriveError, MissingExtraError
+from robot.testing import VirtualClock
 from robot.types import Action
+from tests.robot.bodies.gpio.test_wheels import TRACKED, Motor
 from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import ROOT
 
@@ -100,6 +107,11 @@ def _state(pid: int) -> bytes:
 
 def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> None:
     with driver_for(notes) as driver:
+        stays = keeper_pid(driver)
+        for quiet in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):  # as systemd ends a service
+            os.kill(stays, quiet)
+        send_until(driver, Action.FORWARD, lambda: pins(notes)["GPIO17"] == 0.6)
+        assert keeper_pid(driver) == stays
         for how in (signal.SIGSTOP, signal.SIGKILL):
             send_until(driver)
             first = keeper_pid(driver)
@@ -113,6 +125,33 @@ def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> N
             assert not any(pins(notes).values())
         last = keeper_pid(driver)
     assert _state(last) == b"Z", "nothing is left behind"
+
+
+class Burnt:
+    """A motor whose pin fails once it is to turn."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    @property
+    def value(self) -> float:
+        return self.now
+
+    @value.setter
+    def value(self, value: float) -> None:
+        if value:
+            raise OSError(5, "Input/output error")
+        self.now = value
+
+
+def test_pins_that_fail_are_shown_and_the_other_motor_stands() -> None:
+    sound, (line, theirs) = Motor(), Pipe()
+    motors = TimedMotors([sound, Burnt()], TRACKED)
+    with line, theirs:
+        line.send_bytes(encode_plain_order(Order(Action.FORWARD, 400, 1.0, 1, 0)))
+        with pytest.raises(OSError, match="Input/output"):
+            keep(motors, theirs, VirtualClock())
+    assert sound.value == 0.0
 
 
 def test_pins_that_cannot_be_had_are_a_sentence() -> None:
