@@ -219,7 +219,11 @@ class Storage:
                 folder.mkdir(parents=True, exist_ok=True)
             if not (self.root / "README.txt").exists():
                 write_whole(self.root / "README.txt", _README.encode())
-            self._try_longest()
+            if must_be_usable:
+                self._try_longest()
+            else:  # much can be kept where the trash takes nothing, or a long path is none
+                write_whole(self.root / ".probe", b"")
+                (self.root / ".probe").unlink(missing_ok=True)
         except OSError as error:
             if must_be_usable:
                 raise ConfigurationError(

@@ -61,3 +61,19 @@ def test_programs_that_start_at_once_do_not_hinder_each_other(tmp_path: Path) ->
     with ThreadPoolExecutor(4) as programs:
         assert len(list(programs.map(lambda _: Storage(tmp_path), range(400)))) == 400
     assert list(storage.trash.iterdir()) == []
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="a folder that takes nothing is there")
+def test_a_trash_that_takes_nothing_is_no_reason_to_keep_nothing(tmp_path: Path) -> None:
+    (tmp_path / "trash").symlink_to("/proc/self")
+    assert Storage(tmp_path, must_be_usable=False).fault is None
+    with pytest.raises(ConfigurationError, match="cannot be used"):
+        Storage(tmp_path)
+
+
+def test_a_folder_whose_parts_alone_take_files_is_a_fault(tmp_path: Path) -> None:
+    storage = Storage(tmp_path, must_be_usable=False)
+    assert storage.fault is None and not (tmp_path / ".probe").exists()
+    (tmp_path / f"..probe.{os.getpid()}.part").mkdir()  # nothing can be written there
+    fault = Storage(tmp_path, must_be_usable=False).fault
+    assert fault is not None and str(tmp_path) in fault
