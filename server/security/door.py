@@ -161,7 +161,8 @@ class Door:
     def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
         """Add a new connection as pending; `close` ends it, maybe before `left` is called."""
         self.expire(now_s)
-        stranger = Session(Role.VIEWER, address_key(peer[0]))
+        # No session has such a name: where nobody is paired, a session is named by the address.
+        stranger = Session(Role.VIEWER, f"stranger {address_key(peer[0])}")
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
         assert place is not None, "a newcomer always finds a place"
         place.came_s = self._read_until_s

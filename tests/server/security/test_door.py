@@ -121,6 +121,19 @@ def test_who_says_nothing_is_closed_and_nobody_because_the_computer_was_held_up(
     assert gone == [1], "a websocket stays"
 
 
+@pytest.mark.parametrize("address", ADDRESSES)
+def test_where_nobody_is_paired_an_answer_may_take_long(address: str) -> None:
+    """A board copies a model from robot to robot, and says at the end what failed."""
+    door, gone = Door(LIMITS, CAPACITY), list[int]()
+    person = Session(Role.PILOT, address_key(address), is_crowd=True)
+    for port in range(8):
+        door.arrive((address, port), 0.0, lambda port=port: gone.append(port))
+        door.asked((address, port), person, 0.1, lasts=False)
+    for second in range(60):
+        door.expire(float(second))
+    assert not gone and door.open == 8
+
+
 def test_who_comes_often_enough_is_never_at_the_expense_of_who_has_less() -> None:
     places = Places(8, 6, KEPT.__contains__)
     gone = list[str]()
