@@ -199,7 +199,7 @@ async def _hear(websocket: WebSocket, board: Board, onlooker: Onlooker) -> None:
                 onlooker.may_send.set()
             else:
                 raise ValueError(kind)
-        except (ValueError, KeyError, TypeError, RecursionError, NotFoundError):
+        except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError):
             await websocket.close(1008, "this message makes no sense")
             return
 

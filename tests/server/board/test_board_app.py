@@ -6,8 +6,10 @@ import random
 from collections import Counter
 from typing import Any
 
+import pytest
+
 from server.board.app import create_board_app
-from server.board.transport import RobotAddress, ServerPlace
+from server.board.transport import RobotAddress, ServerPlace, UnreachableError
 from server.config import Config
 from tests.server.virtual_server import WEB
 
@@ -34,13 +36,21 @@ BODIES = (
 )
 
 
+WORDS = (
+    *("", "{", "[]", "3", "[" * 5000, '{"type": "dance"}', '{"type": "stop", "robot": 99}'),
+    *('{"type": "watch"}', '{"type": "watch", "robots": ["x"]}', '{"type": "watch", "robots": 1}'),
+    '{"type": "watch", "robots": [1e999]}',
+)
+
+
 class _Served:
     """The board's application where a robot's would be."""
 
     fault = "none"
 
-    def __init__(self, app: Any, port: int) -> None:
-        self.app, self.port = app, port
+    def __init__(self, app: Any, port: int, link: Any = None) -> None:
+        self.app, self.port, self.link = app, port, link
+        self._sockets: list[Any] = []
 
 
 def test_no_request_makes_it_fall_and_no_other_site_may_ask() -> None:
@@ -61,3 +71,20 @@ def test_no_request_makes_it_fall_and_no_other_site_may_ask() -> None:
         return seen
 
     assert set(in_class(scenario, robots=2)) >= {200, 400, 404}
+
+
+def test_words_that_make_no_sense_end_the_line_of_a_page_and_nothing_else() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        [pupil] = world.pupils.values()
+        app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
+        network = VirtualNetwork({8080: _Served(app, 8080, pupil.link)}, random.Random(1))
+        place = ServerPlace(RobotAddress("127.0.0.1", 8080), "")
+        for words in WORDS:
+            async with network.connect(place, "/ws/board", {}) as channel:
+                await channel.send(words)
+                with pytest.raises(UnreachableError):
+                    while True:
+                        await channel.recv()
+                assert channel.socket.task.exception() is None, words
+
+    in_class(scenario, robots=1)
