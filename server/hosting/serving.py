@@ -121,6 +121,8 @@ def _run(served: Coroutine[Any, Any, None]) -> None:
 async def _serve(server: Any, guarded: DoorListener) -> None:
     """Serve until told to end; then close what hangs: an upload, a half handshake."""
     serving = asyncio.ensure_future(server.serve(sockets=[guarded]))
+    # A signal that newer uvicorns raise again ends the loop, which would log it as an error.
+    serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
         await asyncio.wait([serving], timeout=0.1)
     await asyncio.wait([serving], timeout=_END_S)
