@@ -50,7 +50,6 @@ class Recording:
     labels: tuple[Action, ...]
     points: tuple[Point | None, ...]
     t_s: NDArray[np.float32]
-    meta: dict[str, Any]
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -178,7 +177,6 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
         labels=tuple(DEFAULT_MOVES[int(label)] for label in labels),
         points=_points(path, arrays, n_frames),
         t_s=t.astype(np.float32),
-        meta=_meta(path, arrays.get("meta")),
     )
 
 
@@ -193,13 +191,3 @@ def _points(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int) -> tuple
         raise RecordingError(f"the recording {path} has an angle or throttle beyond -1 and 1")
     found = zip(*(of.tolist() for of in steered), strict=True)
     return tuple(None if math.isnan(sum(pair)) else Point(*pair) for pair in found)
-
-
-def _meta(path: Path, text: NDArray[Any] | None) -> dict[str, Any]:
-    if text is None:
-        return {}
-    try:
-        meta = json.loads(str(text))
-    except ValueError as error:
-        raise RecordingError(f"the recording {path} has notes that are not JSON") from error
-    return meta if isinstance(meta, dict) else {}

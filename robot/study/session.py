@@ -52,7 +52,6 @@ class StudySession:
         self.phase_s = 0.0
         self.attempt = 0
         self.answers: dict[str, str] = {}
-        self.interventions = 0
         self._exact_s = 0.0
         self._last_s: float | None = None
         self._was_pilot = False
@@ -122,13 +121,10 @@ class StudySession:
                 self.step = SessionStep.READY
             case "condition_begun":
                 self.step, self.phase_index, self.attempt = SessionStep.DRIVE, 0, event.attempt
-                self.interventions = 0
                 self.answers = {}
                 self._restart_clock(0.0)
             case "condition_resumed":
                 self._restart_clock(self.phase_s)
-            case "intervention":
-                self.interventions += 1
             case "phase_ended":
                 self.phase_index += 1
                 if self.phase_index == len(self.condition.phases):

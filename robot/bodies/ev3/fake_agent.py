@@ -51,10 +51,10 @@ class FakeCameraReader:
             os.close(end)
 
 
-def inspect_as_ev3(root: str, late: int) -> dict[str, Any]:
+def inspect_as_ev3(root: str) -> dict[str, Any]:
     """Return what a brick with ev3dev's stock image and a C270 would."""
     return {
-        **inspect_brick(root, late),
+        **inspect_brick(root),
         "release": release(),
         "python": "3.5.3",
         "kernel": "4.14.117-ev3dev-2.3.5-ev3",

@@ -18,7 +18,7 @@ def standing(session: StudySession) -> tuple[object, ...]:
     """Where a session is; the fine part of the clock belongs to the running program."""
     return (
         *(session.step, session.order, session.position, session.phase_index, session.phase_s),
-        *(session.attempt, session.answers, session.interventions),
+        *(session.attempt, session.answers),
     )
 
 

@@ -10,11 +10,8 @@ from robot.bodies.ev3.agent.release import RELEASE
 from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
 
 
-def inspect_brick(root: str, late: int) -> Dict[str, Any]:
-    """Return ports, battery, memory, card, cameras, clock and versions; None for what is unknown.
-
-    `late` is how many moves came too late to be carried out.
-    """
+def inspect_brick(root: str) -> Dict[str, Any]:
+    """Return ports, battery, memory, card, cameras, clock, versions; None for what is unknown."""
     return {
         "release": RELEASE,
         "python": platform.python_version(),
@@ -27,7 +24,6 @@ def inspect_brick(root: str, late: int) -> Dict[str, Any]:
         "memory_mb": read_memory_mb(root),
         "card_mb": read_card_mb(root),
         "cameras": find_cameras(),
-        "late_moves": late,
     }
 
 

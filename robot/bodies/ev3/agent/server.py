@@ -35,7 +35,7 @@ class Agent:
         secret: str,
         root: str = "/",
         open_camera: Callable[..., Any] = CameraReader,
-        inspect: Callable[[str, int], Dict[str, Any]] = inspect_brick,
+        inspect: Callable[[str], Dict[str, Any]] = inspect_brick,
         note: Optional[Callable[[str], None]] = None,
         clock: Any = time,
         ready: Callable[..., Any] = select.select,
@@ -53,7 +53,6 @@ class Agent:
         self._reader = None  # type: Any
         self._commanded_s = None  # type: Optional[float]
         self._reported_s = 0.0
-        self._late = 0
         self._frame_id = 0
         self._is_frame_free = True
         self._newest = None  # type: Optional[VideoFrame]
@@ -123,7 +122,7 @@ class Agent:
             self._refuse(caller, "busy: {} has the robot".format(self._controller.name))
         caller.welcome(str(message["nonce"]), self._secret)
         self._controller = caller
-        self._is_frame_free, self._reported_s, self._late = True, 0.0, 0
+        self._is_frame_free, self._reported_s = True, 0.0
         self._note("{} has the robot".format(caller.name))
 
     def _refuse(self, caller: Caller, why: str) -> None:
@@ -154,7 +153,7 @@ class Agent:
         elif do == "states" and self._body is not None:
             caller.send({"states": self._body.motors.states()})
         elif do == "inspect":
-            caller.send({"inspected": self._inspect(self._root, self._late)})
+            caller.send({"inspected": self._inspect(self._root)})
 
     def _open_body(self, caller: Caller, command: Dict[str, Any]) -> None:
         self._close_body()
@@ -175,9 +174,7 @@ class Agent:
         if command["do"] == "stop":  # never too late
             body.stop()
             return
-        age_s = now_s - float(command["after"])
-        if not 0.0 <= age_s <= STALE_S:
-            self._late += 1
+        if not 0.0 <= now_s - float(command["after"]) <= STALE_S:
             return
         try:
             time_ms = min(int(command["ms"]), int(WATCHDOG_S * 1000))

@@ -74,7 +74,6 @@ INSPECTED: dict[str, Any] = {
     "memory_mb": 31.0,
     "card_mb": 2500.0,
     "cameras": [{"device": "/dev/video0", "offers": {"YUYV": ["160x120"]}}],
-    "late_moves": 0,
 }
 SOUND = BrickFacts(
     address="192.168.1.7:8765",
@@ -191,8 +190,8 @@ def brick(tmp_path: Path) -> Iterator[FakeBrick]:
 
 @pytest.fixture
 def link(brick: FakeBrick) -> Iterator[BrickLink]:
-    def inspect(root: str, late: int) -> dict[str, Any]:
-        return {**inspect_as_ev3(root, late), "clock_s": brick.clock.wall_s()}
+    def inspect(root: str) -> dict[str, Any]:
+        return {**inspect_as_ev3(root), "clock_s": brick.clock.wall_s()}
 
     with VirtualAgent(brick, open_camera=FakeCameraReader, inspect=inspect) as agent:
         yield agent.link()
@@ -230,7 +229,7 @@ def test_an_empty_battery_and_a_missing_motor_are_found(brick: FakeBrick, link: 
 
 
 def test_what_the_agent_knows_of_itself_is_whole(brick: FakeBrick) -> None:
-    assert set(inspect_brick(str(brick.root), 0)) == set(INSPECTED)
+    assert set(inspect_brick(str(brick.root))) == set(INSPECTED)
 
 
 def a_busy_brick_is_one_clear_line(
