@@ -15,7 +15,6 @@ datasets/dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +46,7 @@ from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
 from robot.store.episodes.messages import Topic
-from robot.types import Action, Point
+from robot.types import Action
 
 CAMERA = "observation.images.front"
 TASK = "Drive as the pilot taught."
@@ -59,22 +58,8 @@ _STEERED = ("angle", "throttle")
 _SENSORS = ("distance_m", "bumped", "battery")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DatasetPart:
-    """One LeRobot episode: moments of a recording at even distances in time."""
-
-    episode: Episode
-    moments: list[EpisodeFrame]
-
-    def pictures(self, on_frame: Callable[[], None]) -> Iterator[Pixels]:
-        """Read the pictures one after the other."""
-        for moment in self.moments:
-            on_frame()
-            yield to_rgb(self.episode.frame(moment.frame_id))
-
-    def done(self, moment: EpisodeFrame) -> tuple[Action, Point | None]:
-        """Return what was right at a moment, and its point."""
-        return done_at(moment, self.episode.declared_moves)
+Part = tuple[Episode, list[EpisodeFrame]]
+"""One LeRobot episode: a recording, and moments of it at even distances in time."""
 
 
 def write_lerobot(
@@ -83,7 +68,6 @@ def write_lerobot(
     *,
     fps: int | None = None,
     task: str = TASK,
-    robot_type: str | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> int:
     """Write recordings as one dataset; return how many LeRobot episodes it has.
@@ -93,7 +77,6 @@ def write_lerobot(
         folder: A new folder.
         fps: Pictures a second; None for the first recording's own.
         task: What the robot was doing, as a text.
-        robot_type: Name of the robot; None for the recording's.
         on_frame: Called for each picture.
 
     Raises:
@@ -116,7 +99,7 @@ def write_lerobot(
         chunk, file = divmod(index, _FILES_A_CHUNK)
         name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
         counts = np.zeros_like(seen)
-        pictures = count_brightness(part.pictures(on_frame), counts)
+        pictures = count_brightness(_pictures(part, on_frame), counts)
         write_film(pictures, folder / name, rate, key_every=_KEY_EVERY)
         seen += counts
         tables.append(columns)
@@ -127,7 +110,7 @@ def write_lerobot(
     write_tasks(folder, task)
     info = {
         "codebase_version": "v3.0",
-        "robot_type": robot_type or episodes[0][0].run.get("robot") or "drivelesson",
+        "robot_type": first.run.get("robot") or "drivelesson",
         "total_episodes": len(rows),
         "total_frames": len(joined["index"]),
         "total_tasks": 1,
@@ -145,35 +128,44 @@ def write_lerobot(
     return len(parts)
 
 
-def _split(episode: Episode, notes: Notes, fps: int) -> list[DatasetPart]:
+def _split(episode: Episode, notes: Notes, fps: int) -> list[Part]:
     kept = [moment for moment in moments(episode, notes) if not moment.is_deleted]
     stretches = make_timeline([moment.at_s for moment in kept]).evenly(fps)
-    return [DatasetPart(episode=episode, moments=[kept[i] for i in part]) for part in stretches]
+    return [(episode, [kept[i] for i in stretch]) for stretch in stretches]
+
+
+def _pictures(part: Part, on_frame: Callable[[], None]) -> Iterator[Pixels]:
+    """Read the pictures one after the other."""
+    episode, taken = part
+    for moment in taken:
+        on_frame()
+        yield to_rgb(episode.frame(moment.frame_id))
 
 
 class _Form:
     """The columns that all parts of a dataset have."""
 
-    def __init__(self, parts: list[DatasetPart], fps: int) -> None:
+    def __init__(self, parts: list[Part], fps: int) -> None:
         self._fps = fps
-        labels = {moment.label for part in parts for moment in part.moments}
+        labels = {moment.label for _, taken in parts for moment in taken}
         self._moves = sorted(str(label) for label in labels if label is not None)
-        self._sensors = [n for n in _SENSORS if any(len(_readings(p.episode, n)) for p in parts)]
-        done = {part.done(moment) for part in parts for moment in part.moments}
+        self._sensors = [n for n in _SENSORS if any(len(_readings(of, n)) for of, _ in parts)]
+        done = {done_at(m, of.declared_moves) for of, taken in parts for m in taken}
         self._actions = [*_STEERED]
         if any(point is None for _, point in done):
             self._actions = sorted({str(action) for action, _ in done if action is not Action.STOP})
         self._is_by_degrees = self._actions == [*_STEERED] and any(
-            moment.point is not None for part in parts for moment in part.moments
+            moment.point is not None for _, taken in parts for moment in taken
         )
 
-    def columns(self, part: DatasetPart, index: int, start: int) -> Columns:
+    def columns(self, part: Part, index: int, start: int) -> Columns:
         """Return the values of one episode, whose first frame has the number `start` of all."""
-        count = len(part.moments)
-        taught = [self._moves.index(m.label) if m.label else -1 for m in part.moments]
+        episode, taken = part
+        count = len(taken)
+        taught = [self._moves.index(m.label) if m.label else -1 for m in taken]
         columns: Columns = {
-            "action": np.array([self._action(part, m) for m in part.moments], np.float32),
-            "intervention": np.array([m.is_intervention for m in part.moments], bool),
+            "action": np.array([self._action(episode, m) for m in taken], np.float32),
+            "intervention": np.array([m.is_intervention for m in taken], bool),
             PILOT: np.array(taught, np.int64),
             "timestamp": (np.arange(count) / self._fps).astype(np.float32),
             "frame_index": np.arange(count, dtype=np.int64),
@@ -182,7 +174,7 @@ class _Form:
             "task_index": np.zeros(count, np.int64),
         }
         if self._is_by_degrees:
-            columns[DEGREES] = np.array([m.point is not None for m in part.moments], bool)
+            columns[DEGREES] = np.array([m.point is not None for m in taken], bool)
         if self._sensors:
             sensed = [_sensed(part, name) for name in self._sensors]
             columns["observation.state"] = np.stack(sensed, axis=1).astype(np.float32)
@@ -202,9 +194,9 @@ class _Form:
         found[PILOT]["info"] = {"moves": self._moves}
         return found
 
-    def _action(self, part: DatasetPart, moment: EpisodeFrame) -> tuple[float, ...]:
+    def _action(self, episode: Episode, moment: EpisodeFrame) -> tuple[float, ...]:
         """Return angle and throttle, or else a number for each move; all zero: it stands."""
-        done, point = part.done(moment)
+        done, point = done_at(moment, episode.declared_moves)
         if self._actions == [*_STEERED]:
             return point or (0.0, 0.0)
         return tuple(float(done == name) for name in self._actions)
@@ -220,12 +212,13 @@ def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
     return np.array(said).reshape(-1, 2)
 
 
-def _sensed(part: DatasetPart, name: str) -> NDArray[np.float64]:
+def _sensed(part: Part, name: str) -> NDArray[np.float64]:
     """Return a sensor's last value at each picture; before the first, the first; else 0."""
-    readings = _readings(part.episode, name)
+    episode, taken = part
+    readings = _readings(episode, name)
     if not len(readings):
-        return np.zeros(len(part.moments))
-    times_s = [moment.at_s for moment in part.moments]
+        return np.zeros(len(taken))
+    times_s = [moment.at_s for moment in taken]
     at = np.searchsorted(readings[:, 0], times_s, side="right") - 1
     found: NDArray[np.float64] = readings[np.clip(at, 0, None), 1]
     return found
@@ -258,8 +251,8 @@ def _episode_row(
     }
 
 
-def _film_feature(part: DatasetPart, fps: int) -> dict[str, Any]:
-    height, width, _ = to_rgb(part.episode.frame(part.moments[0].frame_id)).shape
+def _film_feature(part: Part, fps: int) -> dict[str, Any]:
+    height, width, _ = next(_pictures(part, lambda: None)).shape
     shape = [height // 2 * 2, width // 2 * 2, 3]  # as `write_film` leaves them
     video = {
         "video.height": shape[0],

@@ -183,13 +183,11 @@ def _angles(
     return found
 
 
-def calibration_error(
-    confidences: Sequence[float], right: Sequence[bool], n_bins: int = 10
-) -> float:
-    """Return the mean over frames of |confidence - accuracy| of their bin of confidence."""
+def calibration_error(confidences: Sequence[float], right: Sequence[bool]) -> float:
+    """Return the mean over frames of |confidence - accuracy| of their tenth of confidence."""
     values, hits = np.array(confidences), np.array(right, float)
-    bins = np.minimum((values * n_bins).astype(int), n_bins - 1)
-    gaps = [abs(float((values - hits)[bins == b].sum())) for b in range(n_bins)]
+    tenths = np.minimum((values * 10).astype(int), 9)
+    gaps = [abs(float((values - hits)[tenths == tenth].sum())) for tenth in range(10)]
     return sum(gaps) / max(values.size, 1)
 
 
