@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator, Sequence
 
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS
@@ -27,21 +27,12 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     """Plan every learner in every place, at 10 and 30 frames a second in turn."""
     learners = settings.learners or LEARNERS
     others = ((learners[0], 60.0, True), (learners[0], 0.0, False))
-    for learner, old_s, is_told in (*((name, 60.0, False) for name in learners), *others):
-        for world in WORLDS[:1] if settings.quick else WORLDS:
-            for seed in range(1 if settings.quick else max(2, settings.n_seeds)):
-                params = {
-                    "world": world,
-                    "learner": learner,
-                    "seed": FIRST_SEED + seed,
-                    "rate_hz": (10.0, 30.0)[seed % 2],
-                    "old_s": old_s,
-                    "new_s": 30.0,
-                    "asked_s": 40.0,
-                    "alone_s": 60.0,
-                    "is_told": is_told,
-                }
-                yield Task(run_mind, params)
+    cases = (
+        {"world": world, "learner": learner, "old_s": old_s, "is_told": is_told}
+        for learner, old_s, is_told in (*((name, 60.0, False) for name in learners), *others)
+        for world in WORLDS[: 1 if settings.quick else None]
+    )
+    return seeded(run_mind, cases, settings, FIRST_SEED, least=1 if settings.quick else 2)
 
 
 def _tables(runs: Runs) -> list[Table]:
@@ -79,28 +70,30 @@ _COLUMNS: Columns = {
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m
 """Views with less free way than this are those in question: both pilots turn there."""
 LOOKS_HZ = 10.0
+NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 
 
 def run_mind(params: Params) -> Result:
     """Teach LEFT, then RIGHT twice; ask after each; then let it drive alone.
 
-    Parameters: `world`, `learner`, `seed`, `rate_hz`, `old_s`, `new_s`, `asked_s`, `alone_s`, and
-    `is_told`: whether the pilot says in between that he has changed his mind.
+    Parameters: `world`, `learner`, `seed`, `old_s` (of LEFT), and `is_told`: whether the pilot says
+    in between that he has changed his mind.
     """
     world, seed = params["world"], params["seed"]
+    rate_hz = (10.0, 30.0)[seed % 2]
     old, new = (HABITS[side].pilot(f"{side} {seed}") for side in ("left", "right"))
     policy = make_learner(params["learner"], (Action.FORWARD, Action.LEFT, Action.RIGHT))
     result: Result = {}
-    with Trial(world, seed, policy, old, rate_hz=params["rate_hz"]) as trial:
+    with Trial(world, seed, policy, old, rate_hz=rate_hz) as trial:
         if params["old_s"]:
             trial.drive(Mode.TRAIN, params["old_s"])
         trial.pilot = new
         if params["is_told"]:
             trial.loop.history.edit("outdate")
         for name in ("first", "second"):
-            trial.drive(Mode.TRAIN, params["new_s"])
-            result[name] = ask(policy, world, seed, params["asked_s"])
-        alone = trial.drive(Mode.AUTONOMOUS, params["alone_s"], supervised=False)
+            trial.drive(Mode.TRAIN, NEW_S)
+            result[name] = ask(policy, world, seed, ASKED_S)
+        alone = trial.drive(Mode.AUTONOMOUS, ALONE_S, supervised=False)
     turns = [action for action in alone.actions() if action in (Action.LEFT, Action.RIGHT)]
     result["alone"] = {"turns": len(turns), "right": turns.count(Action.RIGHT)}
     return result

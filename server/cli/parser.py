@@ -50,6 +50,11 @@ def whole(
     return lambda text: text if text == or_word else _read(int, declared, text)
 
 
+def several(read: Callable[[str], Any]) -> Callable[[str], list[Any]]:
+    """Return argparse's reader of what `read` reads, with commas between."""
+    return lambda text: [read(part) for part in text.split(",")]
+
+
 def _read(kind: type[Any], declared: Any, text: str) -> Any:
     try:
         return outside.reader(kind, declared)(text)

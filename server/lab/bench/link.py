@@ -13,9 +13,9 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from typing import Any
 
 from robot.store.table import Cell, Table
+from server.cli.parser import several, whole
 from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_usual, percentiles, report
-from server.lab.output import numbers_in
 from server.protocol import encode_acknowledgement, parse_picture
 
 _SETTLE_S = 0.7
@@ -23,13 +23,14 @@ _COMMANDS, _COMMAND_EVERY_S = 100, 0.047
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--viewers", default="1,4,16", help="numbers of viewers (%(default)s)")
+    parser.add_argument(
+        "--viewers", type=several(whole(1)), default="1,4,16", help="how many viewers (%(default)s)"
+    )
     add_usual(parser, seconds=5.0)
 
 
 def run(args: argparse.Namespace) -> int:
-    counts = numbers_in(args.viewers, int, "--viewers")
-    result = asyncio.run(_measure_all(counts, args.seconds, args.rate))
+    result = asyncio.run(_measure_all(args.viewers, args.seconds, args.rate))
     return report(args, result, _table(result))
 
 

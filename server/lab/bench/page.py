@@ -16,10 +16,9 @@ from typing import Any
 
 from robot.errors import ConfigurationError, need
 from robot.store.table import Table
-from server.cli.parser import whole
+from server.cli.parser import number, several, whole
 from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_usual, report
-from server.lab.output import numbers_in
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--mute-audio")
@@ -47,21 +46,23 @@ _STATE = "document.querySelector('drive-pad').page.store.state"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--throttle", default="1,4,6", help="how many times slower the phone is (%(default)s)"
+        "--throttle",
+        type=several(number(above=0)),
+        default="1,4,6",
+        help="how many times slower the phone is (%(default)s)",
     )
     parser.add_argument("--visits", type=whole(0), default=3, help="first ones (%(default)s)")
     add_usual(parser, seconds=10.0)
 
 
 def run(args: argparse.Namespace) -> int:
-    rates = numbers_in(args.throttle, float, "--throttle")
     with ServerUnderTest("drivelesson", args.rate) as subject, _phone() as page:
         page.goto(f"http://127.0.0.1:{subject.port}/")
         page.wait_for_selector("video-view[data-frames]")
         tools = page.context.new_cdp_session(page)
         # CPU time: what else the machine does is not in it.
         tools.send("Performance.enable", {"timeDomain": "threadTicks"})
-        rows = [_measure(page, tools, subject, rate, args.seconds) for rate in rates]
+        rows = [_measure(page, tools, subject, rate, args.seconds) for rate in args.throttle]
     with ServerUnderTest("drivelesson", args.rate) as subject:
         visits = [(name, *_visit(subject, name)) for name in LINKS for _ in range(args.visits)]
     lines = tuple(

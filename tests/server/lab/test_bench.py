@@ -50,5 +50,6 @@ def test_an_unknown_benchmark_is_refused() -> None:
 
 
 def test_viewers_must_be_numbers(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "link", "--viewers", "many"]) == 1
+    with pytest.raises(SystemExit, match="2"):
+        main(["bench", "link", "--viewers", "many"])
     assert "--viewers" in capsys.readouterr().err
