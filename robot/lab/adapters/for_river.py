@@ -19,9 +19,6 @@ try:
 except ImportError as error:
     raise MissingExtraError("BSOC for river", "learners") from error
 
-_ROOM = 16
-"""Vectors have room for so many features, and for twice as many or more when it is too small."""
-
 
 class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     """An online classifier of at most `max_nodes` images.
@@ -49,6 +46,9 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
 
     """
 
+    _room = 16
+    """Vectors have room for so many features; for twice as many or more when it is too small."""
+
     def __init__(
         self, max_nodes: int = 32, n_voters: int = N_VOTERS, group_cost: float = GROUP_COST
     ) -> None:
@@ -59,8 +59,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
             max_nodes, n_voters=n_voters, group_cost=group_cost, forgets=False
         )
         self._columns: dict[Hashable, int] = {}
-        self._room = _ROOM
-        self._labels: list[Any] = []
+        self._labels: dict[Hashable, int] = {}
 
     @property
     def _multiclass(self) -> bool:
@@ -68,11 +67,12 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
 
     def learn_one(self, x: Mapping[Any, Any], y: Any) -> None:
         # In an order of their own, so that the order in the dict does not matter.
-        new = sorted((name for name in x if name not in self._columns), key=repr)
-        self._columns.update((name, i) for i, name in enumerate(new, start=len(self._columns)))
+        known, n = self._columns, len(self._columns)
+        new = sorted((name for name in x if name not in known), key=repr)
+        columns = known | {name: n + i for i, name in enumerate(new)} if new else known
         # Images grow longer: features that nobody had seen were 0 in all of them.
-        more = max(self._room, len(self._columns) - self._room)
-        if len(self._columns) > self._room:
+        more = max(self._room, len(columns) - self._room)
+        if len(columns) > self._room:
             self._room += more
             if self._learner.n_nodes_:
                 state = self._learner.get_state()
@@ -80,21 +80,15 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
                     longer = [(0, 0)] * (state.arrays[name].ndim - 1) + [(0, more)]
                     state.arrays[name] = np.pad(state.arrays[name], longer)
                 self._learner.set_state(state)
-        label = self._labels.index(y) if y in self._labels else len(self._labels)
-        try:
-            self._learner.learn_one(self._vector(x), str(label))
-        except (ValueError, TypeError):  # refused: nothing of it is known
-            for name in new:
-                del self._columns[name]
-            raise
-        if label == len(self._labels):
-            self._labels.append(y)
+        label = self._labels.get(y, len(self._labels))
+        self._learner.learn_one(self._vector(x, columns), str(label))  # may refuse it
+        self._columns, self._labels[y] = columns, label
 
     def predict_proba_one(self, x: Mapping[Any, Any]) -> dict[Any, float]:
         """Return each label's share; nothing before the first example."""
         if not self._labels:
             return {}
-        shares = self._learner.predict_proba_one(self._vector(x))
+        shares = self._learner.predict_proba_one(self._vector(x, self._columns))
         return dict(zip(self._labels, shares.values(), strict=True))
 
     def learn_many(self, X: pd.DataFrame, y: pd.Series) -> None:  # noqa: N803 - river's name
@@ -105,11 +99,11 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
         import pandas as pd  # river's own choice: whoever passes frames has it
 
         rows = [self.predict_proba_one(row) for row in X.to_dict(orient="records")]
-        return pd.DataFrame(rows, index=X.index, columns=self._labels)
+        return pd.DataFrame(rows, index=X.index, columns=list(self._labels))
 
-    def _vector(self, x: Mapping[Any, Any]) -> NDArray[np.float32]:
+    def _vector(self, x: Mapping[Any, Any], columns: Mapping[Any, int]) -> NDArray[np.float32]:
         """Return known features as a vector; one that was never learned is not known."""
         vector = np.zeros(self._room, np.float32)
-        for name in x.keys() & self._columns.keys():
-            vector[self._columns[name]] = x[name]
+        for name in x.keys() & columns.keys():
+            vector[columns[name]] = x[name]
         return vector
