@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import importlib
 import json
+import os
 import shlex
 import sys
 from collections.abc import Iterable
@@ -86,11 +87,11 @@ def install_command(extra: str) -> str:
     wanted = f"drivelesson[{extra}]"
     clone = _clone()
     if clone is not None:
-        return f"{_pip_install()} --editable {shlex.quote(f'{clone}[{extra}]')}"
+        return f"{_pip_install()} --editable {_quoted(f'{clone}[{extra}]')}"
     source = _source()
     if source:
         wanted = f"{wanted} @ {source}"
-    quoted = f"'{wanted}'"
+    quoted = _quoted(wanted)
     places = Path(sys.prefix).parts
     if "uv" in places and "tools" in places:
         return f"uv tool install --force {quoted}"
@@ -125,5 +126,12 @@ def _pip_install() -> str:
     try:
         importlib.metadata.version("pip")
     except importlib.metadata.PackageNotFoundError:
-        return f"uv pip install --python {shlex.quote(sys.executable)}"
-    return f"{shlex.quote(sys.executable)} -m pip install"
+        return f"uv pip install --python {_quoted(sys.executable)}"
+    return f"{_quoted(sys.executable)} -m pip install"
+
+
+def _quoted(word: str) -> str:
+    """Return a word as this system's shells read it back."""
+    if os.name != "nt":
+        return shlex.quote(word)
+    return f'"{word}"' if " " in word else word  # no shell of Windows minds the brackets

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib.metadata
+import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -32,30 +34,55 @@ def test_the_version_is_that_of_the_distribution() -> None:
     assert robot.__version__ == importlib.metadata.version("drivelesson")
 
 
+PIP = (f"{sys.executable} -m pip install ", f"uv pip install --python {sys.executable} ")
+"""Where pip itself is missing, uv has made the environment."""
+
+
+def quoted(word: str) -> str:
+    return f"'{word}'" if os.name != "nt" or " " in word else word
+
+
 def test_in_a_clone_the_advice_installs_from_the_clone() -> None:
     command = errors.install_command("ev3")
-    assert command == f"{sys.executable} -m pip install --editable '{ROOT}[ev3]'"
+    assert command in [f"{pip}--editable {quoted(f'{ROOT}[ev3]')}" for pip in PIP]
+
+
+@pytest.mark.parametrize(
+    "source", [None, "file:///C:/Users/A%20B/drivelesson-0.3.0-py3-none-any.whl"]
+)
+def test_on_windows_the_advice_has_the_quotes_that_both_its_shells_know(
+    monkeypatch: pytest.MonkeyPatch, source: str | None
+) -> None:
+    monkeypatch.setattr(errors, "os", SimpleNamespace(name="nt"))
+    monkeypatch.setattr(errors, "_clone", lambda: None)
+    monkeypatch.setattr(errors, "_source", lambda: source)
+    monkeypatch.setattr(sys, "executable", r"C:\Users\A B\python.exe")
+    command = errors.install_command("ev3")
+    assert "'" not in command and r'"C:\Users\A B\python.exe"' in command
+    wanted = f'"drivelesson[ev3] @ {source}"' if source else "drivelesson[ev3]"
+    assert command.endswith(f" {wanted}")
 
 
 @pytest.mark.parametrize(
     ("prefix", "begins"),
     [
-        ("/home/me/.local/share/uv/tools/drivelesson", "uv tool install --force '"),
-        ("/home/me/.cache/uv/archive-v0/x1", "uvx --from '"),
-        ("/home/me/.local/share/pipx/venvs/drivelesson", "pipx install --force '"),
-        ("/home/me/venv", f"{sys.executable} -m pip install '"),
+        ("/home/me/.local/share/uv/tools/drivelesson", "uv tool install --force "),
+        ("/home/me/.cache/uv/archive-v0/x1", "uvx --from "),
+        ("/home/me/.local/share/pipx/venvs/drivelesson", "pipx install --force "),
+        ("/home/me/venv", PIP),
     ],
 )
 @pytest.mark.parametrize("source", [None, "file:///tmp/drivelesson-0.1.0-py3-none-any.whl"])
 def test_elsewhere_it_is_for_the_tool_that_installed_it(
-    monkeypatch: pytest.MonkeyPatch, prefix: str, begins: str, source: str | None
+    monkeypatch: pytest.MonkeyPatch, prefix: str, begins: str | tuple[str, ...], source: str | None
 ) -> None:
     monkeypatch.setattr(sys, "prefix", prefix)
     monkeypatch.setattr(errors, "_clone", lambda: None)
     monkeypatch.setattr(errors, "_source", lambda: source)
-    wanted = "drivelesson[ev3]" + (f" @ {source}" if source else "")
+    wanted = f"drivelesson[ev3] @ {source}" if source else "drivelesson[ev3]"
     command = errors.install_command("ev3")
-    assert command.startswith(f"{begins}{wanted}'")
+    assert command.startswith(begins)
+    assert command.replace('"', "'").removesuffix(" drivelesson").endswith(f" {quoted(wanted)}")
     assert command in str(MissingExtraError("driving", "ev3"))
 
 

@@ -28,6 +28,8 @@ KINDS = (
     "flip", "cut", "empty", "not utf-8", "huge", "folder", "dangling", "loop", "link to folder",
     "fifo", "socket", "remove", "unreadable",
 )  # fmt: skip
+ABSENT = ("dangling", "loop", "link to folder", "fifo", "socket") if os.name == "nt" else ()
+"""What Windows has not, or lets few make."""
 
 
 @pytest.fixture(scope="module")
@@ -104,8 +106,8 @@ LARGEST = 2**24
 def damage(root: Path, rng: random.Random) -> str:
     """Do one bad thing to one thing of the folder; return what."""
     everything = [path for path in sorted(root.rglob("*")) if not path.is_symlink()]
-    how = rng.choice(KINDS)
-    if how == "not utf-8" and rng.random() < 0.5:
+    how = rng.choice([kind for kind in KINDS if kind not in ABSENT])
+    if how == "not utf-8" and rng.random() < 0.5 and os.name != "nt":
         folder = rng.choice([path for path in (root, *everything) if path.is_dir()])
         name = os.fsencode(folder) + b"/" + rng.choice((b"\xff\xfe.mcap", b"caf\xe9", b"\xc3.npz"))
         Path(os.fsdecode(name)).write_bytes(b"x")
@@ -197,7 +199,7 @@ def test_the_data_folder_itself_may_be_something_else(tmp_path: Path, kind: str)
 def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) -> None:
     started = running(Path("/proc/drivelesson"))
     with started as (rig, persistence):
-        assert started.storage.fault and "/proc/drivelesson" in started.storage.fault
+        assert started.storage.fault and str(Path("/proc/drivelesson")) in started.storage.fault
         assert teach(rig) == 5
         assert persistence.recorder.queue.fault and "recording_off" in started.told
         assert persistence.models.saved() == [] and persistence.episodes.summaries() == []

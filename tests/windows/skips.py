@@ -13,6 +13,8 @@ from robot.errors import MissingExtraError
 
 KERNEL = "a kernel's interface that Linux alone has: "
 RIGHTS = "who may read a file is not said by bits there"
+ITSELF = "server/test_damaged_folder.py::test_the_data_folder_itself_may_be_something_else"
+LINKS = "symbolic links, which few may make there"
 NO_EXTRA = "the extra `{}` is not installed there"
 EXTRA_LIBRARIES = ("sklearn", "scipy", "matplotlib", "river", "pyarrow", "av")
 """Which tests import by themselves; the others learn from the product what is missing."""
@@ -32,6 +34,10 @@ SKIPPED = {
         ],
         NO_EXTRA.format("export"),
     ),
+    "server/cli/test_episodes_command.py::test_films_and_datasets": NO_EXTRA.format("export"),
+    "server/cli/test_main.py::test_bash_completes": "there is no bash",
+    **dict.fromkeys([f"{ITSELF}[{kind}" for kind in ("dangling", "loop")], LINKS),
+    "server/test_strangers.py::test_a_flood": KERNEL + "a limit of descriptors",
     "robot/lab/test_evaluation.py::test_the_command_writes": NO_EXTRA.format("evaluate"),
     "robot/lab/eyes/test_weights.py::test_a_broken_installation": "importlib there is of two kinds",
     "robot/bodies/ev3/test_agent_syntax.py": "the brick's Python is asked, which is not there",
