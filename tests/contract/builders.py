@@ -373,6 +373,8 @@ def mjpeg_camera() -> Iterator[CameraCase]:
     camera = MjpegCamera(MjpegOptions(source="http://camera/stream"), clock)
 
     class Line:
+        host = "camera"
+
         def __init__(self) -> None:
             self._indices = itertools.count()
 
