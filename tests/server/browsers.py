@@ -68,13 +68,21 @@ class Browser:
 
     async def _get(self, lines: asyncio.Queue[Any], path: str) -> str:
         url = urlsplit(urljoin(self.address, path))
-        line = await lines.get() or await asyncio.open_connection(
-            url.hostname, url.port, ssl=self.trust
-        )
-        reader, writer = line
         words = f"GET {url.path} HTTP/1.1\r\nHost: {url.netloc}\r\nCookie: {self.cookie}\r\n"
-        writer.write(f"{words}Accept: */*\r\n\r\n".encode())
-        head = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1")
+        line, head = await lines.get(), ""
+        while not head:
+            is_new = line is None
+            line = line or await asyncio.open_connection(url.hostname, url.port, ssl=self.trust)
+            reader, writer = line
+            writer.write(f"{words}Accept: */*\r\n\r\n".encode())
+            try:
+                head = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1")
+            except (asyncio.IncompleteReadError, ConnectionError):
+                if is_new:
+                    raise
+                # A server may end an idle connection just then: browsers ask again on a new one.
+                writer.transport.abort()
+                line = None
         assert head.startswith("HTTP/1.1 200"), (path, head)
         length = re.search(r"content-length: (\d+)", head, re.I)
         if length is not None:
