@@ -56,8 +56,8 @@ class Answer(HTTPResponse):
         text, self._rest = head[:end].lstrip(), head[end:]
         status = _STATUS.match(text)
         self.headers = self.msg = HTTPMessage()
-        for field in text.decode("latin-1").splitlines():  # what is no field costs no other
-            name, colon, value = field.partition(":")
+        for field in text.splitlines():  # what is no field costs no other
+            name, colon, value = field.decode("latin-1").partition(":")
             if colon:
                 self.headers[name.strip()] = value.strip()
         self.code = self.status = int(status[1]) if status else 200
