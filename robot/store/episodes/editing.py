@@ -101,10 +101,12 @@ def edit_of(verb: str, between: Range, episode: Episode, label: str | None = Non
     """Return what a person wants done to a range of frames; `trim` keeps these alone."""
     if verb == "trim":
         return trim(episode.frames, *between)
-    known = tuple(dict.fromkeys((*episode.moves, *CLASSIC)))
-    if verb == "relabel" and label not in known:
-        raise ConfigurationError(f"unknown label {label!r}; known: {', '.join(known)}")
-    move = Action(label) if verb == "relabel" and label else None
+    move = None
+    if verb == "relabel":
+        known = tuple(dict.fromkeys((*episode.moves, *CLASSIC)))
+        if label is None or label not in known:
+            raise ConfigurationError(f"unknown label {label!r}; known: {', '.join(known)}")
+        move = Action(label)
     return Edit(verb=verb, ranges=(between,), label=move)
 
 
