@@ -62,14 +62,7 @@ _ALL = StopOrder()
 def create_board_app(
     config: Config, board: Board, clock: Clock, begin: Callable[[], None] = lambda: None
 ) -> FastAPI:
-    """Make the application.
-
-    Args:
-        config: Where it is served, and the folder of the page's files.
-        board: The robots.
-        clock: All waiting goes through it.
-        begin: Called when the event loop runs, to add the robots.
-    """
+    """Make the application; `begin` adds the robots when the event loop runs."""
     app = FastAPI(
         title="Drivelesson board",
         docs_url=None,
@@ -129,13 +122,11 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.post(STOP_PATH)
     async def stop(body: StopOrder = _ALL) -> dict[str, Any]:
-        """Stop one robot, or all."""
         board.stop(body.robot)
         return {"robots": board.describe()}
 
     @app.put("/api/robots/{number}")
     async def change(number: int, body: RobotChange) -> dict[str, Any]:
-        """Change name, colour or locks of a robot."""
         robot = board.robot(number)
         words = {"name": body.name, "colour": body.colour}
         words = {field: word for field, word in words.items() if word is not None}

@@ -40,12 +40,6 @@ class Onlooker:
 class Board:
     """The robots of one class. Everything runs on one event loop.
 
-    Args:
-        key: The class's key.
-        transport: Reaches the robots.
-        clock: All waiting goes through it.
-        picture_every_s: How often a robot's picture is renewed, while a page shows it.
-
     Attributes:
         robots: Those of the class: the teacher has named them, or they have proved it. None is
             ever removed.
@@ -97,18 +91,13 @@ class Board:
         return any(robot.address == address for robot in self.robots.values())
 
     async def close(self) -> None:
-        """Disconnect from all robots."""
         await self.strangers.close()
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def robot(self, number: object) -> RobotLink:
-        """Return a robot by its number.
-
-        Raises:
-            NotFoundError: If there is none.
-        """
+        """Return a robot by its number; NotFoundError if there is none."""
         if not isinstance(number, int) or number not in self.robots:
             raise NotFoundError(f"there is no robot {number} on this board")
         return self.robots[number]
@@ -120,22 +109,14 @@ class Board:
         return [robot.describe() for robot in self.robots.values()]
 
     def stop(self, number: object = None) -> None:
-        """Stop one robot, or all of them, at once.
-
-        Raises:
-            NotFoundError: If there is no such robot.
-        """
+        """Stop one robot, or all of them, at once; NotFoundError if there is none."""
         robots = self._chosen(number)
         self.at_leisure.clear()
         for robot in robots:
             robot.stop.press()
 
     async def release(self, number: object = None) -> None:
-        """Release the stop of one robot, or of all that the board has stopped.
-
-        Raises:
-            NotFoundError: If there is no such robot.
-        """
+        """Release the stop of one robot, or of all that the board has stopped."""
         for robot in self._chosen(number):
             if number is not None or robot.state.get("stopped_by_teacher"):
                 with suppress(UnreachableError, TimeoutError):  # the page shows that it is away
@@ -151,7 +132,6 @@ class Board:
         page.due.set()
 
     def leave(self, page: Onlooker) -> None:
-        """Remove a page that was closed."""
         self._onlookers.remove(page)
         self._choose_pictures()
 

@@ -68,11 +68,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def split(text: str) -> tuple[int, str]:
-    """Return how many simulated robots a list asks for, and the rest of it.
-
-    Raises:
-        ConfigurationError: If they are too many, or there are none at all.
-    """
+    """Return how many simulated robots a list asks for, and the rest of it."""
     words = list(filter(None, map(str.strip, text.split(","))))
     count = sum(int(word) for word in words if word.isdecimal())
     others = ",".join(word for word in words if not word.isdecimal())

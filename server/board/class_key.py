@@ -69,11 +69,7 @@ def endpoint(address: str, port: int) -> str:
 
 
 def read_class_key(file: Path) -> ClassKey:
-    """Read a key.
-
-    Raises:
-        ConfigurationError: If there is none, or it is no key.
-    """
+    """Read a key; ConfigurationError if there is none, or it is no key."""
     try:
         text = read_regular(file, 4096).decode("ascii").strip()
     except (OSError, ValueError) as error:
@@ -85,11 +81,7 @@ def read_class_key(file: Path) -> ClassKey:
 
 
 def keep_class_key(file: Path) -> ClassKey:
-    """Read a key; make one where there is none, readable by its owner alone.
-
-    Raises:
-        ConfigurationError: If it cannot be read or written.
-    """
+    """Read a key; make one where there is none, readable by its owner alone."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_EXCL, 0o600), "w") as out:

@@ -40,15 +40,7 @@ _USED = 64
 
 
 class Classroom:
-    """The teacher's sessions and the locks of one robot.
-
-    Args:
-        key: The class's key.
-        file: Where the locks are saved; None keeps them in memory only.
-
-    Attributes:
-        code: What is printed to pair any phone with the class's robots.
-    """
+    """The teacher's sessions and the locks of one robot; with no file the locks are in memory."""
 
     def __init__(self, key: ClassKey, file: Path | None = None) -> None:
         self._key = key
@@ -65,9 +57,7 @@ class Classroom:
         """Return a random number for the board, and the proof that this robot knows the key.
 
         Nothing is kept: whoever asks a thousand times costs no memory and evicts nobody.
-
-        Raises:
-            ConfigurationError: If `board_nonce` is none.
+        ConfigurationError if `board_nonce` is none.
         """
         if not _NONCE.fullmatch(board_nonce):
             raise ConfigurationError("'nonce' must be 32 hexadecimal digits")
@@ -109,12 +99,7 @@ class Classroom:
     # Locks -------------------------------------------------------------------------------------
 
     def lock(self, names: Sequence[str]) -> None:
-        """Lock these and unlock all others.
-
-        Raises:
-            ConfigurationError: If one is unknown.
-            OSError: If it cannot be saved; then nothing is changed.
-        """
+        """Lock these and unlock all others; where that raises, nothing is changed."""
         locks = frozenset(names)
         if not locks <= LOCKS.keys():
             raise ConfigurationError(f"'locks' must be a list of some of {', '.join(LOCKS)}")

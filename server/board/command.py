@@ -82,7 +82,6 @@ def serve_board(
     with contextlib.ExitStack() as stack:
 
         def begin() -> None:
-            """Add the robots; on the event loop."""
             for address in listed:
                 board.add(address)
             if not listed:

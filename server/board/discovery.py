@@ -28,11 +28,7 @@ _ASK_EVERY_S = 60.0
 
 
 def read_list(text: str) -> list[RobotAddress]:
-    """Read `HOST:PORT,...`, or a file with one address a line; `#` begins a comment.
-
-    Raises:
-        ConfigurationError: If an address is none, or the file cannot be read.
-    """
+    """Read `HOST:PORT,...`, or a file with one address a line; `#` begins a comment."""
     file = Path(text)
     if "," not in text and file.is_file():
         try:

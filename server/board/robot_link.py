@@ -39,9 +39,6 @@ class RobotLink:
     """One robot on the board.
 
     Args:
-        number: Its number on the board.
-        session: Asks its server.
-        clock: All waiting goes through it.
         on_news: Called when something about the robot has changed.
         on_picture: Called with each message of `/ws/video`.
         at_leisure: Not set while a stop is under way: pictures wait for it.
@@ -78,7 +75,6 @@ class RobotLink:
     # What others ask ---------------------------------------------------------------------------
 
     def describe(self) -> dict[str, Any]:
-        """Return what the page shows of this robot."""
         place = self._session.place.address if self._session.place is not None else self.address
         return {
             "number": self.number,
@@ -112,7 +108,6 @@ class RobotLink:
             self._rate_changed.set()
 
     async def refresh(self) -> None:
-        """Ask for name, colour, locks and model again."""
         self.about = (await self.ask("GET", "/api/class")).json()
         self.name = str(self.about.get("name", self.name))
         self._on_news(self)
@@ -120,7 +115,6 @@ class RobotLink:
     # The connection ----------------------------------------------------------------------------
 
     async def run(self) -> None:
-        """Stay connected until cancelled."""
         retry_s = _RETRY_S
         try:
             while True:
@@ -223,7 +217,6 @@ class RobotLink:
             await self._clock.pause(_INVITE_EVERY_S)
 
     async def _look(self) -> None:
-        """Get pictures while somebody looks."""
         while True:
             self._rate_changed.clear()
             if self._every_s is None:

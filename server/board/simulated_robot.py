@@ -41,13 +41,8 @@ _FLAGS = sum(  # of Windows
 
 
 class SimulatedRobot:
-    """One of them.
-
-    Args:
-        number: Decides its name, its colour and its room.
-        port: Where it serves.
-        folder: What it keeps; name and colour that a teacher gave it are there.
-    """
+    """One of them. Its number decides its name, its colour and its room, where the folder has none
+    that a teacher gave it."""
 
     def __init__(self, number: int, port: int, folder: Path) -> None:
         self.number, self.port, self.folder = number, port, folder
@@ -85,7 +80,6 @@ class SimulatedRobot:
                 return
 
     def end(self) -> None:
-        """Tell it to end."""
         self._ending.set()
         if self._process is not None and self._process.stdin is not None:
             self._process.stdin.close()
@@ -113,13 +107,7 @@ def simulated_robots(
 ) -> Iterator[list[int]]:
     """Run so many robots inside the block, each with a room of its own; yields their ports.
 
-    Args:
-        count: How many.
-        host: Where they serve, on the ports behind `port`.
-        port: The board's.
-        data: Each has a folder in its folder `class`.
-        world: Where they drive.
-        key: The file of the class's key.
+    They serve on the ports behind `port`, the board's, and keep what they learn in `data/class`.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
     for robot in robots:  # before any of them starts: is the port free?

@@ -34,12 +34,7 @@ class Stopping(StrEnum):
 
 
 class RobotStop:
-    """The stop of one robot.
-
-    Args:
-        session: The teacher's session with the robot.
-        clock: All waiting goes through it.
-        on_change: Called when the stop has come further.
+    """The stop of one robot; `on_change` is called when it has come further.
 
     Attributes:
         stage: How far it has come; None where nothing was asked, or it was released.
@@ -73,11 +68,7 @@ class RobotStop:
         self._on_change()
 
     async def release(self) -> None:
-        """Let the robot's pupils start it again.
-
-        Raises:
-            UnreachableError: If it is away; then it stays stopped.
-        """
+        """Let the robot's pupils start it again; one that is away stays stopped."""
         if self.channel is None:
             raise UnreachableError("it is not connected")
         self.stage = None
@@ -86,7 +77,6 @@ class RobotStop:
         self._on_change()
 
     def note_state(self, *, is_stopped: bool) -> None:
-        """Note what the robot says of itself."""
         if is_stopped and self.stage is not None:
             self.stage = Stopping.STOPPED
         elif self.stage is Stopping.STOPPED:
@@ -99,7 +89,6 @@ class RobotStop:
                 await channel.send(_STOP)
 
     def close(self) -> None:
-        """End all that is under way."""
         for task in self._tasks:
             task.cancel()
 

@@ -38,14 +38,7 @@ class Stranger:
 
 
 class Strangers:
-    """All of them.
-
-    Args:
-        meet: Makes a session with one of them.
-        clock: All waiting goes through it.
-        welcome: Gets the address of one that has proved the key.
-        on_change: Called when there is something new to show.
-    """
+    """All of them; `welcome` gets the address of one that has proved the key."""
 
     def __init__(
         self,

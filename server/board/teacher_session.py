@@ -50,10 +50,7 @@ class WrongClassError(RobotError):
 class TeacherSession:
     """Asks one robot's server, as its teacher once `join` has succeeded.
 
-    Args:
-        address: Where the server is.
-        key: The class's key.
-        transport: Reaches it.
+    What asks it raises UnreachableError if the robot does not answer.
     """
 
     def __init__(self, address: RobotAddress, key: ClassKey, transport: NetworkTransport) -> None:
@@ -71,7 +68,6 @@ class TeacherSession:
 
         Raises:
             WrongClassError: If they are not.
-            UnreachableError: If the robot does not answer.
         """
         place = self.place = await self._transport.locate(self.address)
         nonce = new_nonce()
@@ -97,14 +93,8 @@ class TeacherSession:
     async def ask(self, method: str, path: str, body: Any = None) -> HttpAnswer:
         """Send a request as the teacher; a session that the robot has forgotten is closed.
 
-        Args:
-            method: Such as `PUT`.
-            path: The robot's address, below its server.
-            body: Sent as JSON, or as it is if it is bytes.
-
         Raises:
             RefusedError: If the robot refuses; with its own sentence.
-            UnreachableError: If it does not answer.
         """
         if not self.is_open:
             raise UnreachableError("it is not connected")
@@ -116,7 +106,10 @@ class TeacherSession:
         return answer
 
     async def send(self, method: str, path: str, body: Any = None) -> HttpAnswer:
-        """Send a request and return whatever comes; before `join` it is anybody's."""
+        """Send a request and return whatever comes; before `join` it is anybody's.
+
+        The body is sent as JSON, or as it is if it is bytes.
+        """
         if self.place is None:
             raise UnreachableError("it is not connected")
         is_file = isinstance(body, bytes)
@@ -126,7 +119,6 @@ class TeacherSession:
         return await self._transport.request(self.place, method, path, headers, data)
 
     def connect(self, path: str) -> AbstractAsyncContextManager[Any]:
-        """Open a websocket for the length of the block."""
         if self.place is None:
             raise UnreachableError("it is not connected")
         return self._transport.connect(self.place, path, self.headers)
@@ -137,7 +129,6 @@ class TeacherSession:
 
     @property
     def headers(self) -> dict[str, str]:
-        """What every request within the session carries."""
         return {"authorization": f"Bearer {self._secret}"} if self._secret else {}
 
 

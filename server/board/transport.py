@@ -49,11 +49,7 @@ class RobotAddress:
 
     @classmethod
     def parse(cls, text: str) -> RobotAddress:
-        """Read `HOST`, `HOST:PORT` or the address of the robot's page.
-
-        Raises:
-            ConfigurationError: If it is none of these.
-        """
+        """Read `HOST`, `HOST:PORT` or the address of the robot's page."""
         whole = text.strip() if "://" in text else f"http://{text.strip()}"
         try:
             parts = urlsplit(whole)
