@@ -142,8 +142,7 @@ def parse_message(
 ) -> ClientMessage:
     """Parse one message of `/ws/drive`, for a robot that has these moves, and may take points.
 
-    Raises:
-        ProtocolError: If it is not valid; says which field and why.
+    What is not valid raises ProtocolError, here and below; it says which field and why.
     """
     if len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES:
         raise ProtocolError(
@@ -238,7 +237,6 @@ def _bad_field(name: str, wanted: str, seq: int | None) -> ProtocolError:
 
 
 def encode_picture(frame: Frame, nonce: int = 0, *, is_quiet: bool = False) -> bytes:
-    """Encode a frame as a message of `/ws/video`."""
     header = FRAME_HEADER.pack(
         _FRAME,
         _ENCODINGS.index(frame.encoding),
@@ -253,11 +251,6 @@ def encode_picture(frame: Frame, nonce: int = 0, *, is_quiet: bool = False) -> b
 
 
 def parse_picture(message: bytes) -> VideoFrame:
-    """Parse a message of `/ws/video`.
-
-    Raises:
-        ProtocolError: If it is not valid.
-    """
     if len(message) < FRAME_HEADER.size:
         raise ProtocolError(ErrorCode.MALFORMED, "a frame starts with a header of 24 bytes")
     kind, encoding, width, height, flags, frame_id, nonce, captured_ms = FRAME_HEADER.unpack_from(
@@ -278,16 +271,11 @@ def parse_picture(message: bytes) -> VideoFrame:
 
 
 def encode_acknowledgement(frame_id: int) -> bytes:
-    """Encode the acknowledgement of a drawn frame."""
     return ACKNOWLEDGEMENT.pack(_ACKNOWLEDGEMENT, 0, 0, frame_id)
 
 
 def parse_acknowledgement(message: bytes) -> int:
-    """Return the id of the frame that was drawn.
-
-    Raises:
-        ProtocolError: If the message is not an acknowledgement.
-    """
+    """Return the id of the frame that was drawn."""
     if (size := len(message)) != ACKNOWLEDGEMENT.size:
         code = ErrorCode.TOO_LARGE if size > ACKNOWLEDGEMENT.size else ErrorCode.MALFORMED
         raise ProtocolError(code, "an acknowledgement has 8 bytes")
@@ -306,6 +294,5 @@ _ENCODER = json.JSONEncoder(separators=(",", ":"), allow_nan=False)
 
 
 def encode_error(error: ProtocolError) -> str:
-    """Encode the answer to a refused message."""
     seq = {} if error.seq is None else {"seq": error.seq}
     return encode_message("error", code=error.code.value, message=str(error), **seq)

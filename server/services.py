@@ -67,10 +67,7 @@ class Services:
         return await asyncio.wrap_future(self.robot.loop.submit(call))
 
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> _T:
-        """Have the loop make a change; it is in the journal when this returns.
-
-        Raises what `change` raises.
-        """
+        """Have the loop make a change; it is in the journal when this returns."""
         history = self.robot.loop.history
         made = await self.on_loop(lambda: change(history))
         if self.persistence is not None:
@@ -124,7 +121,6 @@ def door_of(app: Any) -> tuple[Door, Clock]:
 
 
 def services_of(connection: HTTPConnection) -> Services:
-    """Return the services behind a request or a websocket."""
     services: Services = connection.app.state.services
     return services
 

@@ -20,7 +20,6 @@ class Parser(argparse.ArgumentParser):
     """Names the nearest known option or choice when one is misspelt."""
 
     def error(self, message: str) -> NoReturn:
-        """Print usage, message and suggestion; exit with 2."""
         super().error(message + self._suggestion(message))
 
     def _suggestion(self, message: str) -> str:

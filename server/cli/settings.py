@@ -45,7 +45,6 @@ class Settings:
 
 
 def read_settings(file: Path | None, environ: Mapping[str, str]) -> Settings:
-    """Read the file; keep the environment with it."""
     content = _read_file(file) if file else {}
     tables = {name: content.pop(name) for name in TABLES if name in content}
     if not all(isinstance(table, dict) for table in tables.values()):
@@ -55,7 +54,6 @@ def read_settings(file: Path | None, environ: Mapping[str, str]) -> Settings:
 
 
 def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
-    """Make the settings the parser's defaults."""
     actions = {action.dest: action for action in parser._actions}  # there is no public list
     unknown = [name for name in settings.flags if name not in actions]
     if unknown:

@@ -52,7 +52,6 @@ class Client:
         self._last_seq = seq
 
     def send(self, text: str) -> None:
-        """Queue an answer or an event."""
         self._answers.append(text)
         self._waiting.set()
 
@@ -78,7 +77,6 @@ class Client:
         return True
 
     async def next_text(self) -> str:
-        """Wait for the next message to send, and return it."""
         while True:
             await self._waiting.wait()
             if self._answers:

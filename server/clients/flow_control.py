@@ -89,11 +89,7 @@ class VideoWindow:
         return is_quiet
 
     def acknowledged(self, frame_id: int, now_s: float) -> None:
-        """Record that a frame and all before it have been drawn.
-
-        Raises:
-            ProtocolError: If this frame is not in flight.
-        """
+        """Record a frame and all before it as drawn; ProtocolError if it is not in flight."""
         if frame_id not in self._flight:
             raise ProtocolError(ErrorCode.UNKNOWN_FRAME, f"frame {frame_id} is not in flight")
         while True:
@@ -155,7 +151,6 @@ class PictureSize:
         self._not_before_s = -math.inf
 
     def note(self, delay_s: float, now_s: float) -> None:
-        """Take in the delay of one acknowledgement."""
         is_sign = delay_s > self._LATE_S if self.is_large else delay_s < self._GOOD_S
         self._in_row = self._in_row + 1 if is_sign else 0
         if self.is_large and self._in_row >= self._LATE:

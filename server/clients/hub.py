@@ -61,7 +61,6 @@ class Hub:
         self._timer: asyncio.Task[None] | None = None
 
     async def start(self) -> None:
-        """Subscribe to the control loop."""
         self.event_loop = asyncio.get_running_loop()
 
         def on_tick(tick: Tick) -> None:  # on the control loop's thread
@@ -150,7 +149,6 @@ class Hub:
             self.refuse(client, error)
 
     def refuse(self, client: Client, error: ProtocolError) -> None:
-        """Answer a refused message, and count it."""
         self.refused[error.code] += 1
         client.refuse(error)
 
@@ -284,11 +282,9 @@ class Hub:
             client.send(text)
 
     def now_ms(self) -> float:
-        """Return the robot's clock in milliseconds, as messages carry it."""
         return self.clock.now_s() * 1000
 
     def publish_state(self) -> None:
-        """Send the present state to all clients."""
         self._sent, self._sent_s = self._urgent(), self.clock.now_s()
         if not self.clients:
             return

@@ -34,7 +34,6 @@ class Lease:
         return False
 
     def renew(self, now_s: float) -> None:
-        """Renew the lease on a command of its owner."""
         self._renewed_s = now_s
 
     def give_up(self, client: str, now_s: float) -> bool:

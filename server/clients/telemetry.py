@@ -25,7 +25,6 @@ def state_every_s(state: Tick) -> float:
 
 
 def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
-    """Return the fields of a `state` message that come from the control loop."""
     decision, camera = state.decision, state.camera
     captured_s, source_s = state.frame_captured_s, state.source_age_s
     # What a camera on a brick is late by for the brick and its line.
@@ -68,7 +67,6 @@ def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
 
 
 def describe_body(driver: Driver) -> dict[str, Any]:
-    """Return what a page is told of what the body can do."""
     declared = describe(driver.moves, driver.declared_moves)
     moves = [move.describe() for move in declared]
     return {"declared_moves": moves, "takes_points": driver.takes_points}

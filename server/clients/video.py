@@ -35,7 +35,6 @@ class FrameAges:
         self.total = 0.0
 
     def note(self, age_s: float) -> None:
-        """Count one age."""
         self.counts[bisect_left(self.bounds, age_s)] += 1
         self.total += age_s
 
@@ -58,17 +57,12 @@ class Encoder:
         return make_compressor(self._quality)
 
     def encode(self, frame: Frame) -> Frame:
-        """Return the frame as it is sent on `/ws/video`."""
         if frame.encoding is Encoding.RGB and self._compress is not None:
             return replace(frame, encoding=Encoding.JPEG, data=self.encode_jpeg(frame))
         return frame
 
     def encode_jpeg(self, frame: Frame) -> bytes:
-        """Return the frame as JPEG, whatever its encoding.
-
-        Raises:
-            MissingExtraError: If OpenCV is needed for it and not installed.
-        """
+        """Return the frame as JPEG; MissingExtraError if that needs OpenCV."""
         if frame.encoding is Encoding.JPEG:
             return frame.data
         if self._compress is None:
@@ -113,11 +107,8 @@ class VideoHub:
 
     Everything runs on the server's event loop and nothing waits, so one viewer delays no other.
 
-    Args:
-        encoder: Encodes frames.
-        clock: The robot's.
-        for_the_eye: Returns a larger picture of a frame, or the frame. Viewers who take them in
-            time get those; for others a smaller picture more often is worth more.
+    `for_the_eye` returns a larger picture of a frame, or the frame. Viewers who take them in time
+    get those; for others a smaller picture more often is worth more.
     """
 
     def __init__(
@@ -144,7 +135,6 @@ class VideoHub:
 
     @property
     def viewers(self) -> int:
-        """How many viewers there are now."""
         return len(self._viewers) + self._streams
 
     def add(self, viewer: Viewer) -> None:
@@ -153,7 +143,6 @@ class VideoHub:
         self.offer(viewer)
 
     def remove(self, viewer: Viewer) -> None:
-        """Remove a viewer."""
         self._viewers.pop(viewer, None)
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
@@ -210,11 +199,7 @@ class VideoHub:
         return self._encoded[key]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:
-        """Record that a viewer has drawn a frame, and send the next if there is one.
-
-        Raises:
-            ProtocolError: If that frame is not in flight to this viewer.
-        """
+        """Record that a viewer has drawn a frame, and send the next if there is one."""
         viewer.window.acknowledged(frame_id, now_s)
         viewer.drawn_id = frame_id
         viewer.size.note(viewer.window.delay_s or 0.0, now_s)
@@ -229,11 +214,7 @@ class VideoHub:
         return max((one.drawn_id for one in own if one.drawn_id is not None), default=None)
 
     async def stream(self) -> AsyncGenerator[bytes, None]:
-        """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
-
-        Raises:
-            MissingExtraError: If the camera does not give JPEG and OpenCV is not installed.
-        """
+        """Yield the newest frames as JPEG, for viewers that cannot acknowledge."""
         last_id = 0
         self._streams += 1
         try:

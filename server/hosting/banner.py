@@ -14,7 +14,6 @@ from server.security.access import Role
 
 
 def greet_here(address: str, *, with_eye: bool = False) -> str:
-    """Return the page's address, for a browser on this machine."""
     eye = f"The robot's eye: open {address}/eye\n" if with_eye else ""
     return f"Drivelesson is ready: open {address}\n{eye}"
 

@@ -36,7 +36,7 @@ def own_addresses() -> list[str]:
 
 
 def page_addresses(config: Config) -> list[str]:
-    """Return the addresses of the page to show, the best first."""
+    """Return the addresses of the page, the best first."""
     public = [str(address) for address in config.public]
     if public and not config.lan:
         return public
@@ -47,7 +47,6 @@ def page_addresses(config: Config) -> list[str]:
 
 
 def host_names(config: Config) -> list[str]:
-    """Return the host names of this machine."""
     own = socket.gethostname().lower()
     names = ["localhost", "127.0.0.1", "::1"]
     if config.lan:

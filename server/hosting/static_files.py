@@ -24,7 +24,6 @@ class CompressedFiles(StaticFiles):
     """Serves a folder as `StaticFiles` does, with text compressed."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Answer with the file, compressed if it is text."""
         response = await super().get_response(path, scope)
         return _compress(response, scope) if isinstance(response, FileResponse) else response
 
@@ -38,7 +37,6 @@ class PageFiles(CompressedFiles):
         self._page: JoinedPage | None = None
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Answer with the document, a joined file, or another file of the folder."""
         path = path.replace("\\", "/")  # starlette gives a path of the system's own
         is_document = path in (".", "index.html")
         if is_document or self._page is None:

@@ -65,7 +65,6 @@ class _VideoClient:
                 self._shut_out.set()
 
     async def run(self) -> None:
-        """Serve the viewer until it disconnects."""
         await converse(
             self._websocket,
             self._hub.clock,

@@ -159,7 +159,6 @@ class Access:
     def admit(
         self, path: str, method: str | None, headers: Mapping[str, str], session: Session | None
     ) -> Role | Refusal:
-        """Return the role of the client, or why it is refused."""
         is_public = path in PUBLIC_PATHS
         role = session.role if session else Role.VIEWER
         location: str | None = None

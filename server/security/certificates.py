@@ -52,9 +52,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
     """Make a server certificate for `names`, and the authority if there is none yet.
 
     Names with dots that do not end in `.local` are left out: the name constraints forbid them.
-
-    Raises:
-        ConfigurationError: If the folder cannot be written, or has files that are not valid.
+    ConfigurationError if the folder cannot be written, or has files that are not valid.
     """
     names = [name for name in names if _is_private(name)]
     files = Certificates(

@@ -67,7 +67,6 @@ class Guard:
     proxies: Proxies
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Refuse the request, or pass it on with a role."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return

@@ -46,13 +46,7 @@ def connection_capacity() -> int:
 
 
 class DoorListener(socket.socket):
-    """Accepts only connections that its `Door` has room for.
-
-    Args:
-        door: Counts them.
-        listener: It takes the place of this one, which is used up.
-        clock: The door's.
-    """
+    """Accepts only connections that its `Door` has room for; `listener` is used up."""
 
     def __init__(self, door: Door, listener: socket.socket, clock: Clock) -> None:
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
