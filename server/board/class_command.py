@@ -13,34 +13,18 @@ MOST = 60
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--robots",
-        default="10",
-        metavar="LIST",
-        help="how many simulated ones; HOST:PORT of real ones, or a file of such lines; or both, "
-        "with commas in between (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--world", default="box", help="where the simulated ones drive (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--host",
-        default="0.0.0.0",
-        help="address for the pupils; 127.0.0.1: for this computer alone (default: all it has)",
-    )
-    parser.add_argument(
-        "--port",
-        type=whole(1024, 65535 - MOST),
-        default=8080,
-        help="the board's port; the robots have those that follow (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--data",
-        type=Path,
-        default=default_root(),
-        help="folder for the class's key, and for what each robot keeps (default: %(default)s)",
-    )
-    parser.add_argument("-v", "--verbose", action="store_true", help="log more")
+    add, shown = parser.add_argument, " (default: %(default)s)"
+    text = "how many simulated ones; HOST:PORT of real ones, or a file of such lines; or both, "
+    text += f"with commas in between{shown}"
+    add("--robots", default="10", metavar="LIST", help=text)
+    add("--world", default="box", help=f"where the simulated ones drive{shown}")
+    text = "address for the pupils; 127.0.0.1: for this computer alone (default: all it has)"
+    add("--host", default="0.0.0.0", help=text)
+    text = f"the board's port; the robots have those that follow{shown}"
+    add("--port", type=whole(1024, 65535 - MOST), default=8080, help=text)
+    text = f"folder for the class's key, and for what each robot keeps{shown}"
+    add("--data", type=Path, default=default_root(), help=text)
+    add("-v", "--verbose", action="store_true", help="log more")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -22,30 +22,15 @@ _NETWORK = "network"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--robots",
-        default=_NETWORK,
-        metavar="LIST",
-        help="HOST:PORT,... or a file of such lines (default: all that the network announces)",
-    )
-    parser.add_argument(
-        "--class-key",
-        type=Path,
-        default=default_root() / "class.key",
-        metavar="FILE",
-        help="made if it is not there; the robots need a copy (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--port", type=whole(0, 65535), default=8080, help="port (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--pictures",
-        type=number(above=0, most=10),
-        default=1.0,
-        metavar="HZ",
-        help="pictures a second of each robot (default: %(default)s)",
-    )
-    parser.add_argument("-v", "--verbose", action="store_true", help="log more")
+    add, shown = parser.add_argument, " (default: %(default)s)"
+    text = "HOST:PORT,... or a file of such lines (default: all that the network announces)"
+    add("--robots", default=_NETWORK, metavar="LIST", help=text)
+    text, file = f"made if it is not there; the robots need a copy{shown}", "class.key"
+    add("--class-key", type=Path, default=default_root() / file, metavar="FILE", help=text)
+    add("--port", type=whole(0, 65535), default=8080, help=f"port{shown}")
+    text, hz = f"pictures a second of each robot{shown}", number(above=0, most=10)
+    add("--pictures", type=hz, default=1.0, metavar="HZ", help=text)
+    add("-v", "--verbose", action="store_true", help="log more")
 
 
 def run(args: argparse.Namespace) -> int:

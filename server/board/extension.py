@@ -144,10 +144,5 @@ class ClassroomExtension(Extension):
 
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument(
-            "--class-key",
-            type=Path,
-            default=None,
-            metavar="FILE",
-            help="obey the board that has this key; drivelesson board makes it",
-        )
+        text = "obey the board that has this key; drivelesson board makes it"
+        parser.add_argument("--class-key", type=Path, metavar="FILE", help=text)
