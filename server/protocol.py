@@ -148,7 +148,7 @@ def parse_message(
         raise ProtocolError(
             ErrorCode.TOO_LARGE, f"a message has at most {MAX_DRIVE_MESSAGE_BYTES} bytes"
         )
-    message = _parse_object(text)
+    message = parse_object(text)
     seq = message.get("seq")
     if type(seq) is not int or not 1 <= seq <= MAX_COUNT:
         seq = None
@@ -178,12 +178,13 @@ def is_stop(text: str) -> bool:
     if len(text) > MAX_DRIVE_MESSAGE_BYTES or '"stop"' not in text:
         return False
     try:
-        return _parse_object(text).get("type") == "stop"
+        return parse_object(text).get("type") == "stop"
     except ProtocolError:
         return False
 
 
-def _parse_object(text: str) -> dict[str, Any]:
+def parse_object(text: str) -> dict[str, Any]:
+    """Parse JSON that must be an object, without NaN and infinity."""
     with contextlib.suppress(ValueError, RecursionError):
         message = _DECODER.decode(text)
         if isinstance(message, dict):

@@ -15,12 +15,12 @@ from collections.abc import Callable
 from typing import Any
 
 from robot.clock import Clock
-from robot.errors import RobotError
+from robot.errors import UNREADABLE, RobotError
 from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
 from server.board.transport import UnreachableError
 from server.hosting.banner import pairing_address
-from server.protocol import ProtocolError, encode_acknowledgement, parse_picture
+from server.protocol import ProtocolError, encode_acknowledgement, parse_object, parse_picture
 from server.routes.sockets import first_of
 
 log = logging.getLogger(__name__)
@@ -124,7 +124,7 @@ class RobotLink:
                     self._lose(error.status, str(error))
                 except (RobotError, TimeoutError) as error:
                     self._lose(Status.AWAY, str(error) or "it does not answer in time")
-                except (ValueError, KeyError, TypeError) as error:
+                except UNREADABLE as error:
                     self._lose(Status.AWAY, f"its answer makes no sense: {error!r}"[:300])
                 was_there, self._was_there = self._was_there, False
                 retry_s = _RETRY_S if was_there else min(2 * retry_s, _LONGEST_RETRY_S)
@@ -171,9 +171,8 @@ class RobotLink:
 
     async def _hear(self, channel: Any) -> None:
         while True:
-            text = await channel.recv()
+            message = parse_object(await channel.recv())
             self._heard_s = self._clock.now_s()
-            message = json.loads(text)
             kind = message.get("type")
             if kind == "state":
                 self._note_state(message)

@@ -11,7 +11,6 @@ import contextlib
 import hashlib
 import http.client
 import io
-import json
 import os
 import socket
 import ssl
@@ -26,6 +25,7 @@ from websockets.exceptions import WebSocketException
 
 from robot.errors import ConfigurationError, RobotError
 from server.board.class_key import endpoint
+from server.protocol import ProtocolError, parse_object
 
 LARGEST_BYTES = 64_000_000
 """The largest answer that is read: a model."""
@@ -91,11 +91,9 @@ class HttpAnswer:
 
     def json(self) -> dict[str, Any]:
         """Return the object in the body; {} if there is none."""
-        try:
-            value = json.loads(self.body)
-        except (ValueError, RecursionError):
-            return {}
-        return value if isinstance(value, dict) else {}
+        with contextlib.suppress(ProtocolError):
+            return parse_object(self.body.decode("utf-8", "replace"))
+        return {}
 
 
 class NetworkTransport:

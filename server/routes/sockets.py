@@ -60,6 +60,7 @@ async def converse(
                 return
             text = event.get("text")
             if text is None and see is not None:
+                note_use(websocket.scope, clock.now_s())
                 await see(event["bytes"])
             else:
                 note(event["bytes"] if text is None else text)

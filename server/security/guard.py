@@ -85,7 +85,7 @@ class Guard:
         scope[_ROLE] = verdict
         try:
             if scope["type"] == "websocket":
-                await self.app(scope, self._noting_use(scope, receive), send)
+                await self.app(scope, receive, send)
             else:
                 await self._pass_request(scope, receive, send, headers)
         except asyncio.CancelledError:
@@ -141,14 +141,6 @@ class Guard:
             return Refusal(503, "clients", "Too many pages are open.")
         scope[_PLACE] = place
         return None
-
-    def _noting_use(self, scope: Scope, receive: Receive) -> Receive:
-        async def receive_noting() -> Message:
-            message = await receive()
-            note_use(scope, self.clock.now_s())
-            return message
-
-        return receive_noting
 
     def _most_bytes(self, scope: Scope) -> int:
         is_upload = scope["type"] == "http" and _UPLOADS.fullmatch(scope["path"])

@@ -66,6 +66,23 @@ def test_whatever_fails_the_others_stop_in_time_and_the_rest_are_named(seed: int
     in_class(scenario, robots=6, seed=seed, faults=_any_fault)
 
 
+@pytest.mark.parametrize(
+    "text",
+    ["[]", "[" * 100_000, f'{{"type": "pong", "client_ms": 1{"0" * 400}}}', '{"agreement": NaN}'],
+)
+def test_whatever_a_robot_says_on_the_open_line_the_board_comes_back_to_it(text: str) -> None:
+    async def scenario(world: ClassWorld) -> None:
+        pupils = list(world.pupils.values())
+        await world.until_there(pupils)
+        link = world.link(pupils[0])
+        link.stop.channel._inbox.put_nowait(text)
+        await world.until(lambda: link.status is Status.AWAY, 1.0, "it makes no sense")
+        assert "makes no sense" in link.detail
+        await world.until_there(pupils)
+
+    in_class(scenario, robots=2)
+
+
 def _any_fault(dice: random.Random, number: int) -> str:
     return "none" if number < 3 else dice.choice(FAULTS)
 
