@@ -33,10 +33,11 @@ class EventLog(DiskThread):
             OSError: If the file cannot be written.
         """
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        data = self._path.read_bytes() if self._path.exists() else b""
-        whole = whole_lines(data) or write_events([], with_head=True).encode()
-        if whole != data:
-            self._path.write_bytes(whole)
+        with self._path.open("ab+") as file:
+            file.seek(0)
+            size = file.truncate(len(whole_lines(file.read())))
+            if not size:
+                file.write(write_events([], with_head=True).encode())
         super().start()
 
     def note(self, events: Iterable[StudyEvent]) -> None:
