@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from robot.clock import Clock
-from robot.errors import ConfigurationError, RobotError
+from robot.errors import ConfigurationError
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.episodes.comparison import Comparison, compare
@@ -95,8 +95,8 @@ class _Run:
             self.model = take_model(policy, taught, saved_at_s=self._clock.wall_s())
         except _DroppedError:
             pass
-        except (RobotError, OSError, ValueError) as error:
-            self._error = str(error)
+        except Exception as error:  # its learner may be anybody's
+            self._error = str(error) or type(error).__name__
         finally:
             self.is_running = False
 

@@ -124,11 +124,15 @@ def test_a_table_that_was_changed_by_hand_is_named(tmp_path: Path) -> None:
     assert other == ["phases.csv"] and "report.html" in same
 
 
-@pytest.mark.parametrize("fault", ["no zip", "no plan", "strange name"])
+@pytest.mark.parametrize("fault", ["no zip", "damaged", "no plan", "strange name"])
 def test_what_is_no_study_is_refused_with_a_sentence(tmp_path: Path, fault: str) -> None:
     file = tmp_path / "study.zip"
     if fault == "no zip":
         file.write_bytes(b"PK\x03\x04 and no more")
+    elif fault == "damaged":
+        data = bytearray(pack(SMALL_PLAN, {}))
+        data[60:90] = bytes(range(225, 255))  # of the first file's packed bytes
+        file.write_bytes(data)
     else:
         with zipfile.ZipFile(file, "w") as archive:
             if fault != "no plan":
