@@ -16,7 +16,6 @@ from robot.study.builtin import paper_plan
 from robot.study.session import SessionStep
 from server.extension import Extension
 from server.routes.answers import Route, attachment, media
-from server.routes.bodies import do
 from server.security.access import ONLY_PILOTS, Role
 from server.security.guard import role_of
 from server.services import persistence_of, services_of
@@ -161,55 +160,51 @@ def _older(request: Request) -> dict[str, Path]:
 
 
 @router.get("/studies", dependencies=[PILOT])
-async def list_studies(request: Request) -> dict[str, Any]:
+def list_studies(request: Request) -> dict[str, Any]:
     """List the studies, and the results of guided trials that 0.2 kept, by their names."""
-    names = await do(_conductor(request).folder.names)
-    return {"studies": names, "older": list(await do(_older, request))}
+    return {"studies": _conductor(request).folder.names(), "older": list(_older(request))}
 
 
 @router.get("/studies/older/{result_id}.json", dependencies=[PILOT])
-async def download_older(request: Request, result_id: str) -> Response:
+def download_older(request: Request, result_id: str) -> Response:
     """Return the result of one guided trial of 0.2 as a file."""
-    file = (await do(_older, request)).get(result_id)
+    file = _older(request).get(result_id)
     if file is None:
         raise NotFoundError(f"unknown result {result_id[:80]!r}")
-    return attachment(await do(file.read_bytes), "application/json", file.name)
+    return attachment(file.read_bytes(), "application/json", file.name)
 
 
 @router.post("/studies", dependencies=[PILOT], status_code=201)
-async def create_study(request: Request, body: NewStudy) -> dict[str, str]:
+def create_study(request: Request, body: NewStudy) -> dict[str, str]:
     """Make a study of a plan, or of the paper's."""
     plan = body.plan if body.trial is None else paper_plan(body.trial)
     if plan is None:
         raise ConfigurationError("send 'plan', a TOML text, or 'trial', 1, 2 or 3")
-    return {"name": await do(_conductor(request).folder.create, body.name, plan)}
+    return {"name": _conductor(request).folder.create(body.name, plan)}
 
 
 @router.get("/studies/{name}", dependencies=[PILOT])
-async def show_study(request: Request, name: str) -> dict[str, Any]:
+def show_study(request: Request, name: str) -> dict[str, Any]:
     """Return a study, its sessions, and the order that the next participant gets."""
-    found: dict[str, Any] = await do(describe_study, _conductor(request).folder, name)
-    return found
+    return describe_study(_conductor(request).folder, name)
 
 
 @router.get("/studies/{name}/zip", dependencies=[PILOT], **media("application/zip"))
-async def download_study(request: Request, name: str) -> Response:
+def download_study(request: Request, name: str) -> Response:
     """Return everything of a study: plan, event logs, tables, figures."""
-    data = await do(_conductor(request).folder.zip, name)
-    return attachment(data, "application/zip", f"{name}.zip")
+    return attachment(_conductor(request).folder.zip(name), "application/zip", f"{name}.zip")
 
 
 @router.get("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
-async def show_outcomes(request: Request, name: str, participant: str) -> dict[str, Any]:
+def show_outcomes(request: Request, name: str, participant: str) -> dict[str, Any]:
     """Return how alike participant and robot drove, by condition."""
-    return {"conditions": await do(_conductor(request).folder.outcomes, name, participant)}
+    return {"conditions": _conductor(request).folder.outcomes(name, participant)}
 
 
 @router.delete("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
-async def withdraw_participant(request: Request, name: str, participant: str) -> dict[str, Any]:
+def withdraw_participant(request: Request, name: str, participant: str) -> dict[str, Any]:
     """Delete all that is kept of a participant for good; 409 while that session is on."""
-    conductor = _conductor(request)
-    return {"deleted": await do(conductor.withdraw, name, participant)}
+    return {"deleted": _conductor(request).withdraw(name, participant)}
 
 
 @router.get("/session")
@@ -221,43 +216,41 @@ def show_session(request: Request) -> dict[str, Any]:
 
 
 @router.post("/session", dependencies=[PILOT], status_code=201)
-async def begin_session(request: Request, body: NewSession) -> dict[str, Any]:
+def begin_session(request: Request, body: NewSession) -> dict[str, Any]:
     """Begin a session, or take it up again, or begin a trial of the paper."""
     conductor = _conductor(request)
     if body.trial is not None:
-        await do(conductor.begin_trial, body.trial, body.teach_s or 0)
+        conductor.begin_trial(body.trial, body.teach_s or 0)
     else:
-        await do(conductor.begin, body.study, body.participant)
+        conductor.begin(body.study, body.participant)
     return show_session(request)
 
 
 @router.delete("/session", dependencies=[PILOT])
-async def leave_session(request: Request) -> dict[str, Any]:
+def leave_session(request: Request) -> dict[str, Any]:
     """Leave the session; it can be taken up again where it is."""
-    await do(_conductor(request).leave)
+    _conductor(request).leave()
     return show_session(request)
 
 
 @router.post("/session/consent", dependencies=[PILOT])
-async def give_consent(request: Request, body: Consent) -> dict[str, Any]:
+def give_consent(request: Request, body: Consent) -> dict[str, Any]:
     """Note that the participant confirmed the plan's text."""
-    await do(_conductor(request).consent, body.language)
+    _conductor(request).consent(body.language)
     return show_session(request)
 
 
 @router.post("/session/drive", dependencies=[PILOT])
-async def drive_condition(request: Request, body: Going = _GO_ON) -> dict[str, Any]:
+def drive_condition(request: Request, body: Going = _GO_ON) -> dict[str, Any]:
     """Begin the next condition, or go on; 409 in the wrong world."""
-    conductor = _conductor(request)
-    await do(lambda: conductor.drive(confirmed=body.confirmed, anew=body.anew))
+    _conductor(request).drive(confirmed=body.confirmed, anew=body.anew)
     return show_session(request)
 
 
 @router.post("/session/answers", dependencies=[PILOT])
-async def answer_questions(request: Request, body: Answers) -> dict[str, Any]:
+def answer_questions(request: Request, body: Answers) -> dict[str, Any]:
     """Take answers."""
-    conductor = _conductor(request)
-    await do(lambda: conductor.answer(body.answers, is_done=body.done))
+    _conductor(request).answer(body.answers, is_done=body.done)
     return show_session(request)
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from robot.devices.outside import Outside, must_be, read, text, whole
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
-from robot.store.folder import Storage, check_name, is_text, size_of, write_whole
+from robot.store.folder import Storage, check_name, paths_in, size_of, write_whole
 from robot.study.archive import pack
 from robot.study.events import StudyEvent, check_begun, read_events, recordings_in
 from robot.study.plan import CODE, MOST_CONDITIONS, StudyPlan, parse_plan
@@ -20,6 +21,8 @@ from robot.types import Action
 
 _PLAN, _ACTIVE = "plan.toml", "active.json"
 LONGEST_NAME = 40
+_PLANS, _SESSIONS = 16, 2**14
+"""So many are remembered: parsed, and as a list shows them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,16 +57,13 @@ class StudyFolder:
     def __init__(self, storage: Storage) -> None:
         self._storage = storage
         self.root = storage.root / "studies"
-        self._seen: dict[Path, tuple[tuple[int, str], SessionSummary]] = {}
+        self._parse = lru_cache(_PLANS)(parse_plan)
+        self._summary = lru_cache(_SESSIONS)(lambda name, code, *state: self._summarize(name, code))
 
     # Studies ----------------------------------------------------------------------------------
 
     def names(self) -> list[str]:
-        try:
-            entries = sorted(self.root.iterdir())
-        except OSError:
-            return []
-        return [e.name for e in entries if is_text(e.name) and (e / _PLAN).is_file()]
+        return [path.name for path in paths_in(self.root) if (path / _PLAN).is_file()]
 
     def create(self, name: str, plan_text: str) -> str:
         """Keep a plan under a name; return the name in the form in which it is kept.
@@ -100,7 +100,7 @@ class StudyFolder:
         Raises:
             NotFoundError, RecordingError, ConfigurationError: If there is none that can be read.
         """
-        return parse_plan(self.plan_text(name), f"{name}/{_PLAN}")
+        return self._parse(self.plan_text(name), f"{name}/{_PLAN}")
 
     def zip(self, name: str) -> bytes:
         text = self.plan_text(name)
@@ -158,21 +158,18 @@ class StudyFolder:
 
     def summaries(self, name: str) -> list[SessionSummary]:
         """Summarize each session; one that cannot be read says why."""
-        text = self.plan_text(name)
-        plan, mark, found = parse_plan(text, f"{name}/{_PLAN}"), fingerprint(text), []
-        for code in self.codes(name):
-            path = self.log_path(name, code)
-            state, known = (size_of(path), mark), self._seen.get(path)
-            if known is None or known[0] != state:
-                known = self._seen[path] = (state, self._summarize(name, plan, code))
-            found.append(known[1])
-        return found
+        plan_text = self.plan_text(name)
+        return [
+            self._summary(name, code, plan_text, size_of(self.log_path(name, code)))
+            for code in self.codes(name)
+        ]
 
     def free_slots(self, name: str, plan: StudyPlan) -> list[int]:
         """List the places of the plan that no participant has, in order."""
         return sorted(set(range(plan.participants)) - {s.slot for s in self.summaries(name)})
 
-    def _summarize(self, name: str, plan: StudyPlan, code: str) -> SessionSummary:
+    def _summarize(self, name: str, code: str) -> SessionSummary:
+        plan = self.plan(name)
         try:
             events = self.events(name, code)
             session = follow_log(plan, code, events)
