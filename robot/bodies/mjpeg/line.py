@@ -8,21 +8,23 @@ import hashlib
 import socket
 import string
 from collections.abc import Callable
-from email.message import Message
-from http.client import HTTPConnection, HTTPException, HTTPMessage
-from typing import Any
+from http.client import HTTPConnection, HTTPException, HTTPSConnection
+from typing import Any, cast
 from urllib import request as http
-from urllib.error import HTTPError, URLError
-from urllib.parse import SplitResult, quote, unquote, urlsplit
+from urllib.error import URLError
+from urllib.parse import SplitResult, quote, unquote, urljoin, urlsplit
 
 from robot.bodies.mjpeg.answer import Answer
 from robot.errors import CameraError
 
 _SILENT_S = 2.0
-_PORTS = {"http": 80, "https": 443}
+_MOST_REQUESTS = 8
+_HEAD = {"User-Agent": "drivelesson", "Accept": "*/*", "Connection": "close"}
+_LINES = {"http": HTTPConnection, "https": HTTPSConnection}
 _MOVED = (301, 302, 303, 307, 308)
 _PAGES = ("text/", "application/json", "application/xml", "application/xhtml")
 _ADVICE = {
+    401: "it wants a user and a password, as in --source http://USER:PASSWORD@ADDRESS/PATH",
     403: "it lets nobody in from here; look into its settings",
     404: "there is nothing at this path; look up the address of the stream in its manual",
     503: "it is busy; end its other viewers, or restart it",
@@ -38,19 +40,10 @@ class CameraLine:
 
     def __init__(self, url: SplitResult) -> None:
         self._address = quote(_checked(url), safe=string.punctuation)
-        self.host, self._has_user = url.hostname, bool(url.username)
+        self.host, self._home = url.hostname, _origin(url)
+        self._user, self._password = unquote(url.username or ""), unquote(url.password or "")
         self._socket: socket.socket | None = None
-        self._answer: Any = None
-        self._opener = http.OpenerDirector()
-        self._opener.addheaders = [("User-Agent", "drivelesson"), ("Accept", "*/*")]
-        for handler in (
-            _Lines(self._begin),
-            _Passwords(url),
-            _Redirects(),
-            http.HTTPErrorProcessor(),
-            http.HTTPDefaultErrorHandler(),
-        ):
-            self._opener.add_handler(handler)
+        self._answer: Answer | None = None
 
     def open(self) -> None:
         """Ask for the stream.
@@ -61,25 +54,23 @@ class CameraLine:
             CameraError: If there is no stream; says what the camera answered, and what to do.
         """
         try:
-            self._answer = self._opener.open(self._address, timeout=_SILENT_S)
-            kind = _kind(self._answer.headers)
-            if kind.startswith(_PAGES):
-                raise CameraError(
-                    f"{_place(self._answer.url)} answers 200 {kind}: that is a page; give the "
-                    "address of the stream itself, as its manual names it"
-                )
-        except CameraError:
-            self.close()
-            raise
+            self._answer = self._follow()
         except (OSError, HTTPException, ValueError) as error:
             self.close()
-            raise CameraError(self._explain(error)) from error
+            if isinstance(error, CameraError):
+                raise
+            why = (
+                "leads in a circle, or to an address that is none; look up that of its stream"
+                if isinstance(error, ValueError)
+                else f"does not answer ({error}); is it switched on and in the same network, and "
+                "is the port right?"
+            )
+            raise CameraError(f"the camera at {self.host} {why}") from error
 
     def read1(self, size: int) -> bytes:
         """Return some bytes of the stream; none at its end. Raises OSError after 2 s of silence."""
         answer = self._answer
-        data: bytes = b"" if answer is None else answer.read1(size)
-        return data
+        return b"" if answer is None else answer.read1(size)
 
     def close(self) -> None:
         """End the connection: a camera of one client serves nobody else until then."""
@@ -89,112 +80,77 @@ class CameraLine:
                 sock.shutdown(socket.SHUT_RDWR)
             sock.close()
 
+    def shows_user(self, address: str) -> bool:
+        """True where user and password belong: not at another port, nor by another scheme."""
+        return bool(self._user) and _origin(urlsplit(address)) == self._home
+
+    def _follow(self) -> Answer:
+        """Ask until there is a stream, showing the user as Basic, and as a digest if asked for."""
+        address, challenges = self._address, list[str]()
+        for _ in range(_MOST_REQUESTS):
+            asked, is_home = http.Request(address, headers=_HEAD), self.shows_user(address)
+            if is_home:
+                asked.add_header("Authorization", self._shown(asked, challenges))
+            answer = self._ask(asked)
+            place = answer.headers.get("location")
+            if place and answer.status in _MOVED:
+                place = quote(place, safe=string.punctuation, encoding="latin-1")
+                address, challenges = _checked(urlsplit(urljoin(address, place))), []
+            elif is_home and not challenges and (found := _digests(answer)):
+                challenges = found
+            else:
+                self._check(asked, answer)
+                return answer
+        raise ValueError("in a circle")
+
+    def _ask(self, asked: http.Request) -> Answer:
+        self.close()
+        connection = _LINES[asked.type](asked.host, timeout=_SILENT_S)
+        connection.response_class = self._begin
+        connection.request("GET", asked.selector, headers=asked.headers)
+        return cast(Answer, connection.getresponse())
+
     def _begin(self, sock: socket.socket, *args: Any, **options: Any) -> Answer:
         self._socket = sock
         return Answer(sock, *args, **options)
 
-    def _explain(self, error: Exception) -> str:
-        where = f"the camera at {self.host}"
-        if isinstance(error, HTTPError) and error.code == 401:
-            advice = (
-                "it wants a user and a password, as in --source http://USER:PASSWORD@ADDRESS/PATH"
-            )
-            if self._has_user:
+    def _check(self, asked: http.Request, answer: Answer) -> None:
+        """Raise CameraError unless this may be a stream."""
+        url, kind = urlsplit(asked.full_url), answer.headers.get("content-type", "")
+        kind = kind.partition(";")[0].strip().lower()
+        if answer.status // 100 != 2:
+            advice = _ADVICE.get(answer.status, "restart it, or look up the address in its manual")
+            if answer.status == 401 and self._user:
                 advice = "it does not take this user and password; look them up in its settings"
-            return f"{where} answers 401: {advice}"
-        if isinstance(error, HTTPError) and not _is_moved(error):
-            said = f"{error.code} {_kind(error.headers)}".rstrip()
-            advice = "restart it, or look up the address in its manual"
-            return f"{_place(error.url)} answers {said}: {_ADVICE.get(error.code, advice)}"
-        if isinstance(error, HTTPError | ValueError):
-            return (
-                f"{where} leads in a circle, or to an address that is none; look up that of its "
-                "stream"
-            )
-        return (
-            f"{where} does not answer ({getattr(error, 'reason', error)}); is it switched on and "
-            "in the same network, and is the port right?"
-        )
+        elif kind.startswith(_PAGES):
+            advice = "that is a page; give the address of the stream itself, as its manual names it"
+        else:
+            return
+        said = f"{answer.status} {kind}".rstrip()
+        raise CameraError(f"{url.hostname}{url.path or '/'} answers {said}: {advice}")
 
-
-class _Lines(http.HTTPHandler, http.HTTPSHandler):
-    """Opens connections whose answers are `begin`'s."""
-
-    def __init__(self, begin: Callable[..., Answer]) -> None:
-        super().__init__()
-        self._begin = begin
-
-    def do_open(self, http_class: Any, req: http.Request, **options: Any) -> Any:
-        def make(host: str, **options: Any) -> HTTPConnection:
-            connection: HTTPConnection = http_class(host, **options)
-            connection.response_class = self._begin  # type: ignore[assignment]
-            return connection
-
-        return super().do_open(make, req, **options)
-
-
-class _Redirects(http.HTTPRedirectHandler):
-    """Follows to where a camera may be; ValueError for every other address."""
-
-    def redirect_request(
-        self, req: http.Request, fp: Any, code: int, msg: str, headers: Any, newurl: str
-    ) -> http.Request | None:
-        newurl = _checked(urlsplit(newurl))
-        return super().redirect_request(req, fp, code, msg, headers, newurl)
-
-
-class _OneAddress(http.HTTPPasswordMgr):
-    """Knows user and password of one address; the library's would show them on other schemes."""
-
-    def __init__(self, url: SplitResult) -> None:
-        super().__init__()
-        self._home = _origin(url)
-        self._known = unquote(url.username or ""), unquote(url.password or "")
-
-    def find_user_password(self, realm: str, authuri: str) -> tuple[str, str] | tuple[None, None]:
-        return self._known if _origin(urlsplit(authuri)) == self._home else (None, None)
-
-
-class _Passwords(http.HTTPDigestAuthHandler):
-    """Shows user and password where they belong: as Basic at once, as a digest if that is asked.
-
-    Knows SHA-256, too; before Python 3.14 the library's does not.
-    """
-
-    def __init__(self, url: SplitResult) -> None:
-        self._known = _OneAddress(url)
-        super().__init__(self._known)
-
-    def http_request(self, req: http.Request) -> http.Request:
-        user, password = self._known.find_user_password("", req.full_url)
-        if user and not req.has_header("Authorization"):
-            shown = base64.b64encode(f"{user}:{password}".encode()).decode()
-            req.add_unredirected_header("Authorization", f"Basic {shown}")
-        return req
-
-    https_request = http_request
-
-    def http_error_401(
-        self, req: http.Request, fp: Any, code: int, msg: str, headers: HTTPMessage
-    ) -> Any:
-        asked = [text for text in headers.get_all("www-authenticate", []) if _asks_digest(text)]
-        if not asked or not req.get_header("Authorization", "").startswith("Basic "):
-            return None
-        fp.close()
-        # A camera that knows several asks for the safest first, but need not.
-        text = max(asked, key=lambda text: "sha-256" in text.lower())
+    def _shown(self, asked: http.Request, challenges: list[str]) -> str:
+        """Return the answer to the safest of several challenges, which need not be the first."""
+        if not challenges:
+            return f"Basic {base64.b64encode(f'{self._user}:{self._password}'.encode()).decode()}"
+        passwords = http.HTTPPasswordMgrWithDefaultRealm()
+        passwords.add_password(None, asked.full_url, self._user, self._password)
+        text = max(challenges, key=lambda text: "sha-256" in text.lower())
         parts = http.parse_http_list(text.partition(" ")[2])
-        try:
-            words = self.get_authorization(req, http.parse_keqv_list([p for p in parts if p]))
-        except (ValueError, LookupError, URLError):
-            words = None
+        words = None
+        with contextlib.suppress(ValueError, LookupError, URLError):
+            challenge = http.parse_keqv_list([part for part in parts if part])
+            words = _Digest(passwords).get_authorization(asked, challenge)
         if words is None:
             raise CameraError(
-                f"the camera at {req.host} asks for a password in a way that is not known here; "
+                f"the camera at {asked.host} asks for a password in a way that is not known here; "
                 "choose Basic, or Digest with MD5 or SHA-256, in its settings"
             )
-        req.add_unredirected_header("Authorization", f"Digest {words}")
-        return self.parent.open(req, timeout=req.timeout)
+        return f"Digest {words}"
+
+
+class _Digest(http.AbstractDigestAuthHandler):
+    """Knows SHA-256, too; before Python 3.14 the library's does not."""
 
     def get_algorithm_impls(
         self, algorithm: str
@@ -204,34 +160,23 @@ class _Passwords(http.HTTPDigestAuthHandler):
         return _sha256, lambda secret, data: _sha256(f"{secret}:{data}")
 
 
-def _asks_digest(challenge: str) -> bool:
-    return challenge[:7].lower() == "digest "
+def _digests(answer: Answer) -> list[str]:
+    """Return the challenges of an answer that are met by a digest."""
+    asked = answer.headers.get_all("www-authenticate", []) if answer.status == 401 else []
+    return [text for text in asked if text[:7].lower() == "digest "]
 
 
 def _sha256(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _kind(headers: Message) -> str:
-    return str(headers.get("content-type", "")).partition(";")[0].strip().lower()
-
-
-def _place(address: str) -> str:
-    url = urlsplit(address)
-    return f"{url.hostname}{url.path or '/'}"
-
-
-def _is_moved(error: HTTPError) -> bool:
-    return error.code in _MOVED and "location" in error.headers
-
-
 def _origin(url: SplitResult) -> tuple[str, str | None, int]:
-    return url.scheme, url.hostname, url.port or _PORTS.get(url.scheme, 0)
+    return url.scheme, url.hostname, url.port or {"http": 80, "https": 443}.get(url.scheme, 0)
 
 
 def _checked(url: SplitResult) -> str:
     """Return an address as it is asked for, without user; ValueError if there can be no camera."""
     host = url.netloc.rpartition("@")[2].encode("idna").decode()
-    if url.scheme not in _PORTS or not url.hostname or url.port == 0:
+    if url.scheme not in _LINES or not url.hostname or url.port == 0:
         raise ValueError("no address of a camera")
     return url._replace(netloc=host).geturl()

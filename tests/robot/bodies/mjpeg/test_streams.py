@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import Any
 from unittest import mock
 from urllib.parse import quote, urlsplit
-from urllib.request import Request
 
 import cv2
 import numpy as np
@@ -19,7 +18,7 @@ import pytest
 
 from robot.bodies.mjpeg.answer import Answer, PictureFinder
 from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
-from robot.bodies.mjpeg.line import _Passwords
+from robot.bodies.mjpeg.line import CameraLine
 from robot.errors import CameraError
 from robot.testing import VirtualClock
 from robot.types import Encoding
@@ -284,10 +283,9 @@ def test_a_redirect_may_have_letters_of_any_language(letter: str) -> None:
     "other", ["http://cam", "https://cam:444", "https://cam2", "http://cam:443"]
 )
 def test_the_password_is_shown_to_the_address_that_was_given_alone(other: str) -> None:
-    passwords = _Passwords(urlsplit("https://me:secret@Cam/stream"))
+    line = CameraLine(urlsplit("https://me:secret@Cam/stream"))
     for address, is_shown in ((other, False), ("https://cam:443", True)):
-        asked = passwords.http_request(Request(address + "/stream"))
-        assert asked.has_header("Authorization") is is_shown
+        assert line.shows_user(address + "/stream") is is_shown
 
 
 def test_digest_is_answered_and_what_does_not_fit_is_said() -> None:
