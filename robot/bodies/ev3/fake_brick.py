@@ -63,6 +63,7 @@ class FakeMotor:
         self.position = 123456.0
         self.is_stalled = False
         self.kept: set[str] = set()
+        """Attributes that another program sets again after each reset."""
 
     def read(self, name: str) -> str:
         return (self.folder / name).read_text().partition("\n")[0]
@@ -142,13 +143,6 @@ class FakeBrick(StartStop):
         """Take a motor out: its files vanish, open ones fail as the kernel's do not (see tests)."""
         motor = self.motors.pop(port)
         motor.folder.rename(self.root / f"unplugged-{port}")
-
-    def stall_motor(self, port: str) -> None:
-        self.motors[port].is_stalled = True
-
-    def keep_leftover(self, port: str, name: str) -> None:
-        """Have another program set an attribute again after each reset."""
-        self.motors[port].kept.add(name)
 
     def add_sensor(self, port: str, driver: str, value: int, decimals: int = 0) -> None:
         """Plug a sensor in; it may come late."""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import io
-import shutil
 import subprocess
 import tarfile
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import IO
 
 from robot.bodies.ev3.archive import make_agent
@@ -43,26 +42,23 @@ def run_on_brick(target: str, script: str, files: Files | Path) -> str:
     Raises:
         DriveError: If ssh or the script fails; carries their last line.
     """
-    process = subprocess.Popen(
-        ["ssh", "-o", "ConnectTimeout=10", target, script],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-    )
-    assert process.stdin is not None and process.stdout is not None
-    # If ssh ends early, its output below has the reason.
-    with suppress(BrokenPipeError), process.stdin as stream:
-        if isinstance(files, Path):
-            with files.open("rb") as packed:
-                shutil.copyfileobj(packed, stream, 1 << 20)
-        else:
+    with files.open("rb") if isinstance(files, Path) else TemporaryFile() as stream:
+        if not isinstance(files, Path):
             write_tar(stream, files)
-    with process.stdout as output:
-        output_text = output.read().decode(errors="replace").strip()
-    if process.wait() != 0:
-        last = output_text.splitlines()[-1:] or ["no output"]
+            stream.seek(0)
+        done = subprocess.run(
+            ["ssh", "-o", "ConnectTimeout=10", target, script],
+            stdin=stream,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+    output = done.stdout.strip()
+    if done.returncode != 0:
+        last = output.splitlines()[-1:] or ["no output"]
         raise DriveError(f"the brick at {target} could not be set up: {last[0]}")
-    return output_text
+    return output
 
 
 def start_agent(target: str, secret: str, port: int) -> str:

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import parse_qs, urlsplit
 
@@ -57,12 +58,7 @@ def stand_in() -> Iterator[DriverCase]:
         thread = threading.Thread(target=robot.serve_forever, args=(0.02,))
         thread.start()
 
-        def cut_link() -> None:
-            robot.is_silent = True
-
-        def mend_link() -> None:
-            robot.is_silent = False
-
+        cut_link, mend_link = (partial(setattr, robot, "is_silent", on) for on in (True, False))
         try:
             yield DriverCase(driver, time.sleep, robot.is_moving, cut_link, mend_link=mend_link)
         finally:

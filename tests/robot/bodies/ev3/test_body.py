@@ -180,7 +180,7 @@ def test_another_programs_leftovers_are_undone_before_anything_moves(brick: Fake
 
 @pytest.mark.parametrize("name", ["ramp_up_sp", "ramp_down_sp", "polarity"])
 def test_a_motor_that_cannot_be_reset_is_one_clear_line(brick: FakeBrick, name: str) -> None:
-    brick.keep_leftover("outC", name)
+    brick.motors["outC"].kept.add(name)
     with pytest.raises(DriveError, match="outC keeps the settings of another program; end that"):
         make_driver(brick).connect()
 

@@ -213,7 +213,7 @@ def test_nothing_moves_without_consent(brick: FakeBrick, link: BrickLink) -> Non
 
 
 def test_a_wheel_that_is_held_fast_is_found(brick: FakeBrick, link: BrickLink) -> None:
-    brick.stall_motor("outC")
+    brick.motors["outC"].is_stalled = True
     finding = found(link)["wheels"]
     assert finding.level is Level.WRONG
     assert "right wheel (outC) did not turn when it was driven" in finding.text
