@@ -28,7 +28,7 @@ from robot.bodies.ev3.rootfs import (
 )
 from robot.bodies.ev3.scripts import AGENT_SCRIPT, INSTALL_SCRIPT, START_SCRIPT, UNIT
 from robot.errors import ConfigurationError
-from robot.store.folder import default_root
+from robot.store.folder import default_root, write_whole
 from server.cli.parser import whole
 from server.config import Config
 
@@ -125,9 +125,7 @@ def _shared_secret(host: str) -> str:
     """Return the secret that this machine shares with a brick; make one at the first time."""
     file = secret_path(host)
     if not file.exists():
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.touch(mode=0o600)
-        file.write_text(secrets.token_urlsafe(16) + "\n")
+        write_whole(file, f"{secrets.token_urlsafe(16)}\n".encode(), mode=0o600)
     return file.read_text().strip()
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.bodies.ev3.agent.wire import (
+    BEFORE_JOINING,
     FROM_AGENT,
     PORT,
     PROTOCOL,
@@ -24,7 +25,6 @@ from robot.errors import ConfigurationError, DriveError
 
 PATIENCE_S = 3.0
 """How long joining, or opening the body, may take."""
-_BEFORE_PROOF = {b"J": 1024}
 
 
 class BrickConnection:
@@ -37,7 +37,7 @@ class BrickConnection:
 
     def __init__(self, line: socket.socket, host: str, secret: str) -> None:
         self.line = line
-        self._unpacker = Unpacker(_BEFORE_PROOF)
+        self._unpacker = Unpacker(BEFORE_JOINING)
         self._seal: Seal | None = None
         hello = self._next_message()
         if hello["hello"] != PROTOCOL:

@@ -13,6 +13,7 @@ from typing import IO
 from robot.bodies.ev3.archive import make_agent
 from robot.bodies.ev3.scripts import AGENT_SCRIPT, AUTOSTART_SCRIPT, INSTALL_SCRIPT, KEEP_SCRIPT
 from robot.errors import ConfigurationError, DriveError
+from robot.store.folder import whole_file
 
 Files = Sequence[tuple[str, Path | bytes]]
 """Names inside a tar, and what they are: a file or folder here, or bytes."""
@@ -95,13 +96,10 @@ def installed_packages(target: str) -> str:
 
 def pack(file: Path, files: Files) -> None:
     """Keep all that a brick needs in one file, its own script to install it first."""
-    part = file.with_name(file.name + ".part")
     try:
-        with part.open("wb") as stream:
+        with whole_file(file) as stream:
             write_tar(stream, [("install", INSTALL_SCRIPT.encode()), *files])
-        part.replace(file)
     except OSError as error:
-        part.unlink(missing_ok=True)
         raise ConfigurationError(f"cannot write {file}: {error.strerror}") from error
 
 

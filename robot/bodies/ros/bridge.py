@@ -12,8 +12,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from robot.bodies.remote.kept import KeptConnection
+from robot.bodies.remote.orders import split_address
 from robot.clock import Clock
-from robot.errors import need
+from robot.errors import DriveError, need
 
 PORT = 9090
 CONNECT_S = 4.0
@@ -34,21 +35,20 @@ class RosBridge(KeptConnection):
     """Connects, stays connected, and passes on what topics say.
 
     Args:
-        host: Where rosbridge runs; `port` is its port.
+        address: Where rosbridge runs, as HOST or HOST:PORT.
         clock: Where the time comes from.
         advertised: The type of each topic that will be published.
         subscribed: The type of each topic to listen to.
         on_message: Called with topic and message, on the bridge's thread; must return at once.
 
     Raises:
-        OSError: If nothing answers there.
+        DriveError: If nothing answers there.
         MissingExtraError: If the library is not installed.
     """
 
     def __init__(
         self,
-        host: str,
-        port: int,
+        address: str,
         clock: Clock,
         *,
         advertised: Mapping[str, str] | None = None,
@@ -56,13 +56,20 @@ class RosBridge(KeptConnection):
         on_message: Callable[[str, Message], None] = lambda topic, message: None,
     ) -> None:
         self._websockets = need("websockets", "ROS", "demo")
+        host, port = split_address(address, PORT)
         self._url = f"ws://{host}:{port}/"
         self._advertised, self._subscribed = dict(advertised or {}), dict(subscribed or {})
         self._on_message = on_message
         self._socket: Any = None
         self._heard_s = clock.now_s()
         self._ends: dict[str, asyncio.TimerHandle] = {}
-        super().__init__("rosbridge", clock)
+        try:
+            super().__init__("rosbridge", clock)
+        except OSError as error:
+            raise DriveError(
+                f"no rosbridge can be reached at {host}:{port} ({error}); is it running? "
+                "ros2 launch rosbridge_server rosbridge_websocket_launch.xml"
+            ) from error
 
     @property
     def silent_s(self) -> float:

@@ -8,14 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.remote.orders import split_address
-from robot.bodies.ros.bridge import PORT, RosBridge
+from robot.bodies.ros.bridge import RosBridge
 from robot.bodies.ros.driver import check_topic
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.pictures import read_jpeg
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError, RecordingError
+from robot.errors import CameraError, DriveError, RecordingError
 
 _IMAGE = "sensor_msgs/msg/CompressedImage"
 
@@ -49,19 +48,15 @@ class RosCamera(WatchedCamera):
 
     def _begin(self) -> None:
         self._need("cv2", "imagesize")
-        host, port = split_address(self.options.address, PORT)
         try:
             self._bridge = RosBridge(
-                host,
-                port,
+                self.options.address,
                 self.clock,
                 subscribed={self.options.image_topic: _IMAGE},
                 on_message=lambda _, message: self._take(message),
             )
-        except OSError as error:
-            raise CameraError(
-                f"no rosbridge can be reached at {host}:{port} ({error}); is it running?"
-            ) from error
+        except DriveError as error:
+            raise CameraError(str(error)) from error
         self._watch_over()
 
     def _let_go(self) -> None:

@@ -9,8 +9,8 @@ import threading
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.remote.orders import moves_option, parse_moves, split_address
-from robot.bodies.ros.bridge import GONE_S, PORT, Message, RosBridge
+from robot.bodies.remote.orders import moves_option, parse_moves
+from robot.bodies.ros.bridge import GONE_S, Message, RosBridge
 from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
@@ -95,24 +95,16 @@ class RosDriver(ConnectedDriver[RosBridge]):
 
     def _open(self) -> RosBridge:
         options = self.options
-        host, port = split_address(options.address, PORT)
         advertised = {self._topic: _STAMPED if self._is_stamped else _TWIST}
         if options.advice_topic:
             advertised[options.advice_topic] = _TEXT
-        try:
-            return self.bridge_type(
-                host,
-                port,
-                self._clock,
-                advertised=advertised,
-                subscribed={_ALIVE: _HEADER} if options.watchdog else {},
-                on_message=self._take_sign,
-            )
-        except OSError as error:
-            raise DriveError(
-                f"no rosbridge can be reached at {host}:{port} ({error}); is it running? "
-                "ros2 launch rosbridge_server rosbridge_websocket_launch.xml"
-            ) from error
+        return self.bridge_type(
+            options.address,
+            self._clock,
+            advertised=advertised,
+            subscribed={_ALIVE: _HEADER} if options.watchdog else {},
+            on_message=self._take_sign,
+        )
 
     def _begin(self) -> None:
         self._has_signed.clear()
