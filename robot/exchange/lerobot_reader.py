@@ -7,9 +7,10 @@ lerobot-dataset-v3.mdx and porting_datasets_v3.mdx.
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Callable
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,6 @@ class _Info(Outside):
     codebase_version: str = text()
     fps: float = number(above=0, most=1000)
     features: dict[str, dict[str, Any]] = must_be("an object of features")
-    data_path: str = text("")
     video_path: str | None = text(None)
     chunks_size: int = whole(1000, least=1, most=10**9)
 
@@ -66,11 +66,29 @@ class LerobotDataset:
 
     def episodes(self) -> list[int]:
         """Return the numbers of its episodes, from its table of them and from its data."""
-        found = {n for row in self._rows() if isinstance(n := row.get("episode_index"), int)}
+        return sorted(n for n in {*self._rows, *self._files} if n >= 0)
+
+    @cached_property
+    def _rows(self) -> dict[int, Record]:
+        """The table of episodes by their numbers, without the parts of it that are damaged."""
+        rows: list[Any] = []
+        if self._is_v3:
+            for path in sorted(self.folder.glob("meta/episodes/*/*.parquet")):
+                with contextlib.suppress(RecordingError):
+                    rows += read_table(path)
+        elif (path := self.folder / "meta/episodes.jsonl").is_file():
+            rows += map(parse, read_text(path).splitlines())
+        found = ((row.get("episode_index"), row) for row in rows if isinstance(row, dict))
+        return {n: row for n, row in found if isinstance(n, int)}
+
+    @cached_property
+    def _files(self) -> dict[int, Path]:
+        """Where the frames of each episode are, by the name of a file or by what is in it."""
+        files: dict[int, Path] = {}
         for path in sorted(self.folder.glob("data/*/*.parquet")):
             of_name = re.fullmatch(r"episode_(\d{1,9})", path.stem)
-            found |= {int(of_name[1])} if of_name else _episodes_in(path)
-        return sorted(n for n in found if n >= 0)
+            files |= dict.fromkeys([int(of_name[1])] if of_name else _episodes_in(path), path)
+        return files
 
     def read(self, episode: int, threshold: float, report: ImportReport) -> Drive:
         """Read one episode; its pictures are read when the drive is written.
@@ -79,13 +97,15 @@ class LerobotDataset:
             RecordingError: If nothing of it can be used.
             MissingExtraError: If pyarrow or av is not installed.
         """
-        row = next((r for r in self._rows() if r.get("episode_index") == episode), {})
-        path, camera = self._data_file(episode, row), self._camera(report)
+        if episode not in self._files:
+            raise RecordingError(f"the data of episode {episode} is lost")
+        camera = self._camera(report)
         is_film = self._info.features[camera].get("dtype") == "video"
         wanted = [PILOT, DEGREES, "action", "timestamp", "frame_index", *_INTERVENTIONS]
-        records = read_table(path, wanted if is_film else [*wanted, camera], episode)
+        wanted += [] if is_film else [camera]
+        records = read_table(self._files[episode], wanted, episode)
         picture_of = (
-            self._film(camera, episode, row) if is_film else partial(_stored, self.folder, camera)
+            self._film(camera, episode) if is_film else partial(_stored, self.folder, camera)
         )
         meant = self._meant(threshold, report)
         said_by = next((n for n in (PILOT, *_INTERVENTIONS) if n in self._info.features), None)
@@ -95,7 +115,7 @@ class LerobotDataset:
         def read_row(place: str, record: Record) -> Shot:
             is_pilots = said_by is None or _flat(record.get(said_by))[:1] not in ([-1], [0], [])
             if said_by == PILOT:
-                is_pilots = _flat(record[PILOT]) != [-1]
+                is_pilots = _flat(record.get(PILOT)) != [-1]
             label, point = meant(record) if is_pilots else (None, None)
             return Shot(
                 place=place,
@@ -116,35 +136,15 @@ class LerobotDataset:
             report=report,
         )
 
-    def _rows(self) -> Iterator[Record]:
-        """Yield the table of episodes, without the parts of it that are damaged."""
-        if self._is_v3:
-            for path in sorted(self.folder.glob("meta/episodes/*/*.parquet")):
-                try:
-                    yield from read_table(path)
-                except RecordingError:
-                    continue
-            return
-        path = self.folder / "meta/episodes.jsonl"
-        lines = read_text(path).splitlines() if path.is_file() else []
-        yield from (row for row in map(parse, lines) if isinstance(row, dict))
-
-    def _data_file(self, episode: int, row: Record) -> Path:
-        if not self._is_v3:
-            return self._fill(self._info.data_path, episode)
-        if "data/file_index" in row:
-            place = {n: row[f"data/{n}"] for n in ("chunk_index", "file_index")}
-            return self._fill(self._info.data_path, episode, **place)
-        for path in sorted(self.folder.glob("data/*/*.parquet")):
-            if episode in _episodes_in(path):
-                return path
-        raise RecordingError(f"the data of episode {episode} is lost")
-
     def _camera(self, report: ImportReport) -> str:
         """Return the camera that looks ahead, as far as its name says so, or else the first."""
         features = self._info.features
-        cameras = [n for n, of in features.items() if of.get("dtype") in ("video", "image")]
-        cameras = [n for n in cameras if not _is_depth(features[n])]
+        cameras = [
+            name
+            for name, of in features.items()
+            if of.get("dtype") in ("video", "image")
+            and _info_of(of).get("video.is_depth_map") is not True
+        ]
         if not cameras:
             raise RecordingError(f"{self.folder} has no camera")
         best = next((n for n in cameras if "front" in n), cameras[0])
@@ -152,28 +152,35 @@ class LerobotDataset:
             report.remark(f"taken of {len(cameras)} cameras: {best}")
         return best
 
-    def _film(
-        self, camera: str, episode: int, row: Record
-    ) -> Callable[[Record], Callable[[], Picture]]:
+    def _film(self, camera: str, episode: int) -> Callable[[Record], Callable[[], Picture]]:
         """Return what gives a frame's picture out of the film."""
-        begin_s, template = 0.0, self._info.video_path or ""
-        place: Record = {"video_key": camera}
+        numbers: Record = {
+            "video_key": camera,
+            "episode_index": episode,
+            "episode_chunk": episode // self._info.chunks_size,
+        }
+        begin: Any = 0.0
         if self._is_v3:
-            key = f"videos/{camera}"
-            if f"{key}/file_index" not in row:
-                raise RecordingError(f"the table of episodes has no film of episode {episode}")
-            place |= {n: row[f"{key}/{n}"] for n in ("chunk_index", "file_index")}
+            row, key = self._rows.get(episode, {}), f"videos/{camera}"
+            numbers |= {n: row.get(f"{key}/{n}") for n in ("chunk_index", "file_index")}
             begin = row.get(f"{key}/from_timestamp")
-            if isinstance(begin, bool) or not isinstance(begin, int | float):
-                raise RecordingError(f"{str(begin)[:40]!r} is not a number")
-            begin_s = float(begin)
-        film = FilmReader(self._fill(template, episode, **place), self._info.fps)
+        if isinstance(begin, bool) or not isinstance(begin, int | float):
+            raise RecordingError(f"the table of episodes does not say where episode {episode} is")
+
+        def put(found: re.Match[str]) -> str:
+            value = numbers.get(found[1], "")
+            return f"{value:0{found[2] or 1}d}" if isinstance(value, int) else str(value)
+
+        path = self.folder / _FIELD.sub(put, self._info.video_path or "")
+        if not path.is_file() or not path.resolve().is_relative_to(self.folder.resolve()):
+            raise RecordingError(f"the film of episode {episode} is lost, or leads out")
+        film = FilmReader(path, self._info.fps)
 
         def picture_of(record: Record) -> Callable[[], Picture]:
             at_s = self._seconds(record)
             if at_s is None:
                 raise ValueError("it has no time, so its picture cannot be told")
-            return partial(film.at, begin_s + at_s)
+            return partial(film.at, begin + at_s)
 
         return picture_of
 
@@ -196,11 +203,11 @@ class LerobotDataset:
             values = _action(record, len(names))
             return [values[i] for i in (angle, throttle) if i is not None]
 
-        own = (features.get(PILOT, {}).get("info") or {}).get("moves")
+        own = _info_of(features.get(PILOT, {})).get("moves")
         if isinstance(own, list) and all(isinstance(move, str) for move in own):
 
             def own_meant(record: Record) -> Meant:
-                label = Action(own[_one(record[PILOT], range(len(own)))])
+                label = Action(own[_one(record.get(PILOT), range(len(own)))])
                 is_by_degrees = _flat(record.get(DEGREES))[:1] == [True]
                 return label, read_point(steered(record)) if is_by_degrees else None
 
@@ -212,23 +219,6 @@ class LerobotDataset:
         told = ", ".join(names)[:80] or "without names"
         report.skip("action", f"is neither steering nor moves ({told}): nothing is an example")
         return lambda record: (None, None)
-
-    def _fill(self, template: str, episode: int, **values: Any) -> Path:
-        """Return a path of the dataset, within it."""
-        numbers = {
-            "episode_index": episode,
-            "episode_chunk": episode // self._info.chunks_size,
-            **values,
-        }
-
-        def put(found: re.Match[str]) -> str:
-            value = numbers.get(found[1], "")
-            return f"{value:0{found[2] or 1}d}" if isinstance(value, int) else str(value)
-
-        path = self.folder / _FIELD.sub(put, template)
-        if not path.resolve().is_relative_to(self.folder.resolve()) or not path.is_file():
-            raise RecordingError(f"{path.relative_to(self.folder)} is lost, or leads out")
-        return path
 
 
 def is_dataset(folder: Path) -> bool:
@@ -244,9 +234,9 @@ def _episodes_in(path: Path) -> set[int]:
     return {n for row in rows if isinstance(n := row.get("episode_index"), int)}
 
 
-def _is_depth(feature: Record) -> bool:
-    info = feature.get("info") or feature.get("video_info") or {}
-    return isinstance(info, dict) and info.get("video.is_depth_map") is True
+def _info_of(feature: Record) -> Record:
+    info = feature.get("info") or feature.get("video_info")
+    return info if isinstance(info, dict) else {}
 
 
 def _names(given: object) -> list[str]:

@@ -221,7 +221,17 @@ def lose_the_list(folder: Path, made: Dataset) -> None:
 
 
 def lead_out(folder: Path, made: Dataset) -> None:
-    made.info["data_path"] = made.dice.choice(["../../etc/passwd", "{episode_index.__class__}", ""])
+    """Data are found wherever it says they are; a film is not."""
+    paths = ["../../etc/passwd", "/etc/passwd", "{episode_index.__class__}", "\0", ""]
+    made.info[made.dice.choice(["data_path", "video_path"])] = made.dice.choice(paths)
+    (folder / "meta/info.json").write_text(json.dumps(made.info))
+    if made.has_films and made.info["video_path"] in paths:
+        forget(made, None)
+
+
+def describe_what_is_not_there(folder: Path, made: Dataset) -> None:
+    """A column of pilots that the tables lack teaches nothing; the pictures stay."""
+    made.features["pilot"] = {"info": made.dice.choice(["none", {"moves": ["left"]}])}
     (folder / "meta/info.json").write_text(json.dumps(made.info))
     forget(made, None)
 
@@ -232,7 +242,14 @@ def describe_nothing(folder: Path, made: Dataset) -> None:
     forget(made, None)
 
 
-AFTER = [lose_a_film, lose_data, lose_the_list, lead_out, describe_nothing]
+AFTER = [
+    lose_a_film,
+    lose_data,
+    lose_the_list,
+    lead_out,
+    describe_what_is_not_there,
+    describe_nothing,
+]
 
 
 def forget(made: Dataset, episode: int | None) -> None:
