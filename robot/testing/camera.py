@@ -8,9 +8,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from robot.clock import Clock
+from robot.devices.options import Options
 from robot.devices.watched_camera import ThreadedCamera
 from robot.driver import Driver
-from robot.testing.driver import NoOptions
 from robot.types import Encoding, Frame
 
 _PICTURES = 8
@@ -36,7 +36,7 @@ class FakeCamera(ThreadedCamera):
     """
 
     name: ClassVar[str] = "fake"
-    options_type: ClassVar[type[Any]] = NoOptions
+    options_type: ClassVar[type[Any]] = Options
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class FakeCamera(ThreadedCamera):
         age_s: float = 0.0,
         pictures: Sequence[bytes] = (),
     ) -> None:
-        super().__init__(NoOptions(), clock)
+        super().__init__(Options(), clock)
         self.rate_hz, self.width, self.height, self.age_s = rate_hz, width, height, age_s
         self.is_frozen = False
         self._encoding = Encoding.JPEG if pictures else Encoding.RGB

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock, RealClock
+from robot.devices.options import Options
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import DriveError
 from robot.types import Action, Point, Sensors
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoOptions:
-    """No options."""
 
 
 class FakeDriver(Driver):
@@ -40,7 +35,7 @@ class FakeDriver(Driver):
 
     name: ClassVar[str] = "fake"
     default_camera: ClassVar[str] = "fake"
-    options_type: ClassVar[type[Any]] = NoOptions
+    options_type: ClassVar[type[Any]] = Options
 
     def __init__(self, options: Any = None, clock: Clock | None = None) -> None:
         self.clock = clock or RealClock()

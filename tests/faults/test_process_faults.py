@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from robot.driver import ACTION_TIMEOUT_S
-from server.lab.bench.process import ServerUnderTest
+from server.lab.bench.subject import ServerUnderTest
 from tests.server.cli.keeping_secrets import check_no_secret_leaves
 from tests.server.hosting.ending import check_a_hanging_upload_and_half_a_request_hold_up_no_end
 from tests.server.live_robot import Pilot

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from server.lab.bench.process import ServerUnderTest
+from server.lab.bench.subject import ServerUnderTest
 from server.protocol import encode_acknowledgement, parse_picture
 
 pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")

@@ -20,8 +20,8 @@ from typing import Any
 from robot.store.table import Table
 from server.cli.parser import whole
 from server.lab.bench import link
-from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_usual, percentiles, report
+from server.lab.bench.subject import ServerUnderTest
 
 _TURNS = 4
 """With and without greedy viewers, each so often."""

@@ -14,8 +14,8 @@ from typing import Any
 
 from robot.store.table import Cell, Table
 from server.cli.parser import several, whole
-from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_usual, percentiles, report
+from server.lab.bench.subject import ServerUnderTest
 from server.protocol import encode_acknowledgement, parse_picture
 
 _SETTLE_S = 0.7

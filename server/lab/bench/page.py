@@ -17,8 +17,8 @@ from typing import Any
 from robot.errors import ConfigurationError, need
 from robot.store.table import Table
 from server.cli.parser import number, several, whole
-from server.lab.bench.process import ServerUnderTest
 from server.lab.bench.report import add_usual, report
+from server.lab.bench.subject import ServerUnderTest
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chromium-headless-shell")
 _FLAGS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--mute-audio")

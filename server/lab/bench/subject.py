@@ -1,9 +1,4 @@
-"""A server to be measured, as a process: `python -m server.lab.bench.subject KIND HZ`.
-
-It prints its port, then answers each line on standard input with one line of JSON: the CPU time
-that the process and its serving thread have used, and what loop and body have noted. The line
-`forget` makes it forget what it was taught and has noted first, and adds the memory in use.
-"""
+"""A server to be measured, in a process of its own."""
 
 from __future__ import annotations
 
@@ -11,17 +6,21 @@ import asyncio
 import contextlib
 import ctypes
 import gc
+import http.client
 import json
+import multiprocessing
 import os
 import sys
 import tempfile
 import threading
 import time
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from robot.clock import RealClock
 from robot.devices.rig import Rig
+from robot.errors import ConfigurationError
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
@@ -32,15 +31,70 @@ from server.persistence import Persistence
 from server.security.pairing import Pairing
 from server.services import make_services
 
+_COUNTED = ("serving_s", "process_s", "frames", "late_cycles", "stops")
 
-def main() -> None:
-    kind, rate_hz = sys.argv[1:]
+
+class ServerUnderTest:
+    """A server of the kind `drivelesson`, or `paired`: with pairing, its limits and a folder."""
+
+    def __init__(self, kind: str, rate_hz: float) -> None:
+        spawning = multiprocessing.get_context("spawn")
+        self._line, other_end = spawning.Pipe()
+        self._process = spawning.Process(target=_serve, args=(other_end, kind, rate_hz))
+        self._process.start()
+        other_end.close()
+        self.port: int = self._read()
+
+    @property
+    def pid(self) -> int:
+        assert self._process.pid is not None
+        return self._process.pid
+
+    def ask(self, word: str = "") -> Any:
+        """Return the CPU time that the process and its serving thread have used, and what loop and
+        body have noted; after the word `forget` also the memory in use, of which lessons and notes
+        of before are no part any more."""
+        self._line.send(word)
+        return self._read()
+
+    async def watch(self, seconds: float) -> dict[str, Any]:
+        """Let it serve for so long; return what it used and noted meanwhile, and since when."""
+        before, start_s = self.ask(), time.monotonic()
+        await asyncio.sleep(seconds)
+        after, lasted_s = self.ask(), time.monotonic() - start_s
+        spent = {name: after[name] - before[name] for name in _COUNTED}
+        ticked_s = [at_s for at_s in after["ticked_s"] if at_s >= start_s]
+        return {**spent, "start_s": start_s, "lasted_s": lasted_s, "ticked_s": ticked_s}
+
+    def pair(self, role: str) -> str:
+        """Pair a browser with a `paired` server; return its cookie."""
+        words = json.dumps({"token": self.ask()["tokens"][role]})
+        with contextlib.closing(http.client.HTTPConnection("127.0.0.1", self.port)) as line:
+            line.request("POST", "/api/pair", words, {"content-type": "application/json"})
+            return str(line.getresponse().headers["set-cookie"]).partition(";")[0]
+
+    def _read(self) -> Any:
+        try:
+            return self._line.recv()
+        except EOFError:
+            raise ConfigurationError("a process of the benchmark ended; see above") from None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._line.close()
+        self._process.join(60)
+
+
+def _serve(line: Connection, kind: str, rate_hz: float) -> None:
+    """Send the port, then answer each word until the line is closed."""
     config = Config(port=0, limits=Limits(requests_burst=1e9))
-    driver, camera = FakeDriver(), FakeCamera(RealClock(), float(rate_hz))
+    driver, camera = FakeDriver(), FakeCamera(RealClock(), rate_hz)
     rig = Rig(driver, camera, make_policy(), camera.clock)
     ticked_s: list[float] = []
     rig.loop.subscribe(lambda tick: ticked_s.append(tick.now_s) if tick.frame else None)
-    with contextlib.ExitStack() as stack:
+    with contextlib.suppress(EOFError), contextlib.ExitStack() as stack:
         more: dict[str, Any] = {}
         if kind == "paired":
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -52,10 +106,10 @@ def main() -> None:
             services.persistence.start()
         address = stack.enter_context(served(create_app(services), config))
         leave_out_of_collections()
-        print(address.rsplit(":", 1)[1], flush=True)
-        for line in sys.stdin:
+        line.send(int(address.rsplit(":", 1)[1]))
+        while True:
             found: dict[str, Any] = {}
-            if line.strip() == "forget":
+            if line.recv() == "forget":
                 driver.changes.clear()
                 ticked_s.clear()
                 rig.loop.submit(lambda: rig.loop.history.replace_policy(make_policy())).result()
@@ -77,8 +131,7 @@ def main() -> None:
                 "ticked_s": ticked_s[-1000:],
                 "tokens": services.pairing.tokens if services.pairing else {},
             }
-            print(json.dumps(found), flush=True)
-        os._exit(0)
+            line.send(found)
 
 
 def _serving_cpu_s() -> float:
@@ -99,7 +152,3 @@ def _memory() -> dict[str, int]:
     with Path("/proc/self/statm").open(encoding="ascii") as file:
         pages = int(file.read().split()[1])
     return {"blocks": blocks, "resident_bytes": pages * os.sysconf("SC_PAGE_SIZE")}
-
-
-if __name__ == "__main__":
-    main()
