@@ -146,7 +146,7 @@ class CameraLine:
                 f"the camera at {asked.host} asks for a password in a way that is not known here; "
                 "choose Basic, or Digest with MD5 or SHA-256, in its settings"
             )
-        return f"Digest {words}"
+        return f"Digest {words}".encode().decode("latin-1")  # which a head is written in: UTF-8
 
 
 class _Digest(http.AbstractDigestAuthHandler):

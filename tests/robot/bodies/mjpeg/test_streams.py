@@ -329,6 +329,13 @@ def test_the_digest_is_that_of_rfc_7616(asked: list[str], hashed: str) -> None:
     assert given["response"] == h(":".join([h("me:cam:secret"), *proof]))
 
 
+def test_a_user_may_have_letters_of_any_language() -> None:
+    source = "http://\u0436\u0443\u043a:secret@camera.local/stream"
+    challenge = DIGEST.replace("MD5", "SHA-256")
+    shown, _, asked = watch([answer("401 No", challenge), list(STREAM)], source=source)
+    assert shown and 'Digest username="\u0436\u0443\u043a"'.encode() in asked[1]
+
+
 FAULTS: dict[str, Callable[[], str]] = {
     "hung up without a word": lambda: watch([[]])[1],
     "sends nothing": lambda: watch([STREAM[:1]], stalls=True)[1],
