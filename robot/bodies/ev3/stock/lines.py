@@ -9,6 +9,7 @@ import select
 import socket
 import struct
 from abc import ABC, abstractmethod
+from io import FileIO
 from pathlib import Path
 from typing import ClassVar
 
@@ -28,15 +29,13 @@ class BrickLine(ABC):
     answer that comes too late would be taken for the next one's."""
 
     _remedy: ClassVar[str]
+    _device: socket.socket | FileIO
 
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._is_open = True
+    def __init__(self, name: str, device: socket.socket | FileIO) -> None:
+        self._name, self._device = name, device
 
     def ask(self, message: bytes) -> bytes:
         """Send a message and return the answer; raises DriveError if none comes."""
-        if not self._is_open:
-            raise DriveError(f"the line to the brick ({self._name}) is closed")
         try:
             return self._exchange(message)
         except (OSError, ValueError, struct.error) as error:
@@ -47,29 +46,21 @@ class BrickLine(ABC):
 
     def close(self) -> None:
         """Let go; idempotent."""
-        if self._is_open:
-            self._is_open = False
-            self._let_go()
+        self._device.close()
 
     @abstractmethod
     def _exchange(self, message: bytes) -> bytes: ...
-
-    @abstractmethod
-    def _let_go(self) -> None: ...
 
 
 class SocketLine(BrickLine):
     """A stream of messages, each with its length before it: Wi-Fi and Bluetooth."""
 
     _remedy = "is it on and in reach?"
-
-    def __init__(self, sock: socket.socket, name: str) -> None:
-        super().__init__(name)
-        sock.settimeout(ANSWER_S)
-        self._socket = sock
+    _device: socket.socket
 
     def _exchange(self, message: bytes) -> bytes:
-        self._socket.sendall(message)
+        self._device.settimeout(ANSWER_S)
+        self._device.sendall(message)
         head = self._read(2)
         return head + self._read(struct.unpack("<H", head)[0])
 
@@ -78,40 +69,25 @@ class SocketLine(BrickLine):
             raise ValueError("an answer of a strange length")
         data = b""
         while len(data) < count:
-            part = self._socket.recv(count - len(data))
+            part = self._device.recv(count - len(data))
             if not part:
                 raise ConnectionError("it hung up")
             data += part
         return data
-
-    def _let_go(self) -> None:
-        self._socket.close()
 
 
 class UsbLine(BrickLine):
     """The cable, as Linux gives it: a HID device with reports of 1024 bytes."""
 
     _remedy = "is its cable plugged in?"
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(str(path))
-        try:
-            self._file = os.open(path, os.O_RDWR | os.O_NONBLOCK)
-        except OSError as error:
-            raise DriveError(
-                f"the brick at {path} cannot be opened: {error.strerror}; "
-                "docs/howto/ev3-stock.md says how a user is given the right"
-            ) from error
+    _device: FileIO
 
     def _exchange(self, message: bytes) -> bytes:
-        os.write(self._file, b"\0" + message.ljust(MAX_MESSAGE, b"\0"))
-        if not select.select([self._file], [], [], ANSWER_S)[0]:
+        self._device.write(b"\0" + message.ljust(MAX_MESSAGE, b"\0"))
+        if not select.select([self._device], [], [], ANSWER_S)[0]:
             raise TimeoutError("timed out")
-        report = os.read(self._file, MAX_MESSAGE)
+        report = self._device.read(MAX_MESSAGE) or b""
         return report[: 2 + int(struct.unpack_from("<H", report)[0])]
-
-    def _let_go(self) -> None:
-        os.close(self._file)
 
 
 def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> BrickLine:
@@ -130,7 +106,7 @@ def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> Bri
         return _open_wifi(wanted, beacon_port)
     if kind == "bluetooth":
         return _open_bluetooth(wanted)
-    return UsbLine(find_usb(wanted))
+    return _open_usb(find_usb(wanted))
 
 
 def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
@@ -145,7 +121,7 @@ def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
     if not is_ours:
         sock.close()
         raise DriveError(f"what answers at {host}:{port} is no EV3, or busy with another")
-    return SocketLine(sock, f"Wi-Fi, {host}")
+    return SocketLine(f"Wi-Fi, {host}", sock)
 
 
 def _hear_beacon(wanted: str, beacon_port: int) -> tuple[str, int, str]:
@@ -197,7 +173,17 @@ def _open_bluetooth(wanted: str) -> BrickLine:
         raise DriveError(
             f"the brick {address} cannot be reached by Bluetooth: {error}; is it paired and on?"
         ) from error
-    return SocketLine(sock, f"Bluetooth, {address}")
+    return SocketLine(f"Bluetooth, {address}", sock)
+
+
+def _open_usb(path: Path) -> BrickLine:
+    try:
+        return UsbLine(str(path), FileIO(os.open(path, os.O_RDWR | os.O_NONBLOCK), "r+"))
+    except OSError as error:
+        raise DriveError(
+            f"the brick at {path} cannot be opened: {error.strerror}; "
+            "docs/howto/ev3-stock.md says how a user is given the right"
+        ) from error
 
 
 def find_usb(wanted: str = "", root: Path = Path("/sys/class/hidraw")) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 import threading
@@ -215,8 +216,7 @@ def test_the_cable_carries_reports_of_1024_bytes() -> None:
 
     thread = threading.Thread(target=play)
     thread.start()
-    line = UsbLine.__new__(UsbLine)
-    line._name, line._file, line._is_open = "cable", os.dup(ours.fileno()), True
+    line = UsbLine("cable", io.FileIO(os.dup(ours.fileno()), "r+"))
     ours.close()
     body = StockBody(lambda: line, Ev3StockOptions().ports())
     body.open()
