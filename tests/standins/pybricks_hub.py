@@ -18,7 +18,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Self
 
-from robot.bodies.pybricks.driver import HubLine, PybricksDriver, PybricksOptions
+from robot.bodies.pybricks.driver import PybricksDriver, PybricksOptions
+from robot.bodies.pybricks.hub_line import HubLine
 from robot.clock import RealClock
 from tests.standins.firmware import ROOT, find_micropython
 
