@@ -12,7 +12,7 @@ from pathlib import Path
 import server
 from robot.bodies.ev3 import installer
 from robot.bodies.ev3.agent.wire import PORT
-from robot.bodies.ev3.archive import make_bundle
+from robot.bodies.ev3.archive import Files, make_bundle
 from robot.bodies.ev3.doctor import Level, examine, write_report
 from robot.bodies.ev3.examination import measure
 from robot.bodies.ev3.fake_agent import SECRET, fake_agent
@@ -154,7 +154,7 @@ def _pack(args: argparse.Namespace) -> int:
     return 0
 
 
-def _build(args: argparse.Namespace, *, with_userland: bool) -> installer.Files:
+def _build(args: argparse.Namespace, *, with_userland: bool) -> Files:
     args.keep.mkdir(parents=True, exist_ok=True)
     userland = args.keep / f"root-{args.release}"
     compiled = _make_userland(userland, args) if with_userland else True

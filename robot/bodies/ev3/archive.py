@@ -1,4 +1,4 @@
-"""What goes onto a brick: the agent as one file, or the program as one folder.
+"""What goes onto a brick: the agent as one file, or the program as one folder; and their tar.
 
 The agent's file is a zip that the Python 3.5 of a brick runs as it is (`agent.pyz`).
 """
@@ -10,8 +10,11 @@ import importlib.metadata
 import importlib.util
 import io
 import shutil
+import tarfile
 import zipfile
+from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
 
 import robot
 from robot.errors import MissingExtraError
@@ -21,6 +24,8 @@ LEFT_OUT = ("bodies/v4l2/camera.py",)
 """It needs a newer Python, and serves the program on a computer alone."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 MAIN = "from robot.bodies.ev3.agent.__main__ import main\n\nmain()\n"
+Files = Sequence[tuple[str, Path | bytes]]
+"""Names inside a tar, and what they are: a file or folder here, or bytes."""
 
 
 def agent_sources() -> dict[str, Path]:
@@ -88,3 +93,21 @@ def _copy_metadata(folder: Path) -> None:
     target.mkdir(parents=True)
     for name in ("METADATA", "entry_points.txt"):
         (target / name).write_text(about.read_text(name) or "")
+
+
+def write_tar(stream: IO[bytes], files: Files) -> None:
+    """Write files as a tar, all of them root's."""
+    with tarfile.open(fileobj=stream, mode="w|") as tar:
+        for name, content in files:
+            if isinstance(content, Path):
+                tar.add(content, name, filter=_as_root)
+            else:
+                entry = tarfile.TarInfo(name)
+                entry.size, entry.mode = len(content), 0o600
+                tar.addfile(entry, io.BytesIO(content))
+
+
+def _as_root(entry: tarfile.TarInfo) -> tarfile.TarInfo:
+    entry.uid = entry.gid = 0
+    entry.uname = entry.gname = "root"
+    return entry

@@ -2,39 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import subprocess
 import tarfile
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import IO
 
-from robot.bodies.ev3.archive import make_agent
+from robot.bodies.ev3.archive import Files, make_agent, write_tar
 from robot.bodies.ev3.scripts import AGENT_SCRIPT, AUTOSTART_SCRIPT, INSTALL_SCRIPT, KEEP_SCRIPT
 from robot.errors import ConfigurationError, DriveError
 from robot.store.folder import whole_file
-
-Files = Sequence[tuple[str, Path | bytes]]
-"""Names inside a tar, and what they are: a file or folder here, or bytes."""
-
-
-def write_tar(stream: IO[bytes], files: Files) -> None:
-    """Write files as a tar, all of them root's."""
-    with tarfile.open(fileobj=stream, mode="w|") as tar:
-        for name, content in files:
-            if isinstance(content, Path):
-                tar.add(content, name, filter=_as_root)
-            else:
-                entry = tarfile.TarInfo(name)
-                entry.size, entry.mode = len(content), 0o600
-                tar.addfile(entry, io.BytesIO(content))
-
-
-def _as_root(entry: tarfile.TarInfo) -> tarfile.TarInfo:
-    entry.uid = entry.gid = 0
-    entry.uname = entry.gname = "root"
-    return entry
 
 
 def run_on_brick(target: str, script: str, files: Files | Path) -> str:
