@@ -49,7 +49,6 @@ class LinearPart(Stateful, ABC):
     def add_label(self) -> None:
         """Add a label, which no frame so far had."""
 
-    @abstractmethod
     def begin_angles(self, of_labels: Floats) -> None:
         """Learn an angle, too, from now on; each frame so far had the angle of its label."""
 
@@ -57,9 +56,9 @@ class LinearPart(Stateful, ABC):
     def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
         """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
 
-    @abstractmethod
     def angle(self, x: NDArray[Any]) -> Floats | None:
         """Return angle and size, shape (2,), not bounded; None from a part that learns none."""
+        return None
 
     @abstractmethod
     def learn(

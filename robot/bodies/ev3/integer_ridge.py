@@ -44,7 +44,7 @@ class IntegerRidge(LinearPart):
     diagonal), and moments those of target z.
 
     A frame costs n_features ** 2 additions and multiplications, and each step a few times
-    n_features.
+    n_features. No angle is learned: on a brick the images steer alone.
 
     Args:
         n_features: How many values are used, of 0 to 255; a constant is added to them.
@@ -78,12 +78,6 @@ class IntegerRidge(LinearPart):
     def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
         scores: Floats = self._weights.dot(self._input(x)) / _ONE
         return scores
-
-    def begin_angles(self, of_labels: Floats) -> None:
-        """Do nothing: on a brick the images steer alone."""
-
-    def angle(self, x: NDArray[Any]) -> None:
-        """Return no angle."""
 
     def learn(
         self,
