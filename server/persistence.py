@@ -16,7 +16,7 @@ from robot.store.episodes.recorder import Recorder
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.lock import FolderLock
-from robot.store.models.autosave import Announce, Autosave, no_announcement
+from robot.store.models.autosave import Announce, Autosave
 from robot.store.models.journal import Journal
 from robot.store.models.replay import newest_boot, recover
 from robot.store.models.store import ModelStore
@@ -36,7 +36,7 @@ class Persistence(StartStop):
         *,
         name: str = "robot",
         options: Mapping[str, Any] | None = None,
-        announce: Announce = no_announcement,
+        announce: Announce = lambda name, **fields: None,
         keeps_drives: bool = True,
     ) -> None:
         self.storage = storage

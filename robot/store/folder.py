@@ -111,9 +111,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
             if not file.closed:
                 file.flush()
                 os.fsync(file.fileno())
-        if (
-            path.is_dir() and not path.is_symlink()
-        ):  # somebody's folder stands where the file belongs
+        if path.is_dir() and not path.is_symlink():  # somebody's, where the file belongs
             set_aside(path)
         move(temporary, path)
     except BaseException:
@@ -128,15 +126,14 @@ def move(path: Path, target: Path) -> None:
 
     On Windows another program that reads either, as virus scanners do, holds that up for a moment.
     """
-    for pause_s in _PAUSES_S:
+    for pause_s in (*_PAUSES_S, None):
         try:
             path.replace(target)
             return
         except OSError as error:
-            if getattr(error, "winerror", None) not in _BUSY:
+            if pause_s is None or getattr(error, "winerror", None) not in _BUSY:
                 raise
             time.sleep(pause_s)
-    path.replace(target)
 
 
 def set_aside(path: Path, ending: str = ".set-aside") -> str:
@@ -275,7 +272,7 @@ class Storage:
         return {**sizes, "free": free}
 
     def discard(self, *paths: Path) -> str:
-        """Move files or folders to the trash together; return the key for `discarded`."""
+        """Move files or folders to the trash together; return the key for `restore`."""
         key = f"{time.time_ns():020d}"
         place = self.trash / key
         place.mkdir()
@@ -284,11 +281,26 @@ class Storage:
                 move(path, place / path.name)
         return key
 
-    def discarded(self, key: str) -> Path:
-        """Return the trash folder of this key; NotFoundError if it was restored or emptied."""
-        if not re.fullmatch(r"\d{20}", key) or not (self.trash / key).is_dir():
+    def restore(self, key: str, folder: Path, ending: str = "") -> str:
+        """Move a deleted file with this ending back, or a folder; return its name without it.
+
+        The name is a new one if the old one is in use. NotFoundError if it was restored or emptied,
+        or is something else.
+        """
+        place = self.trash / key
+        if not re.fullmatch(r"\d{20}", key) or not place.is_dir():
             raise NotFoundError("that is no longer in the trash")
-        return self.trash / key
+        found = [
+            p for p in paths_in(place) if p.name.endswith(ending) and p.is_file() == bool(ending)
+        ]
+        if not found:
+            raise NotFoundError(f"that is none of the {folder.name}")
+        old = found[0].name.removesuffix(ending)
+        new = free_name(old, {path.name.removesuffix(ending) for path in paths_in(folder)})
+        for path in paths_in(place):
+            path.rename(folder / path.name.replace(old, new, 1))
+        shutil.rmtree(place, ignore_errors=True)
+        return new
 
     def erase(self, names: Collection[str], *paths: Path) -> list[str]:
         """Delete for good what has one of these names, copies of it, and some more files.

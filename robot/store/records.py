@@ -56,14 +56,7 @@ class RecordWriter:
     def write(self, payloads: Sequence[bytes]) -> None:
         """Append records: what is written survives the end of the process, but no power cut yet."""
         data = b"".join(map(frame_record, payloads))
-        last: Exception | None = None
-        for file in list(self._files):
-            try:
-                file.write(data)
-                file.flush()
-            except (OSError, ValueError) as error:  # `sync` may have left it out just now
-                last = error
-                self._leave_out(file)
+        last = self._with_each(lambda file: (file.write(data), file.flush()))
         self.written_bytes += len(data)
         if not self._files:
             raise last or OSError("the files are closed")
@@ -73,13 +66,18 @@ class RecordWriter:
         if self._synced_bytes == self.written_bytes:
             return
         self._synced_bytes = self.written_bytes
+        self._with_each(lambda file: os.fsync(file.fileno()))
+
+    def _with_each(self, use: Callable[[BinaryIO], object]) -> Exception | None:
+        """Use each file, and leave out what refuses; return the last refusal."""
+        last = None
         for file in list(self._files):
             try:
-                os.fsync(file.fileno())
-            except ValueError:  # closed meanwhile
-                continue
-            except OSError:
+                use(file)
+            except (OSError, ValueError) as error:  # the other thread may have closed it just now
+                last = error
                 self._leave_out(file)
+        return last
 
     def _leave_out(self, file: BinaryIO) -> None:
         with contextlib.suppress(OSError, ValueError):

@@ -101,11 +101,7 @@ def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
 
 
 def check_begun(events: Sequence[StudyEvent], where: str) -> int:
-    """Return the slot of the session of which these are the events.
-
-    Raises:
-        RecordingError: If they do not begin with its beginning.
-    """
+    """Return the slot of the session; RecordingError if it does not begin with its beginning."""
     first = events[0] if events else None
     if (
         first is None
@@ -131,11 +127,7 @@ def _read(line: list[str]) -> StudyEvent:
 
 
 def number_in(text: str) -> float | None:
-    """Return the number that a text is, None for an empty one.
-
-    Raises:
-        ValueError: If it is none, or one that nothing here comes to.
-    """
+    """Return the number that a text is, None for an empty one; ValueError if it is out of range."""
     number = float(text) if text else None
     if number is not None and not (math.isfinite(number) and abs(number) <= _LATEST_S):
         raise ValueError(f"{text!r} is out of range")

@@ -178,11 +178,7 @@ def _moment(event: StudyEvent) -> str:
 
 
 def _plain(text: str) -> int | float | None:
-    """Return what is a number in the log as one.
-
-    Raises:
-        RecordingError: If it is none.
-    """
+    """Return what is a number in the log as one; RecordingError if it is none."""
     try:
         number = number_in(text)
     except ValueError as error:

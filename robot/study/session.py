@@ -83,11 +83,7 @@ class StudySession:
         return self.plan.questions_at(self.position, len(self.order))
 
     def require(self, step: SessionStep) -> None:
-        """Raise unless the session waits for this.
-
-        Raises:
-            ConfigurationError: If it waits for something else; says for what.
-        """
+        """Raise ConfigurationError, which says for what the session waits, unless for this."""
         if self.step is not step:
             raise ConfigurationError(
                 f"the session of {self.participant} waits for {self.step.value!r}, "
@@ -194,11 +190,7 @@ class StudySession:
 
 
 def follow_log(plan: StudyPlan, participant: str, events: Iterable[StudyEvent]) -> StudySession:
-    """Return the session as its log leaves it.
-
-    Raises:
-        RecordingError: If it is no log of this plan from its beginning.
-    """
+    """Return the session as its log leaves it; RecordingError if it is none of this plan."""
     events = list(events)
     where = f"the event log of {participant}"
     session = StudySession(plan, participant, check_begun(events, where))

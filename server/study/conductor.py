@@ -106,11 +106,7 @@ class Conductor(StartStop):
     # Sessions ---------------------------------------------------------------------------------
 
     def begin_trial(self, trial: int, teach_s: int) -> StudySession:
-        """Begin a guided trial of one person, in the built-in study of that trial.
-
-        Raises:
-            ConfigurationError: If there is no such trial, it belongs elsewhere, or a session is on.
-        """
+        """Begin a guided trial of one person, in the built-in study of that trial; see `begin`."""
         learner = self._loop.state.learner
         text = trial_plan(trial, teach_s, learner)
         check_body(self._rig.driver, parse_plan(text).conditions[0])
@@ -169,11 +165,7 @@ class Conductor(StartStop):
         return session is not None and (study, participant) == (self.study, session.participant)
 
     def consent(self, language: str) -> None:
-        """Note that the participant confirmed the text.
-
-        Raises:
-            ConfigurationError: If it is not what the session waits for.
-        """
+        """Note that the participant confirmed the text."""
         self._session().require(SessionStep.CONSENT)
         self._happen("consent", name=language[:2])
         self._flush()
@@ -256,12 +248,7 @@ class Conductor(StartStop):
         self._tell()
 
     def withdraw(self, study: str, participant: str) -> list[str]:
-        """Delete all that is kept of a participant for good; return what was deleted.
-
-        Raises:
-            ConfigurationError: If that session is on, or still being recorded.
-            NotFoundError, RecordingError, OSError: If there is none, or the disk refuses.
-        """
+        """Delete all that is kept of a participant for good; see `StudyFolder.withdraw`."""
         if self._is_on(study, participant):
             raise ConfigurationError("this session is on: leave it first")
         return self.folder.withdraw(study, participant, self._kept.recording)

@@ -81,12 +81,7 @@ class StudyFolder:
         return name
 
     def plan_text(self, name: str) -> str:
-        """Return a study's plan as it was written.
-
-        Raises:
-            NotFoundError: If there is no such study.
-            RecordingError: If it cannot be read.
-        """
+        """Return a study's plan as it was written; raises NotFoundError or RecordingError."""
         if name not in self.names():
             raise NotFoundError(f"unknown study {name[:80]!r}")
         try:
@@ -95,11 +90,7 @@ class StudyFolder:
             raise RecordingError(f"the plan of {name!r} cannot be read: {error}") from error
 
     def plan(self, name: str) -> StudyPlan:
-        """Return a study's plan.
-
-        Raises:
-            NotFoundError, RecordingError, ConfigurationError: If there is none that can be read.
-        """
+        """Return a study's plan; raises RobotError if there is none that can be read."""
         return self._parse(self.plan_text(name), f"{name}/{_PLAN}")
 
     def zip(self, name: str) -> bytes:
@@ -114,11 +105,7 @@ class StudyFolder:
         return sorted(stem for stem in stems if CODE.fullmatch(stem))
 
     def log_path(self, name: str, code: str) -> Path:
-        """Return where a session's event log is.
-
-        Raises:
-            ConfigurationError: If that is no participant's code.
-        """
+        """Return where a session's event log is; ConfigurationError if that is no code."""
         if not CODE.fullmatch(code):
             raise ConfigurationError(
                 f"{code[:40]!r} is no code: one to three capital letters and one to four digits, "
@@ -131,11 +118,7 @@ class StudyFolder:
         return self.root / name / "models" / f"{code}-{position}.npz"
 
     def events(self, name: str, code: str) -> list[StudyEvent]:
-        """Read a session's event log; [] if there is none.
-
-        Raises:
-            RecordingError: If it cannot be read.
-        """
+        """Read a session's event log, [] if there is none; RecordingError if it is damaged."""
         if code not in self.codes(name):
             return []
         events = read_events(self.log(name, code), f"{name}/{code}.csv")
@@ -143,11 +126,7 @@ class StudyFolder:
         return events
 
     def log(self, name: str, code: str) -> bytes:
-        """Return a session's event log as it is on the disk.
-
-        Raises:
-            NotFoundError, RecordingError: If there is none that can be read.
-        """
+        """Return a session's event log as it is on the disk; NotFoundError if there is none."""
         path = self.log_path(name, code)
         if name not in self.names() or not path.is_file():
             raise NotFoundError(f"there is no session of {code[:40]!r} in {name[:80]!r}")
@@ -186,27 +165,14 @@ class StudyFolder:
         )
 
     def outcomes(self, name: str, code: str) -> list[dict[str, Any]]:
-        """Return how alike participant and robot drove, by condition in the order they were met.
-
-        Raises:
-            NotFoundError, RecordingError: If there is no such session, or it cannot be read.
-        """
+        """Return how alike participant and robot drove, by condition in the order they were met."""
         return [outcome(log) for log in condition_logs(self.plan(name), code, self.log(name, code))]
 
     def withdraw(self, name: str, code: str, recording: str | None) -> list[str]:
         """Delete all of a participant for good: log, models, recordings, also from the trash.
 
-        Args:
-            name: The study.
-            code: The participant.
-            recording: Id of the recording that is made just now.
-
-        Returns:
-            What was deleted, by paths within the data folder.
-
-        Raises:
-            NotFoundError: If there is no such session.
-            ConfigurationError: If the session is still being recorded.
+        Returns what was deleted, by paths within the data folder. ConfigurationError while it is
+        still being recorded: `recording` is what is recorded just now.
         """
         recordings = recordings_in(self.log(name, code))
         if recording in recordings:

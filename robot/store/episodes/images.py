@@ -127,9 +127,8 @@ def _descriptors(name: str) -> Any:
             label=descriptor_pb2.FieldDescriptorProto.LABEL_OPTIONAL,
             type_name=".google.protobuf.Timestamp" if kind == "TYPE_MESSAGE" else None,
         )
-    found = descriptor_pb2.FileDescriptorSet(file=[descriptor_pb2.FileDescriptorProto(), file])
-    timestamp_pb2.DESCRIPTOR.CopyToProto(found.file[0])
-    return found
+    imported = descriptor_pb2.FileDescriptorProto.FromString(timestamp_pb2.DESCRIPTOR.serialized_pb)
+    return descriptor_pb2.FileDescriptorSet(file=[imported, file])
 
 
 @cache

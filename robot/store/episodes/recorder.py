@@ -31,7 +31,7 @@ from robot.store.episodes.messages import (
 from robot.store.episodes.queue import RecorderConfig, RecordingQueue
 from robot.store.episodes.reader import require_mcap
 from robot.store.episodes.writer import describe_run
-from robot.store.models.autosave import Announce, no_announcement
+from robot.store.models.autosave import Announce
 from robot.store.models.events import describe_event, describe_point
 from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
@@ -54,7 +54,7 @@ class Recorder:
         loop: ControlLoop,
         folder: Path,
         *,
-        announce: Announce = no_announcement,
+        announce: Announce = lambda name, **fields: None,
         config: RecorderConfig | None = None,
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
         disk: DiskThread | None = None,

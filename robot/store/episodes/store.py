@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -124,19 +123,8 @@ class EpisodeStore:
 
     def restore(self, key: str) -> str:
         """Restore a deleted episode; return its name, a new one if the old one is in use."""
-        place = self._storage.discarded(key)
-        episodes = list(place.glob("*.mcap"))
-        if not episodes:
-            raise NotFoundError("that was not an episode")
         with self._lock:
-            name = free_name(episodes[0].stem, set(self.ids()))
-            path = self._storage.episodes / f"{name}.mcap"
-            notes = notes_path(episodes[0])
-            if notes.exists():
-                notes.rename(notes_path(path))
-            episodes[0].rename(path)
-        shutil.rmtree(place, ignore_errors=True)
-        return name
+            return self._storage.restore(key, self._storage.episodes, ".mcap")
 
     def compact(self, episode_id: str) -> str:
         """Apply the edits to the recording; the key that is returned restores the original."""

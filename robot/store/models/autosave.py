@@ -30,10 +30,6 @@ Announce = Callable[..., None]
 """Called with an event: a name, and fields of its own."""
 
 
-def no_announcement(name: str, **fields: object) -> None:
-    """Announce nothing."""
-
-
 class Autosave:
     """Owns which model is in use, and saves it.
 
@@ -49,7 +45,7 @@ class Autosave:
         *,
         name: str = "robot",
         moves: Collection[Action] = tuple(CLASSIC),
-        announce: Announce = no_announcement,
+        announce: Announce = lambda name, **fields: None,
     ) -> None:
         self._loop = loop
         self._clock = loop.clock

@@ -107,11 +107,7 @@ def describe_point(point: Point | None) -> PlainEvent:
 
 
 def read_point(plain: PlainEvent) -> Point | None:
-    """Read what `describe_point` wrote.
-
-    Raises:
-        RecordingError: If it is half a point, or out of range.
-    """
+    """Read what `describe_point` wrote; RecordingError if it is half a point, or out of range."""
     numbers = [plain.get(name) for name in Point._fields]
     if numbers == [None, None]:
         return None

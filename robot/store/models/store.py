@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import re
-import shutil
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -217,14 +216,7 @@ class ModelStore:
 
     def restore(self, key: str) -> str:
         """Restore a deleted model; return its name, a new one if the old one is in use."""
-        place = self._storage.discarded(key)
-        folder = next((path for path in place.iterdir() if path.is_dir()), None)
-        if folder is None:
-            raise NotFoundError("that was not a model")
-        name = self.free_name(folder.name)
-        folder.rename(self._storage.models / name)
-        shutil.rmtree(place, ignore_errors=True)
-        return name
+        return self._storage.restore(key, self._storage.models)
 
     def _check(self, name: str) -> str:
         if name not in self.names():
