@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 from collections.abc import AsyncIterator
 
 from fastapi import APIRouter, Request, WebSocket
@@ -28,56 +29,6 @@ _BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\n\r\n"
 _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
 
-class _VideoClient:
-    """One viewer's socket, written to directly or through ASGI."""
-
-    def __init__(self, websocket: WebSocket, hub: Hub, every_s: float) -> None:
-        self._websocket = websocket
-        self._hub = hub
-        limits = hub.config.limits
-        self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
-        self._refusals_left = limits.refused_before_closing
-        self._shut_out = asyncio.Event()
-        self._waiting: asyncio.Queue[EncodedFrame] = asyncio.Queue()
-        self._direct = fast_path(websocket)
-        self.viewer = Viewer(self._send, every_s, person_of(websocket))
-
-    def _send(self, frame: EncodedFrame) -> None:
-        if self._direct is not None:
-            self._direct.write_now(frame.wire)
-        else:
-            self._waiting.put_nowait(frame)
-
-    def _hear(self, message: str | bytes) -> None:
-        """Take an acknowledgement; what is none is refused and counted."""
-        try:
-            now_s = self._hub.clock.now_s()
-            if not self._pace.allows(now_s):
-                raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
-            if isinstance(message, str):
-                raise ProtocolError(ErrorCode.MALFORMED, "acknowledgements are bytes, not text")
-            self._hub.video.acknowledge(self.viewer, parse_acknowledgement(message), now_s)
-        except ProtocolError as error:
-            self._hub.refused[error.code] += 1
-            self._refusals_left -= 1
-            if self._refusals_left == 0:
-                self._hub.video.remove(self.viewer)
-                self._shut_out.set()
-
-    async def run(self) -> None:
-        await converse(
-            self._websocket,
-            self._hub.clock,
-            hear=self._hear,
-            sending=self._send_waiting(),
-            shut_out=self._shut_out,
-        )
-
-    async def _send_waiting(self) -> None:
-        while True:
-            await self._websocket.send_bytes((await self._waiting.get()).message)
-
-
 @router.websocket("/ws/video")
 async def video(websocket: WebSocket) -> None:
     """Send the video to one viewer until it disconnects, `?every_ms=N` a frame every so often."""
@@ -87,13 +38,43 @@ async def video(websocket: WebSocket) -> None:
     if not (every_ms.isdecimal() and len(every_ms) <= 5 and int(every_ms) <= _SELDOM_MS):
         await websocket.close(1008, f"every_ms must be a whole number up to {_SELDOM_MS}")
         return
-    client = _VideoClient(websocket, hub, int(every_ms) / 1000)
+    limits, direct = hub.config.limits, fast_path(websocket)
+    pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
+    refused, shut_out = itertools.count(1), asyncio.Event()
+    waiting: asyncio.Queue[EncodedFrame] = asyncio.Queue()
+
+    def send(frame: EncodedFrame) -> None:
+        if direct is not None:
+            direct.write_now(frame.wire)
+        else:
+            waiting.put_nowait(frame)
+
+    async def send_waiting() -> None:
+        while True:
+            await websocket.send_bytes((await waiting.get()).message)
+
+    def hear(message: str | bytes) -> None:
+        """Take an acknowledgement; what is none is refused and counted."""
+        try:
+            now_s = hub.clock.now_s()
+            if not pace.allows(now_s):
+                raise ProtocolError(ErrorCode.TOO_FAST, "too many acknowledgements a second")
+            if isinstance(message, str):
+                raise ProtocolError(ErrorCode.MALFORMED, "acknowledgements are bytes, not text")
+            hub.video.acknowledge(viewer, parse_acknowledgement(message), now_s)
+        except ProtocolError as error:
+            hub.refused[error.code] += 1
+            if next(refused) == limits.refused_before_closing:
+                hub.video.remove(viewer)
+                shut_out.set()
+
+    viewer = Viewer(send, int(every_ms) / 1000, person_of(websocket))
     hub.show_newest()
-    hub.video.add(client.viewer)
+    hub.video.add(viewer)
     try:
-        await client.run()
+        await converse(websocket, hub.clock, hear=hear, sending=send_waiting(), shut_out=shut_out)
     finally:
-        hub.video.remove(client.viewer)
+        hub.video.remove(viewer)
 
 
 @router.get("/video.mjpg", include_in_schema=False)
