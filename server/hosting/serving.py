@@ -124,6 +124,7 @@ async def _serve(server: Any, guarded: DoorListener) -> None:
     # A signal that newer uvicorns raise again ends the loop, which would log it as an error.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
+        guarded.door.expire(guarded.clock.now_s())
         await asyncio.wait([serving], timeout=0.1)
     await asyncio.wait([serving], timeout=_END_S)
     if not serving.done():
@@ -145,7 +146,7 @@ def served(app: Any, config: Config, certificates: Certificates | None = None) -
 
     listener = _behind_door(app, open_socket(config.host, config.port))
     server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
-    thread = threading.Thread(target=lambda: _run(server.serve(sockets=[listener])), name="server")
+    thread = threading.Thread(target=lambda: _run(_serve(server, listener)), name="server")
     thread.start()
     try:
         while not server.started and thread.is_alive():

@@ -6,7 +6,6 @@ of uvicorn and asyncio.
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import errno
 import os
@@ -27,7 +26,6 @@ _KEPT_BACK = 128
 _MOST_CONNECTIONS = 1024
 _MOST_IN_SELECT = 512
 """So many sockets can be waited for on Windows."""
-_SWEEP_S = 1.0
 _HEAD = 4096
 STOP = b"POST /api/stop "
 """How a STOP of a page without a websocket begins."""
@@ -52,7 +50,6 @@ class DoorListener(socket.socket):
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
         self.door, self.clock = door, clock
         self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
-        self._is_sweeping = False
         # None stands behind those that were gathered at once.
         self._waiting: deque[_Connection | None] = deque()
 
@@ -63,7 +60,6 @@ class DoorListener(socket.socket):
             BlockingIOError: If none waits, or enough were accepted for now: what has come is read
                 before those behind it can push it out.
         """
-        self._start_sweeping()
         if not self._waiting:
             self._gather()
             self._waiting.append(None)
@@ -113,21 +109,6 @@ class DoorListener(socket.socket):
             super().accept()[0].close()
         with contextlib.suppress(OSError):
             self._spare = os.open(os.devnull, os.O_RDONLY)
-
-    def _start_sweeping(self) -> None:
-        if self._is_sweeping:
-            return
-        self._is_sweeping = True
-        event_loop = asyncio.get_running_loop()
-
-        def sweep() -> None:
-            self.door.expire(self.clock.now_s())
-            if self.door.open and self.fileno() >= 0:
-                event_loop.call_later(_SWEEP_S / 2, sweep)
-            else:
-                self._is_sweeping = False
-
-        event_loop.call_later(_SWEEP_S / 2, sweep)
 
 
 class _Connection(socket.socket):
