@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from robot.clock import Clock, RealClock
+from robot.clock import RealClock
 from robot.errors import ConfigurationError, need
 from server.board.transport import RobotAddress
 from server.hosting.network import ADDRESS, ROBOT, own_addresses
@@ -46,19 +46,12 @@ def read_list(text: str) -> list[RobotAddress]:
 
 @contextmanager
 def browsing(
-    found: Callable[[RobotAddress], None],
-    interfaces: Sequence[str] | None = None,
-    clock: Clock | None = None,
+    found: Callable[[RobotAddress], None], interfaces: Sequence[str] | None = None
 ) -> Iterator[None]:
     """Call `found` for each announcement of a robot inside the block, on another thread.
 
-    Args:
-        found: Gets a robot's address, again whenever it is announced.
-        interfaces: This computer's addresses to ask from; None: all.
-        clock: When to ask again.
-
-    Raises:
-        MissingExtraError: If zeroconf is not installed.
+    Asks from all of this computer's addresses, or from those of `interfaces`; MissingExtraError
+    where zeroconf is not installed.
     """
     _zeroconf()
     addresses = own_addresses() if interfaces is None else interfaces
@@ -68,9 +61,9 @@ def browsing(
         log.warning("robots are not looked for on the network: %s", error)
         yield
         return
-    ending = threading.Event()
+    ending, clock = threading.Event(), RealClock()
 
-    def work(clock: Clock) -> None:
+    def work() -> None:
         ask_s, pause_s = clock.now_s(), 1.0
         while not ending.is_set():
             if clock.now_s() >= ask_s:
@@ -81,7 +74,7 @@ def browsing(
                 for address in read_announcement(data, str(source[0])):
                     found(address)
 
-    thread = threading.Thread(target=work, args=(clock or RealClock(),), name="hears-robots")
+    thread = threading.Thread(target=work, name="hears-robots")
     thread.start()
     try:
         yield

@@ -102,7 +102,7 @@ async def invite(request: Request) -> dict[str, Any]:
     services = services_of(request)
     if services.pairing is None:
         return {"token": None, "valid_s": None}
-    token, valid_s = services.pairing.invite(Role.PILOT, services.robot.clock.now_s())
+    token, valid_s = services.pairing.invite(services.robot.clock.now_s())
     return {"token": token, "valid_s": valid_s}
 
 

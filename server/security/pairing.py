@@ -18,6 +18,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+from robot.errors import UNREADABLE
 from robot.store.records import read_regular
 from server.config import Config
 from server.security.access import PAIRED, Refusal, Role, Session
@@ -95,7 +96,7 @@ class Pairing:
         self._unsaved = set(self._sessions)
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in PAIRED}
-        self._invitations: OrderedDict[str, tuple[Role, float]] = OrderedDict()
+        self._invitations: OrderedDict[str, float] = OrderedDict()
         self.class_code: str | None = None
 
     def redeem(
@@ -114,9 +115,10 @@ class Pairing:
                 self.tokens[role] = _new_token()
                 self._on_token(role, self.tokens[role])
                 return paired
-        invited = self._invited_as(given, now_s)
-        if invited is not None:
-            return self._pair(_Kind(role=invited, invited=True), secret)
+        codes = [code for code, until_s in self._invitations.items() if now_s < until_s]
+        codes += [self.class_code] if self.class_code is not None else []
+        if any(hmac.compare_digest(given, code) for code in codes):
+            return self._pair(_Kind(role=Role.PILOT, invited=True), secret)
         most = self._failures_a_minute
         if not self._failures.allows(address, now_s, per_second=most / 60, burst=most):
             sentence = "Too many wrong tokens. Wait a minute and try again."
@@ -125,24 +127,16 @@ class Pairing:
         sentence = "That token is wrong or was used. The robot's terminal shows a valid one."
         return Refusal(403, "pairing", sentence)
 
-    def invite(self, role: Role, now_s: float) -> tuple[str, float]:
-        """Return a token for any number of browsers, and how many seconds it is valid.
+    def invite(self, now_s: float) -> tuple[str, float]:
+        """Return a token for any number of pilots, and how many seconds it is valid.
 
         The board shows it as a QR code that several phones scan at once or one after the other.
         """
         token = _new_token()
-        self._invitations[token.replace("-", "")] = role, now_s + INVITATION_S
+        self._invitations[token.replace("-", "")] = now_s + INVITATION_S
         while len(self._invitations) > _INVITATIONS:
             self._invitations.popitem(last=False)
         return token, INVITATION_S
-
-    def _invited_as(self, given: str, now_s: float) -> Role | None:
-        printed = self.class_code is not None and hmac.compare_digest(given, self.class_code)
-        found = Role.PILOT if printed else None
-        for token, (role, until_s) in self._invitations.items():
-            if hmac.compare_digest(given.encode(), token.encode()) and now_s < until_s:
-                found = role
-        return found
 
     def find(self, secret: str) -> Session | None:
         """Return the session that this is the secret of; None if there is none."""
@@ -210,7 +204,7 @@ def _load(file: Path) -> OrderedDict[str, _Kind]:
                 found[str(row["sha256"])] = _Kind(role=role, invited=invited, owner=owner)
     except FileNotFoundError:
         pass
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, *UNREADABLE) as error:
         log.warning("pairing file unreadable, all must pair again file=%s error=%r", file, error)
         found.clear()
     return found

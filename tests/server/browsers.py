@@ -19,7 +19,6 @@ from urllib.parse import urljoin, urlsplit
 import pytest
 
 from server.config import Config, PublicAddress, read_networks
-from server.security.access import Role
 from server.security.certificates import Certificates
 from server.security.pairing import Paired, Pairing, cookie_name
 from tests.e2e.nginx import free_port, plain_site, running_nginx, site_of_the_docs
@@ -144,7 +143,7 @@ def check_nobody_s_page_is_dead(
 @contextlib.contextmanager
 def _serving(way: str, folder: Path, certificates: Certificates) -> Iterator[Any]:
     pairing = Pairing(10)
-    invitation, _ = pairing.invite(Role.PILOT, 0.0)
+    invitation, _ = pairing.invite(0.0)
 
     def paired() -> str:
         one = pairing.redeem(invitation, 0.0)

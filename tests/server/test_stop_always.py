@@ -176,7 +176,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
             return
 
     def _invitation(self) -> str:
-        return self.pairing.invite(Role.PILOT, self.server.clock.now_s())[0]
+        return self.pairing.invite(self.server.clock.now_s())[0]
 
     def _pair(self, role: Role) -> dict[str, str]:
         return self._redeem(self.pairing.tokens[role])

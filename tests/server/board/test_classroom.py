@@ -98,7 +98,7 @@ def test_what_is_no_lock_is_refused_and_changes_nothing(names: Sequence[str]) ->
 
 def test_thirty_phones_pair_by_one_code_and_none_types() -> None:
     pairing = Pairing(10)
-    token, valid_s = pairing.invite(Role.PILOT, 0.0)
+    token, valid_s = pairing.invite(0.0)
     paired = [pairing.redeem(token, valid_s * i / 30, "10.0.0.7") for i in range(30)]
     assert all(isinstance(one, Paired) and one.role is Role.PILOT for one in paired)
     assert len({one.secret for one in paired if isinstance(one, Paired)}) == 30
