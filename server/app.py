@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mimetypes
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import cache
@@ -29,9 +28,6 @@ def create_app(services: Services) -> FastAPI:
     Routes find all of them through `services_of(request)`.
     """
     config = services.config
-    for suffix in (".js", ".mjs"):
-        mimetypes.add_type("text/javascript", suffix)
-    mimetypes.add_type("application/manifest+json", ".webmanifest")
     app = FastAPI(
         title="Drivelesson",
         docs_url=None,

@@ -84,7 +84,7 @@ def create_board_app(
     door = Door(config.limits, connection_capacity())
     keep_door(app, door, clock)
     _add_routes(app, config, board, clock)
-    app.mount("/", CompressedFiles(directory=config.web), name="web")
+    app.mount("/", CompressedFiles(config.web), name="web")
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:

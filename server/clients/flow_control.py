@@ -59,11 +59,6 @@ class VideoWindow:
         self._lone_delay_s: float | None = None
         self._starved = self._slow = self._easy = 0
 
-    @property
-    def in_flight(self) -> int:
-        """Frames sent and not yet acknowledged."""
-        return len(self._flight)
-
     def may_send(self, n_bytes: int) -> bool:
         """True if another frame of this size may be sent; a refusal is counted."""
         if not self._asked:  # nothing in flight is to be acknowledged

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import mimetypes
 from functools import lru_cache
 from pathlib import Path
 
@@ -23,6 +24,12 @@ _FOR_EVER = "max-age=31536000, immutable"
 class CompressedFiles(StaticFiles):
     """Serves a folder as `StaticFiles` does, with text compressed."""
 
+    def __init__(self, folder: Path) -> None:
+        super().__init__(directory=folder)
+        for suffix in (".js", ".mjs"):  # Windows' registry may say that they are plain text
+            mimetypes.add_type("text/javascript", suffix)
+        mimetypes.add_type("application/manifest+json", ".webmanifest")
+
     async def get_response(self, path: str, scope: Scope) -> Response:
         response = await super().get_response(path, scope)
         return _compress(response, scope) if isinstance(response, FileResponse) else response
@@ -32,7 +39,7 @@ class PageFiles(CompressedFiles):
     """Serves the page joined, and everything else in its folder as it is."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(directory=folder)
+        super().__init__(folder)
         self._folder = folder
         self._page: JoinedPage | None = None
 

@@ -114,7 +114,7 @@ def test_an_acknowledgement_covers_earlier_frames_and_works_once() -> None:
     window.sent(1, 10, 0.0)
     window.sent(2, 10, 0.0)
     window.acknowledged(2, 0.1)
-    assert window.in_flight == 0
+    assert not window._flight
     for frame_id in (1, 2, 99):
         with pytest.raises(ProtocolError, match="not in flight"):
             window.acknowledged(frame_id, 0.2)

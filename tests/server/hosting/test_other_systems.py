@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import mimetypes
 import socket
 import subprocess
 import sys
@@ -18,8 +19,9 @@ from robot.types import Action
 from server.__main__ import main
 from server.hosting import serving
 from server.hosting.banner import draw_qr, has_screen
+from server.hosting.static_files import CompressedFiles
 from server.security.listener import connection_capacity
-from tests.server.virtual_server import VirtualServer
+from tests.server.virtual_server import WEB, VirtualServer
 
 _WITHOUT_LINUX = """
 import asyncio, multiprocessing, subprocess, sys, numpy  # they ask for what is gone below
@@ -145,3 +147,10 @@ def test_the_page_opens_where_somebody_sees_it(
     system: str, environment: dict[str, str], is_shown: bool
 ) -> None:
     assert has_screen(system, environment) is is_shown
+
+
+def test_a_registry_that_calls_scripts_plain_text_keeps_no_page_from_running() -> None:
+    mimetypes.add_type("text/plain", ".js")
+    scope = {"type": "http", "method": "GET", "headers": []}
+    answer = asyncio.run(CompressedFiles(WEB).get_response("board/main.js", scope))
+    assert answer.media_type == "text/javascript"
