@@ -107,7 +107,8 @@ class Strangers:
         except WrongClassError as error:
             stranger.status, stranger.detail = error.status, str(error)
         except (UnreachableError, TimeoutError, ValueError) as error:
-            stranger.status, stranger.detail = Status.AWAY, str(error)
+            stranger.status = Status.AWAY
+            stranger.detail = str(error) or "it does not answer in time"
         else:
             self._known.pop(address, None)
             self._welcome(address)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import random
 from typing import Any
 
@@ -111,3 +112,17 @@ def test_a_robot_is_asked_where_its_announcement_came_from_and_nowhere_else() ->
             data[dice.randrange(len(data))] = dice.randrange(256)
         for found in read_announcement(bytes(data[: dice.randrange(len(data) + 1)]), "10.0.0.7"):
             assert found.host == "10.0.0.7"
+
+
+def test_one_whose_name_is_looked_up_for_ever_is_shown_with_a_reason() -> None:
+    async def scenario(world: ClassWorld) -> dict[str, Any]:
+        async def locate(address: RobotAddress) -> Any:
+            await asyncio.sleep(3600.0)
+
+        world.network.locate = locate  # type: ignore[method-assign]
+        world.board.announce(RobotAddress("lost.local", 8000))
+        await world.clock.pause(10.0)
+        return world.board.strangers.describe()
+
+    [lost] = in_class(scenario, robots=1, is_told=False)["some"]
+    assert (lost["status"], lost["detail"]) == ("away", "it does not answer in time")
