@@ -46,6 +46,18 @@ class Shot:
     place: str = ""
     """Where it stands, for the report."""
 
+    def frame(self, frame_id: int, captured_s: float) -> Frame:
+        """Read its picture as that of a camera; raises RecordingError if it is damaged."""
+        picture = self.picture()
+        return Frame(
+            frame_id=frame_id,
+            captured_s=captured_s,
+            width=picture.width,
+            height=picture.height,
+            encoding=picture.encoding,
+            data=picture.data,
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
@@ -61,24 +73,19 @@ class Drive:
     report: ImportReport = field(default_factory=ImportReport)
 
 
-def whole_shots(
-    found: Iterable[tuple[str, _T]], read: Callable[[str, _T], Shot], report: ImportReport
-) -> list[Shot]:
-    """Return the shots that can be read; `read` raises ValueError for one that cannot."""
-    shots = []
-    for place, raw in found:
-        try:
-            shots.append(read(place, raw))
-        except ValueError as error:
-            report.skip(place, str(error))
-    return shots
-
-
-def drive_of(shots: list[Shot], what: str, *, report: ImportReport, **about: Any) -> Drive:
-    """Make a drive of shots.
+def drive_of(
+    found: Iterable[tuple[str, _T]],
+    read: Callable[[str, _T], Shot],
+    what: str,
+    *,
+    report: ImportReport,
+    **about: Any,
+) -> Drive:
+    """Make a drive of the shots that can be read.
 
     Args:
-        shots: At least one.
+        found: Where each stands, and what was found there.
+        read: Makes a shot of it; raises ValueError if it cannot.
         what: What they were found in, for a person.
         report: What was skipped so far.
         **about: Further fields of the drive.
@@ -86,6 +93,12 @@ def drive_of(shots: list[Shot], what: str, *, report: ImportReport, **about: Any
     Raises:
         RecordingError: If there are none.
     """
+    shots = []
+    for place, raw in found:
+        try:
+            shots.append(read(place, raw))
+        except ValueError as error:
+            report.skip(place, str(error))
     if not shots:
         raise RecordingError(f"{what} to use{report.why_nothing()}")
     if others := sum(shot.is_others for shot in shots):
@@ -118,11 +131,12 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
         writer = EpisodeWriter(file, run)
         for shot, t_s in zip(drive.shots, line.times_s, strict=True):
             try:
-                picture = shot.picture()
+                frame = shot.frame(writer.frames + 1, t_s)
             except RecordingError as error:
                 drive.report.skip(shot.place, str(error))
                 continue
-            _write_shot(writer, shot, picture, t_s)
+            writer.write_frame(frame)
+            _write_label(writer, shot, frame.frame_id, t_s)
             on_shot()
         if not writer.frames:
             why = drive.report.why_nothing()
@@ -131,18 +145,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     return writer.frames
 
 
-def _write_shot(writer: EpisodeWriter, shot: Shot, picture: Picture, t_s: float) -> None:
-    frame_id = writer.frames + 1
-    size = {"width": picture.width, "height": picture.height}
-    writer.write_frame(
-        Frame(
-            frame_id=frame_id,
-            captured_s=t_s,
-            **size,
-            encoding=picture.encoding,
-            data=picture.data,
-        )
-    )
+def _write_label(writer: EpisodeWriter, shot: Shot, frame_id: int, t_s: float) -> None:
     if shot.label is None:
         return
     label, point = shot.label, shot.point

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from robot.driver import CLASSIC, Move, describe, from_text, names, to_text
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
+from robot.exchange.drive import Drive, Shot, drive_of
 from robot.exchange.picture_files import read_picture_file, write_picture
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, done_at, read_meant, read_point
@@ -112,7 +112,8 @@ def read_folder(
         )
 
     return drive_of(
-        whole_shots(found, read, report),
+        found,
+        read,
         f"the table {path} has no rows",
         name=folder.name,
         source="folder",

@@ -18,7 +18,7 @@ from robot.devices.outside import Outside, must_be, number, read, text, whole
 from robot.devices.pictures import Picture, read_picture
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RecordingError
-from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
+from robot.exchange.drive import Drive, Shot, drive_of
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
 from robot.exchange.picture_files import read_picture_file
@@ -129,7 +129,8 @@ class LerobotDataset:
 
         numbered = ((f"episode {episode} frame {n}", r) for n, r in enumerate(records))
         return drive_of(
-            whole_shots(numbered, read_row, report),
+            numbered,
+            read_row,
             f"episode {episode} of {self.folder} has no frames",
             name=f"{self.folder.name} {episode}",
             source=f"LeRobot {self._info.codebase_version}",

@@ -10,9 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +28,7 @@ from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
 from robot.store.npz import read_arrays
-from robot.types import DEFAULT_MOVES, Action, Encoding, Frame, Point
+from robot.types import DEFAULT_MOVES, Encoding, Frame, Point
 
 WIDTH, HEIGHT = 160, 120
 _STEERED = "angle", "throttle"
@@ -40,34 +38,10 @@ MAX_BYTES = 512 * 2**20
 """A recording that unpacks to more is refused."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
-    """One drive. `frames[i]` are the bytes of a JPEG of 160x120, shown at `t_s[i]` seconds."""
-
-    path: Path
-    place: str
-    frames: tuple[bytes, ...]
-    labels: tuple[Action, ...]
-    points: tuple[Point | None, ...]
-    t_s: NDArray[np.float32]
-
-    def __len__(self) -> int:
-        return len(self.frames)
-
-    def frame(self, index: int) -> Frame:
-        """Return one frame; ids count from 1."""
-        return Frame(
-            frame_id=index + 1,
-            captured_s=float(self.t_s[index]),
-            width=WIDTH,
-            height=HEIGHT,
-            encoding=Encoding.JPEG,
-            data=self.frames[index],
-        )
-
-
-def load_recording(path: Path | str) -> Recording:
+def load_recording(path: Path | str, report: ImportReport | None = None) -> Drive:
     """Read one `.npz` recording; without executing anything in it.
+
+    Its shots are JPEGs of 160x120, each with a label and its seconds.
 
     Raises:
         RecordingError: If it is missing, broken or in another format.
@@ -80,23 +54,7 @@ def load_recording(path: Path | str) -> Recording:
         raise RecordingError(f"there is no recording {path}") from error
     except (OSError, RecordingError) as error:
         raise RecordingError(f"the recording {path} cannot be read: {error}") from error
-    return _checked(path, arrays)
-
-
-def read_npz(path: Path, report: ImportReport) -> Drive:
-    """Read a recording of frames and labels; raises RecordingError as `load_recording` does."""
-    recording = load_recording(path)
-    shots = [
-        Shot(
-            place=f"frame {index}",
-            t_s=float(recording.t_s[index]),
-            label=label,
-            point=recording.points[index],
-            picture=partial(read_picture, recording.frames[index], "the picture"),
-        )
-        for index, label in enumerate(recording.labels)
-    ]
-    return drive_of(shots, str(path), name=path.stem, source="npz", report=report)
+    return _checked(path, arrays, report or ImportReport())
 
 
 def write_npz(
@@ -144,7 +102,7 @@ def _small_jpeg(frame: Frame) -> bytes:
     return to_jpeg(cv2.resize(pixels, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)).data
 
 
-def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
+def _checked(path: Path, arrays: dict[str, NDArray[Any]], report: ImportReport) -> Drive:
     def refuse_if(is_wrong: Any, what: str) -> None:
         if is_wrong:
             raise RecordingError(f"the recording {path} {what}")
@@ -168,16 +126,20 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]]) -> Recording:
     is_known = int(labels.min()) >= 0 and int(labels.max()) < len(DEFAULT_MOVES)
     refuse_if(not is_known, "has labels other than 0, 1 and 2")
     refuse_if(not np.isfinite(t).all(), "has times that are not numbers")
-    data = jpeg.tobytes()
-    bounds = offsets.tolist()
-    return Recording(
-        path=path,
-        place=path.stem.rpartition("_")[0] or path.stem,
-        frames=tuple(data[a:b] for a, b in pairwise(bounds)),
-        labels=tuple(DEFAULT_MOVES[int(label)] for label in labels),
-        points=_points(path, arrays, n_frames),
-        t_s=t.astype(np.float32),
-    )
+    data, points = jpeg.tobytes(), _points(path, arrays, n_frames)
+
+    def read(place: str, index: int) -> Shot:
+        begin, end = offsets[index : index + 2].tolist()
+        return Shot(
+            place=place,
+            t_s=float(t[index]),
+            label=DEFAULT_MOVES[int(labels[index])],
+            point=points[index],
+            picture=partial(read_picture, data[begin:end], f"a picture of {path.name}"),
+        )
+
+    found = ((f"frame {index}", index) for index in range(n_frames))
+    return drive_of(found, read, str(path), name=path.stem, source="npz", report=report)
 
 
 def _points(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int) -> tuple[Point | None, ...]:

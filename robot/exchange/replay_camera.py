@@ -14,6 +14,7 @@ from robot.devices.options import Options, option
 from robot.devices.watched_camera import ThreadedCamera
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.npz import load_recording
+from robot.exchange.timeline import make_timeline
 from robot.types import Frame
 
 _LONGEST_PAUSE_S = 0.15
@@ -104,8 +105,12 @@ def _load_recordings(path: Path) -> list[Footage]:
         raise RecordingError(f"cannot read the folder {path}: {error}") from error
     if not paths:
         raise ConfigurationError(f"the folder {path} has no recordings (.npz)")
-    found = map(load_recording, paths)
-    return [[(float(t), partial(each.frame, i)) for i, t in enumerate(each.t_s)] for each in found]
+    found: list[Footage] = []
+    for shots in (load_recording(each).shots for each in paths):
+        times_s = make_timeline([shot.t_s for shot in shots]).times_s
+        pairs = zip(times_s, shots, strict=True)
+        found.append([(t_s, partial(shot.frame, 0, t_s)) for t_s, shot in pairs])
+    return found
 
 
 def _timed(footage: Footage) -> Iterator[tuple[Callable[[], Frame], float]]:

@@ -17,7 +17,7 @@ from robot.errors import RecordingError
 from robot.exchange.drive import Drive
 from robot.exchange.folder import read_folder
 from robot.exchange.lerobot_reader import LerobotDataset, is_dataset
-from robot.exchange.npz import read_npz
+from robot.exchange.npz import load_recording
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.tub import read_tub
@@ -59,7 +59,7 @@ def find_drives(path: Path) -> list[Source]:
         RecordingError: If there is none that is known, or a dataset without a readable description.
     """
     if not path.is_dir() and path.suffix == ".npz":
-        return [Source(path.name, lambda _, report: read_npz(path, report))]
+        return [Source(path.name, lambda _, report: load_recording(path, report))]
     if path.is_file() and path.suffix == ".csv":
         return [Source(path.name, partial(read_folder, path.parent, table=path))]
     found = _within(path, _DEEPEST) if path.is_dir() else []

@@ -11,12 +11,13 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from robot.driver import CLASSIC, Move, point_of
-from robot.exchange.drive import Drive, Shot, drive_of, whole_shots
+from robot.exchange.drive import Drive, Shot, drive_of
 from robot.exchange.picture_files import read_picture_file, write_picture
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, done_at, read_meant, read_point
@@ -78,15 +79,16 @@ def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
             is_others=_LABEL not in record and not _is_by_pilot(record),
         )
 
-    return drive_of(
-        whole_shots(found, read, report),
+    drive = drive_of(
+        found,
+        read,
         f"the tub {folder} has no records",
         name=folder.name,
         source="donkeycar tub v1" if is_first else "donkeycar tub v2",
-        declared_moves=tuple(declared.values()),
         started_at_s=_seconds(found[0][1].get("_timestamp_ms")) or 0.0 if found else 0.0,
         report=report,
     )
+    return replace(drive, declared_moves=tuple(declared.values()))  # known when all is read
 
 
 def _is_by_pilot(record: Record) -> bool:

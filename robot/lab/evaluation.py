@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from robot.errors import CameraError, RecordingError
+from robot.errors import RecordingError
 from robot.lab.task import Result
 from robot.learner.base import Vector
 from robot.policy.image import to_rgb
@@ -21,10 +21,10 @@ from robot.store.table import Cell, Table
 from robot.types import Action, Encoding, Frame, Point
 
 if TYPE_CHECKING:
-    from robot.exchange.npz import Recording
+    from robot.exchange.drive import Drive
 
 Vectors = dict[tuple[str, str, float], list[Vector]]
-"""Features by their name, the recording's path and light: extracted once for all learners."""
+"""Features by their name, the drive's name and light: extracted once for all learners."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
 """A drive to a learner: each frame's features, its label, and the label by degrees."""
 
@@ -32,8 +32,8 @@ Seen = Sequence[tuple[Vector, Action, Point | None]]
 class Pair(NamedTuple):
     """Two drives of one place: one to learn from, one to be tested on."""
 
-    train: Recording
-    test: Recording
+    train: Drive
+    test: Drive
 
 
 def load_pairs(folder: Path | str) -> list[Pair]:
@@ -88,30 +88,29 @@ def evaluate(
         make_policy(name)
     for pair in pairs:
         vectors: Vectors = {}
-        drives = {"train": pair.train.path.stem, "test": pair.test.path.stem}
+        drives = {"train": pair.train.name, "test": pair.test.name}
+        place = pair.train.name.rpartition("_")[0] or pair.train.name
         for name in learners:
             policy = make_policy(name)
             train = seen_by(policy, pair.train, vectors)
             test = seen_by(policy, pair.test, vectors, light)
             found = judge(policy, train, test, examples)
-            yield {"place": pair.train.place, **drives, "learner": name, **found}
+            yield {"place": place, **drives, "learner": name, **found}
             tick()
 
 
-def seen_by(policy: Policy, recording: Recording, known: Vectors, light: float = 1.0) -> Seen:
-    """Return a recording with the policy's features, in so much of its light."""
-    key = (policy.features.name, str(recording.path), light)
+def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
+    """Return a drive with the policy's features, in so much of its light."""
+    key = (policy.features.name, drive.name, light)
     if key not in known:
-        frames = (recording.frame(i) for i in range(len(recording)))
-        try:
-            known[key] = [policy.extract(darkened(frame, light)) for frame in frames]
-        except CameraError as error:
-            raise RecordingError(f"the recording {recording.path}: {error}") from error
-    return list(zip(known[key], recording.labels, recording.points, strict=True))
+        frames = (shot.frame(0, 0.0) for shot in drive.shots)
+        known[key] = [policy.extract(darkened(frame, light)) for frame in frames]
+    pairs = zip(known[key], drive.shots, strict=True)
+    return [(x, shot.label, shot.point) for x, shot in pairs if shot.label is not None]
 
 
 def darkened(frame: Frame, light: float) -> Frame:
-    """Return the frame as it would be with `light` of the light; raises CameraError."""
+    """Return the frame as it would be with `light` of the light."""
     if light == 1.0:
         return frame
     pixels = (to_rgb(frame) * light).astype(np.uint8)

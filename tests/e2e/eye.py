@@ -156,9 +156,9 @@ def follow(received: list[Frame], small: NDArray[np.float32]) -> dict[int, Frame
 
 def measure(first: Path, second: Path) -> None:
     """Print what the issue asks, for two drives of one place."""
-    drives = [load_recording(path) for path in (first, second)]
-    sources = [drive.frame(i) for drive in drives for i in range(len(drive))]
-    labels = [label for drive in drives for label in drive.labels]
+    drives = [load_recording(path).shots for path in (first, second)]
+    sources = [shot.frame(i, 0.0) for shots in drives for i, shot in enumerate(shots, start=1)]
+    labels = [shot.label for shots in drives for shot in shots if shot.label is not None]
     pictures = np.stack([to_rgb(frame) for frame in sources])
     small = np.stack(
         [cv2.resize(p, (32, 24), interpolation=cv2.INTER_AREA) for p in pictures]

@@ -37,7 +37,7 @@ def test_it_plays_the_very_bytes_and_begins_again(tmp_path: Path) -> None:
     path = write_footage(tmp_path / "hall_A.npz", n_frames=3, period_s=0.01)
     camera = ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock())
     frames = play(camera, 7)
-    files = load_recording(path).frames
+    files = [shot.picture().data for shot in load_recording(path).shots]
     assert [frame.data for frame in frames] == [files[i % 3] for i in range(7)]
     assert [frame.frame_id for frame in frames] == list(range(1, 8))
 
@@ -54,7 +54,8 @@ def test_it_plays_a_folder_in_order_and_says_when_it_is_over(tmp_path: Path) -> 
     options = ReplayCameraOptions(recording=str(tmp_path), loop=False)
     camera = ReplayCamera(options, VirtualClock())
     frames = play(camera, 99)
-    files = [*load_recording(first).frames, *load_recording(second).frames]
+    shots = [*load_recording(first).shots, *load_recording(second).shots]
+    files = [shot.picture().data for shot in shots]
     assert [frame.data for frame in frames] == files
     assert camera.fault is not None
     assert "is over" in camera.fault

@@ -47,9 +47,10 @@ def write_recording(path, n=12, seed=0, **changes):
 def test_reads_what_was_written(tmp_path):
     write_recording(tmp_path / "hall_A.npz")
     recording = load_recording(tmp_path / "hall_A.npz")
-    assert (recording.place, len(recording)) == ("hall", 12)
-    assert recording.labels[:3] == (Action.FORWARD, Action.LEFT, Action.RIGHT)
-    assert recording.frame(3).data[:2] == b"\xff\xd8"
+    assert (recording.name, len(recording.shots)) == ("hall_A", 12)
+    labels = [shot.label for shot in recording.shots[:3]]
+    assert labels == [Action.FORWARD, Action.LEFT, Action.RIGHT]
+    assert recording.shots[3].frame(4, 0.3).data[:2] == b"\xff\xd8"
 
 
 @pytest.mark.parametrize(
@@ -158,7 +159,7 @@ def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
     for name in ("hall_A", "hall_B"):
         write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
     pair = evaluation.load_pairs(tmp_path)[0]
-    frame = pair.test.frame(0)
+    frame = pair.test.shots[0].frame(0, 0.0)
     darker = evaluation.darkened(frame, light)
     assert to_grey(darker).mean() == pytest.approx(light * to_grey(frame).mean(), abs=1.5)
     assert evaluation.darkened(frame, 1.0) is frame
@@ -174,7 +175,7 @@ def test_few_examples_are_spread_over_the_drive(tmp_path, examples):
     learned: list[np.ndarray] = []
     with mock.patch.object(policy, "learn", lambda x, label, *how: learned.append(x)):
         n_taught = evaluation.teach(policy, drive, examples)
-    every = [policy.extract(pair.train.frame(i)) for i in range(len(pair.train))]
+    every = [policy.extract(shot.frame(0, 0.0)) for shot in pair.train.shots]
     places = [next(i for i, x in enumerate(every) if np.array_equal(x, y)) for y in learned]
     assert n_taught == len(learned) == min(examples, len(every))
     if examples > 1:
@@ -193,7 +194,8 @@ def test_the_mean_of_a_tapped_angle_is_what_was_meant(tmp_path):
     tapped, mean = np.tile([0.0, 1.0], 6).astype("f4"), np.full(12, 0.5, "f4")
     changes = {"angle": tapped, "angle_mean": mean, "throttle": mean}
     write_recording(tmp_path / "hall_A.npz", **changes)
-    assert {point.steering for point in load_recording(tmp_path / "hall_A.npz").points} == {0.5}
+    shots = load_recording(tmp_path / "hall_A.npz").shots
+    assert {shot.point.steering for shot in shots} == {0.5}
 
 
 def test_angles_are_judged_where_the_drives_have_them(tmp_path):
