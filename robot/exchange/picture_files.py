@@ -8,6 +8,7 @@ from robot.devices.pictures import Picture, read_picture
 from robot.devices.png import encode_png
 from robot.errors import RecordingError
 from robot.policy.image import to_rgb
+from robot.store.records import read_regular
 from robot.types import Encoding, Frame
 
 _MOST_BYTES = 32 * 2**20
@@ -20,16 +21,12 @@ def read_picture_file(folder: Path, name: str) -> Picture:
         RecordingError: If the name leads out of the folder, there is no such file, or it is no
             picture of a sensible size.
     """
-    path = folder / name
     try:
-        if not path.resolve().is_relative_to(folder.resolve()):
-            raise RecordingError(f"{name[:80]!r} leads out of the folder {folder}")
-        if path.stat().st_size > _MOST_BYTES:
-            raise RecordingError(f"the picture {path} is too large")
-        data = path.read_bytes()
-    except (OSError, ValueError) as error:
-        if isinstance(error, RecordingError):
-            raise
+        path = (folder / name).resolve()
+        if not path.is_relative_to(folder.resolve()):
+            raise ValueError(f"it leads out of the folder {folder}")
+        data = read_regular(path, _MOST_BYTES)
+    except (OSError, RuntimeError, ValueError) as error:  # of a loop of links, too
         raise RecordingError(f"the picture {name[:80]!r} cannot be read: {error}") from error
     return read_picture(data, repr(name[:80]))
 

@@ -149,12 +149,18 @@ def refused(path: Path, folder: Path, complaint: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["../secret.jpg", "a/../../secret.jpg", "link.jpg", "..\\secret.jpg", "/etc/hostname"]
+    "name",
+    [
+        *("../secret.jpg", "a/../../secret.jpg", "..\\secret.jpg", "/etc/hostname"),
+        *("link.jpg", "loop.jpg", "pipe.jpg"),
+    ],
 )
 def test_a_picture_outside_of_the_tub_is_not_read(tmp_path: Path, name: str) -> None:
     (tmp_path / "secret.jpg").write_bytes(jpeg(1))
     tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0, "cam/image_array": name}])
-    (tub / "images" / "link.jpg").symlink_to(tmp_path / "secret.jpg")
+    for link, target in (("link.jpg", tmp_path / "secret.jpg"), ("loop.jpg", "loop.jpg")):
+        (tub / "images" / link).symlink_to(target)
+    os.mkfifo(tub / "images" / "pipe.jpg")
     refused(tub, tmp_path, "leads out of|cannot be read")
 
 
