@@ -90,29 +90,27 @@ def write_lerobot(
     parts = [part for episode, notes in episodes for part in _split(episode, notes, rate)]
     if not parts:
         raise RecordingError("there are no pictures to export")
-    form = _Form(parts, rate)
+    columns, features = _table(parts, rate)
     folder.mkdir(parents=True)
-    tables: list[Columns] = []
     rows, seen = [], np.zeros((3, 256), np.int64)
     for index, part in enumerate(parts):
-        columns = form.columns(part, index, sum(len(table["index"]) for table in tables))
         chunk, file = divmod(index, _FILES_A_CHUNK)
         name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
         counts = np.zeros_like(seen)
         pictures = count_brightness(_pictures(part, on_frame), counts)
         write_film(pictures, folder / name, rate, key_every=_KEY_EVERY)
         seen += counts
-        tables.append(columns)
-        rows.append(_episode_row(columns, counts, (chunk, file), rate, task))
-    joined = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-    write_data(folder, joined)
+        own = columns["episode_index"] == index
+        part_columns = {name: values[own] for name, values in columns.items()}
+        rows.append(_episode_row(part_columns, counts, (chunk, file), rate, task))
+    write_data(folder, columns)
     write_episodes(folder, rows)
     write_tasks(folder, task)
     info = {
         "codebase_version": "v3.0",
         "robot_type": first.run.get("robot") or "drivelesson",
         "total_episodes": len(rows),
-        "total_frames": len(joined["index"]),
+        "total_frames": len(columns["index"]),
         "total_tasks": 1,
         "chunks_size": _FILES_A_CHUNK,
         "data_files_size_in_mb": 100,
@@ -121,10 +119,10 @@ def write_lerobot(
         "splits": {"train": f"0:{len(rows)}"},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": _FILMS,
-        "features": {CAMERA: _film_feature(parts[0], rate), **form.features(joined)},
+        "features": {CAMERA: _film_feature(parts[0], rate), **features},
     }
     write_json(folder / "meta/info.json", info)
-    write_json(folder / "meta/stats.json", _stats(joined, seen))
+    write_json(folder / "meta/stats.json", _stats(columns, seen))
     return len(parts)
 
 
@@ -142,64 +140,49 @@ def _pictures(part: Part, on_frame: Callable[[], None]) -> Iterator[Pixels]:
         yield to_rgb(episode.frame(moment.frame_id))
 
 
-class _Form:
-    """The columns that all parts of a dataset have."""
+def _table(parts: list[Part], fps: int) -> tuple[Columns, dict[str, Any]]:
+    """Return the values of all frames, and what each column is.
 
-    def __init__(self, parts: list[Part], fps: int) -> None:
-        self._fps = fps
-        labels = {moment.label for _, taken in parts for moment in taken}
-        self._moves = sorted(str(label) for label in labels if label is not None)
-        self._sensors = [n for n in _SENSORS if any(len(_readings(of, n)) for of, _ in parts)]
-        done = {done_at(m, of.declared_moves) for of, taken in parts for m in taken}
-        self._actions = [*_STEERED]
-        if any(point is None for _, point in done):
-            self._actions = sorted({str(action) for action, _ in done if action is not Action.STOP})
-        self._is_by_degrees = self._actions == [*_STEERED] and any(
-            moment.point is not None for _, taken in parts for moment in taken
-        )
-
-    def columns(self, part: Part, index: int, start: int) -> Columns:
-        """Return the values of one episode, whose first frame has the number `start` of all."""
-        episode, taken = part
-        count = len(taken)
-        taught = [self._moves.index(m.label) if m.label else -1 for m in taken]
-        columns: Columns = {
-            "action": np.array([self._action(episode, m) for m in taken], np.float32),
-            "intervention": np.array([m.is_intervention for m in taken], bool),
-            PILOT: np.array(taught, np.int64),
-            "timestamp": (np.arange(count) / self._fps).astype(np.float32),
-            "frame_index": np.arange(count, dtype=np.int64),
-            "episode_index": np.full(count, index, np.int64),
-            "index": np.arange(start, start + count, dtype=np.int64),
-            "task_index": np.zeros(count, np.int64),
+    The action is angle and throttle, or else a number for each move; all zero: it stands.
+    """
+    frames = [(of, moment) for of, taken in parts for moment in taken]
+    lengths = [len(taken) for _, taken in parts]
+    within = np.concatenate([np.arange(length, dtype=np.int64) for length in lengths])
+    moves = sorted({str(moment.label) for _, moment in frames if moment.label is not None})
+    done = [done_at(moment, of.declared_moves) for of, moment in frames]
+    is_steered = all(point is not None for _, point in done)
+    actions = [*_STEERED]
+    if not is_steered:
+        actions = sorted({str(action) for action, _ in done if action is not Action.STOP})
+    steered = [point if is_steered else [a == name for name in actions] for a, point in done]
+    columns: Columns = {
+        "action": np.array(steered, np.float32),
+        "intervention": np.array([m.is_intervention for _, m in frames], bool),
+        PILOT: np.array([moves.index(m.label) if m.label else -1 for _, m in frames], np.int64),
+        "timestamp": (within / fps).astype(np.float32),
+        "frame_index": within,
+        "episode_index": np.repeat(np.arange(len(parts), dtype=np.int64), lengths),
+        "index": np.arange(len(frames), dtype=np.int64),
+        "task_index": np.zeros(len(frames), np.int64),
+    }
+    by_degrees = [moment.point is not None for _, moment in frames]
+    if is_steered and any(by_degrees):
+        columns[DEGREES] = np.array(by_degrees, bool)
+    sensors = [n for n in _SENSORS if any(len(_readings(of, n)) for of, _ in parts)]
+    if sensors:
+        sensed = [np.concatenate([_sensed(part, name) for part in parts]) for name in sensors]
+        columns["observation.state"] = np.stack(sensed, axis=1).astype(np.float32)
+    names = {"action": actions, "observation.state": sensors}
+    features: dict[str, Any] = {
+        name: {
+            "dtype": values.dtype.name,
+            "shape": [*values.shape[1:]] or [1],
+            "names": names.get(name),
         }
-        if self._is_by_degrees:
-            columns[DEGREES] = np.array([m.point is not None for m in taken], bool)
-        if self._sensors:
-            sensed = [_sensed(part, name) for name in self._sensors]
-            columns["observation.state"] = np.stack(sensed, axis=1).astype(np.float32)
-        return columns
-
-    def features(self, columns: Columns) -> dict[str, Any]:
-        """Describe the columns."""
-        names = {"action": self._actions, "observation.state": self._sensors}
-        found: dict[str, Any] = {
-            name: {
-                "dtype": values.dtype.name,
-                "shape": [*values.shape[1:]] or [1],
-                "names": names.get(name),
-            }
-            for name, values in columns.items()
-        }
-        found[PILOT]["info"] = {"moves": self._moves}
-        return found
-
-    def _action(self, episode: Episode, moment: EpisodeFrame) -> tuple[float, ...]:
-        """Return angle and throttle, or else a number for each move; all zero: it stands."""
-        done, point = done_at(moment, episode.declared_moves)
-        if self._actions == [*_STEERED]:
-            return point or (0.0, 0.0)
-        return tuple(float(done == name) for name in self._actions)
+        for name, values in columns.items()
+    }
+    features[PILOT]["info"] = {"moves": moves}
+    return columns, features
 
 
 def _readings(episode: Episode, name: str) -> NDArray[np.float64]:

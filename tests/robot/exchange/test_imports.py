@@ -160,7 +160,8 @@ def test_a_picture_outside_of_the_tub_is_not_read(tmp_path: Path, name: str) -> 
     tub = tub_2(tmp_path / "tub", [{"user/angle": 0.0, "cam/image_array": name}])
     for link, target in (("link.jpg", tmp_path / "secret.jpg"), ("loop.jpg", "loop.jpg")):
         (tub / "images" / link).symlink_to(target)
-    os.mkfifo(tub / "images" / "pipe.jpg")
+    if name == "pipe.jpg":
+        os.mkfifo(tub / "images" / name)
     refused(tub, tmp_path, "leads out of|cannot be read")
 
 
