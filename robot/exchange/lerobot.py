@@ -133,7 +133,6 @@ def _split(episode: Episode, notes: Notes, fps: int) -> list[Part]:
 
 
 def _pictures(part: Part, on_frame: Callable[[], None]) -> Iterator[Pixels]:
-    """Read the pictures one after the other."""
     episode, taken = part
     for moment in taken:
         on_frame()

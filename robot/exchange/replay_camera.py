@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
+from robot.devices.pictures import Picture
 from robot.devices.watched_camera import ThreadedCamera
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.npz import load_recording
@@ -32,7 +33,7 @@ class ReplayCameraOptions(Options):
     loop: bool = option(True, "yes: begin again at the end; no: stop")
 
 
-Footage = list[tuple[float, Callable[[], Frame]]]
+Footage = list[tuple[float, Callable[[], Picture | Frame]]]
 """When each picture was taken, in ascending seconds, and what reads it."""
 
 
@@ -58,12 +59,11 @@ class ReplayCamera(ThreadedCamera):
         self._loops = options.loop
 
     def _begin(self) -> None:
-        """Read the footage and begin to play it."""
         load = _load_episode if self._is_episode else _load_recordings
         shown = [pair for footage in load(self._path) for pair in _timed(footage)]
         self._work(partial(self._play, shown))
 
-    def _play(self, shown: list[tuple[Callable[[], Frame], float]]) -> None:
+    def _play(self, shown: list[tuple[Callable[[], Picture | Frame], float]]) -> None:
         try:
             due_s = self.clock.now_s()
             for read, shown_s in itertools.cycle(shown) if self._loops else shown:
@@ -108,12 +108,11 @@ def _load_recordings(path: Path) -> list[Footage]:
     found: list[Footage] = []
     for shots in (load_recording(each).shots for each in paths):
         times_s = make_timeline([shot.t_s for shot in shots]).times_s
-        pairs = zip(times_s, shots, strict=True)
-        found.append([(t_s, partial(shot.frame, 0, t_s)) for t_s, shot in pairs])
+        found.append(list(zip(times_s, (shot.picture for shot in shots), strict=True)))
     return found
 
 
-def _timed(footage: Footage) -> Iterator[tuple[Callable[[], Frame], float]]:
+def _timed(footage: Footage) -> Iterator[tuple[Callable[[], Picture | Frame], float]]:
     """Yield what reads each picture, and how long it is shown."""
     ends_s = [t_s for t_s, _ in footage[1:]] + [footage[-1][0] + _LAST_FRAME_S]
     for (begin_s, read), end_s in zip(footage, ends_s, strict=True):

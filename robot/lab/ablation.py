@@ -46,7 +46,6 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return the one table, and the details of our simulator."""
     lessons, ground, footage = (
         [run for run in runs if run[0].kind == kind]
         for kind in ("lesson", "ground", "recorded_footage")

@@ -40,7 +40,6 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return one table a behaviour, with all its teachers above the learners."""
     own = [
         (task.params["what"].capitalize(), task.params["learner"], result) for task, result in runs
     ]

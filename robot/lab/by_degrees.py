@@ -47,7 +47,6 @@ def run_degrees(params: Params) -> Result:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return one table a place, and one of all."""
     places = [(task.params["world"], task.params["way"], result) for task, result in runs]
     all_places = [("all places", way, result) for _, way, result in places]
     return tables_of([*places, *all_places], _COLUMNS)

@@ -46,7 +46,6 @@ def recorded_tasks(settings: ExperimentSettings, learners: Iterable[str]) -> Ite
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return one table a kind of footage."""
     results = (
         (
             f"{KINDS[task.kind]} footage: correct of 700",

@@ -28,7 +28,6 @@ _COLUMNS = ("learning", "applying", "paper (EV3) learning", "paper (EV3) applyin
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan each number of nodes, for the published learner and the default."""
     for kind, nodes in product(settings.learners or KINDS, NODES):
         params = {
             "learner": f"{kind}-{nodes}" if kind in KINDS else kind,

@@ -106,7 +106,6 @@ def _tidy(name: str) -> str:
 
 
 def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Write episodes for other programs."""
     episodes = find_episodes(store, args.episodes)
     if len(episodes) > 1 and args.form != "lerobot":
         raise ConfigurationError(f"--as {args.form} takes one episode at a time")

@@ -106,7 +106,6 @@ class MiniWorld(ForeignWorld):
         self.score = max(self.score, float(reward > 0.0))
 
     def wanted(self) -> str:
-        """Go to the box; else where there is a way."""
         agent, box = self.inner.agent, self.inner.box
         way = box.pos - agent.pos
         bearing = math.remainder(math.atan2(-way[2], way[0]) - agent.dir, math.tau)
@@ -185,7 +184,6 @@ class CarRacing(ForeignWorld):
         self.score = 100.0 * self.inner.tile_visited_count / len(self.inner.track)
 
     def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
-        """Make a move, for some frames."""
         for frame in range(self.frames):
             self._is_seen = frame == self.frames - 1
             picture, is_over = super().step(move, point)
@@ -196,7 +194,6 @@ class CarRacing(ForeignWorld):
         return picture, is_over or self._n_steps >= self.longest
 
     def wanted(self) -> str:
-        """Steer to a point ahead, at a speed for the bend."""
         left, right, gas, brake, nothing = self._names
         bearing, speed, fastest = self._ahead()
         if abs(bearing) > 0.12 and speed > 5.0:
@@ -287,7 +284,6 @@ class VizDoom(ForeignWorld):
         self.score = float(self.inner.game.get_episode_time() - 1)
 
     def wanted(self) -> str:
-        """Go to the nearest medikit in sight."""
         state = self.inner.game.get_state()
         labels = () if state is None else state.labels
         kits = [label for label in labels if label.object_name == "Medikit"]

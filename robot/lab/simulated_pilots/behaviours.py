@@ -27,7 +27,6 @@ class WallFollower:
         self._turned_at_s = -math.inf
 
     def choose(self, situation: Situation) -> Action:
-        """Return a turn towards or away from the wall until the distance is good, or FORWARD."""
         aside_m, ahead_m = situation.range_at_m(self.LOOK_RAD), situation.free_ahead_m
         is_done = {
             None: False,
@@ -64,7 +63,6 @@ class Follower:
         self._turning: Action | None = None
 
     def choose(self, situation: Situation) -> Action:
-        """Return a turn towards the thing until it is ahead, then FORWARD."""
         target = situation.target
         if target is None:
             return Action.FORWARD

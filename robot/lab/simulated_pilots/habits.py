@@ -88,7 +88,6 @@ class Bouncer(Wanderer):
         self._until_s = 0.0
 
     def choose(self, situation: Situation) -> Action:
-        """Return FORWARD, or for some seconds a turn to a random side."""
         is_near = situation.free_ahead_m < self.params.turn_at_m
         if self._turning is None and is_near:
             self._turning = self._chance.choice(list(self._turns.values()))
@@ -113,7 +112,6 @@ class Habit:
         return (Action.FORWARD, *self.turns)
 
     def pilot(self, seed: str) -> SimulatedPilot:
-        """Return the whole pilot: teacher, human delays and takeover."""
         teacher = self.teacher(self.turns, seed)
         return SimulatedPilot(
             teacher, self.moves, hand=self.hand, takeover=self.takeover, seed=seed

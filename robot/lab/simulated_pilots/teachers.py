@@ -47,7 +47,6 @@ class SonarController:
         self._turns_until_s = 0.0
 
     def choose(self, situation: Situation) -> Action:
-        """Return LEFT for two seconds after each near reading, else FORWARD."""
         if situation.at_s >= self._turns_until_s - 1e-9 and (
             situation.distance_m < self.NEAR_M or situation.bumped
         ):
