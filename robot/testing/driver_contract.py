@@ -38,7 +38,7 @@ CORNERS = [
 _REAL = RealClock()
 _REQUESTS = 20
 _PATIENCE_S = 5.0
-_STEP_S = 0.1
+_STEP_S, _HALF_WAY_S = 0.1, ACTION_TIMEOUT_S / 2
 
 
 def moving(case: DriverCase) -> bool:
@@ -46,19 +46,6 @@ def moving(case: DriverCase) -> bool:
     if case.is_moving is None:
         pytest.skip("nobody can tell whether this body moves; give the case an is_moving")
     return case.is_moving()
-
-
-def is_moving_half_way(case: DriverCase, action: Action) -> bool:
-    """Send an action, and look before its time is over.
-
-    Where time is real, a busy machine may look too late: then once more.
-    """
-    for _ in range(5):
-        case.driver.send_action(action)
-        case.forward(ACTION_TIMEOUT_S / 2)
-        if moving(case):
-            return True
-    return False
 
 
 class DriverContract:
@@ -108,7 +95,7 @@ class DriverContract:
     def test_an_action_ends_by_itself(self, driver_case: DriverCase) -> None:
         """A body that receives nothing more stops after `ACTION_TIMEOUT_S`."""
         with driver_case.driver as driver:
-            assert is_moving_half_way(driver_case, driver.moves[0])
+            assert _moves_within(driver_case, 5 * _HALF_WAY_S, driver.moves[0], _HALF_WAY_S)
             driver_case.forward(ACTION_TIMEOUT_S)
             assert not moving(driver_case)
 
@@ -117,8 +104,8 @@ class DriverContract:
             move = driver.moves[-1]
             for _ in range(5):
                 driver.send_action(move)
-                driver_case.forward(ACTION_TIMEOUT_S / 2)
-            assert is_moving_half_way(driver_case, move)
+                driver_case.forward(_HALF_WAY_S)
+            assert _moves_within(driver_case, 5 * _HALF_WAY_S, move, _HALF_WAY_S)
 
     def test_bad_actions_are_refused(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
@@ -293,29 +280,31 @@ class DriverContract:
             for cut_s in CUTS_S:
                 driver_case.cut_link()
                 for _ in range(round(cut_s / _STEP_S)):
-                    _ask(driver_case)
+                    _ask(driver_case, driver.moves[0], _STEP_S)
                 assert not moving(driver_case)
                 driver_case.mend_link()
-                assert _moves_within(driver_case, BACK_WITHIN_S), f"lost by a gap of {cut_s} s"
+                is_back = _moves_within(driver_case, BACK_WITHIN_S, driver.moves[0], _STEP_S)
+                assert is_back, f"lost by a gap of {cut_s} s"
 
 
 class TestDriver(DriverContract):
     """Collected by `pytest --drivelesson-driver NAME`."""
 
 
-def _moves_within(case: DriverCase, seconds: float) -> bool:
-    for _ in range(round(seconds / _STEP_S)):
-        _ask(case)
+def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:
+    """Ask for a move at each step, and look at its end; a busy machine may look too late once."""
+    for _ in range(round(seconds / step_s)):
+        _ask(case, move, step_s)
         if moving(case):
             return True
     return False
 
 
-def _ask(case: DriverCase) -> None:
+def _ask(case: DriverCase, move: Action, step_s: float) -> None:
     """Ask for a move, as the loop does whatever came of the last one."""
     with contextlib.suppress(DriveError):
-        case.driver.send_action(case.driver.moves[0])
-    case.forward(_STEP_S)
+        case.driver.send_action(move)
+    case.forward(step_s)
 
 
 def _quickest_s(request: Callable[[], object], now_s: Callable[[], float]) -> float:
