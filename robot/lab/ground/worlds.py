@@ -31,12 +31,14 @@ class ForeignWorld(ABC):
     Attributes:
         codes: The world's own numbers of its moves.
         longest: Decisions in an episode at most.
+        frames: Steps of the world that a decision lasts.
         score: Of the episode so far.
         point: What the teacher meant by what it `wanted`, where the world is driven by degrees.
     """
 
     codes: Mapping[str, int]
     longest: int
+    frames = 1
 
     def __init__(self, name: str, package: str, **options: Any) -> None:
         try:
@@ -60,10 +62,16 @@ class ForeignWorld(ABC):
 
     def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
         """Make a move, perhaps by degrees; return the next picture, and whether it was the last."""
-        seen, reward, *is_over, _ = self._env.step(self._code(move, point))
         self._n_steps += 1
-        self._note(float(reward))
-        return self._picture(seen), any(is_over) or self._n_steps >= self.longest
+        is_over = self._n_steps >= self.longest
+        for frame in range(self.frames):
+            self._is_seen = frame == self.frames - 1
+            seen, reward, *ends, _ = self._env.step(self._code(move, point))
+            self._note(float(reward))
+            is_over = is_over or any(ends)
+            if is_over:
+                break
+        return self._picture(seen), is_over
 
     @abstractmethod
     def wanted(self) -> str:
@@ -183,16 +191,6 @@ class CarRacing(ForeignWorld):
     def _note(self, reward: float) -> None:
         self.score = 100.0 * self.inner.tile_visited_count / len(self.inner.track)
 
-    def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
-        for frame in range(self.frames):
-            self._is_seen = frame == self.frames - 1
-            picture, is_over = super().step(move, point)
-            self._n_steps -= 1
-            if is_over:
-                break
-        self._n_steps += 1
-        return picture, is_over or self._n_steps >= self.longest
-
     def wanted(self) -> str:
         left, right, gas, brake, nothing = self._names
         bearing, speed, fastest = self._ahead()
@@ -265,14 +263,14 @@ class VizDoom(ForeignWorld):
     """
 
     codes: Mapping[str, int] = MappingProxyType({"left": 3, "right": 2, "forward": 1})
-    frames = 4
-    longest = 2101 // frames + 1
+    _skips = 4
+    longest = 2101 // _skips + 1
 
     def __init__(self) -> None:
         super().__init__(
             "VizdoomHealthGathering-v1",
             "vizdoom.gymnasium_wrapper",
-            frame_skip=self.frames,
+            frame_skip=self._skips,
             labels_buffer_enabled=True,
         )
 
