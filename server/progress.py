@@ -18,7 +18,7 @@ from robot.control.loop import ControlLoop
 from robot.control.readiness import Readiness
 from robot.control.state import Tick
 from robot.control.trail import Trail
-from robot.policy.gallery import LearnedImage
+from robot.policy.gallery import LearnedImage, images
 from robot.policy.history import Replaced, Taught, Undone
 
 MARK_EVERY = 10
@@ -115,7 +115,7 @@ class Progress:
         if fresh or (self._is_stale and now_s - self._fetched_s > _REFRESH_S):
             self._is_stale, self._fetched_s = False, now_s
             history = self._loop.history
-            request = self._loop.submit(lambda: history.policy.gallery.images())
+            request = self._loop.submit(lambda: images(history.policy))
             self._gallery = await asyncio.wrap_future(request)
             self._remember(self._gallery)
         return self._gallery

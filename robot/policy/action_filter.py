@@ -5,7 +5,7 @@ Every constant is a time or a share of votes, never a number of frames.
 1. Votes are averaged over time, less for a pilot who changes his moves quickly.
 2. Without contexts, a move under way goes on until another exceeds it clearly; by degrees, a turn
    until one to the other side does.
-3. A straight move without effect is given up (`stall_detector.py`).
+3. A straight move without effect is given up (`StallDetector`).
 4. Turning for longer than the pilot's own longest loses votes (`Headway`).
 5. A robot that turns to and fro more quickly than its pilot keeps to one side for a while.
 6. If none of this helps, the robot stops and asks for help.
@@ -17,16 +17,16 @@ import math
 from collections.abc import Mapping
 from typing import Self
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.part import PolicyPart, Seen
-from robot.policy.pilot_pace import PilotPace
-from robot.policy.stall_detector import Headway, StallDetector
+from robot.policy.part import USUAL_STEP_S, PolicyPart, Seen
+from robot.policy.pilot_pace import STEP_S, ChangeMeter, Headway, PilotPace, difference
 from robot.types import Action, Point
 
 VOTES_KEPT = 0.4
 """Share of the running average of votes that is left after a tenth of a second."""
-USUAL_STEP_S = 0.1
-"""Time between two frames where nothing tells it."""
 SHARE_OF_RUN = 0.14
 """The time constant is at most this share of how long the pilot keeps to a move: an average that
 is slower than its pilot's hand comes too late for a quick body."""
@@ -48,24 +48,21 @@ class RunningVotes:
         self.keep = keep
         self.kept = 0.0
         self._average: dict[Action, float] = {}
-        self._at_s: float | None = None
 
     def update(
         self,
         shares: Mapping[Action, float],
-        at_s: float | None = None,
+        step_s: float = USUAL_STEP_S,
         usual_run_s: float | None = None,
     ) -> dict[Action, float]:
         """Add one frame's shares and return the average; it sums to 1.
 
         Args:
             shares: The votes for each move.
-            at_s: When the frame was taken; None: a tenth of a second after the last.
+            step_s: How long the frame comes after the last.
             usual_run_s: How long the pilot keeps to a move; None if it is not known.
         """
-        before_s, self._at_s = self._at_s, at_s
-        step_s = USUAL_STEP_S if at_s is None or before_s is None else max(at_s - before_s, 0.0)
-        keep = self.kept = self._kept(step_s, usual_run_s)
+        keep = self.kept = self._kept(step_s if self._average else USUAL_STEP_S, usual_run_s)
         old = self._average or shares
         mixed = {
             action: keep * old.get(action, 0.0) + (1.0 - keep) * share
@@ -86,7 +83,80 @@ class RunningVotes:
     def reset(self) -> None:
         """Forget the past: a new drive begins."""
         self._average = {}
-        self._at_s = None
+
+
+AWAY_S = 1.5
+"""A move that was given up is not taken up again for so long, nor before the robot moves: one after
+the other may be."""
+
+
+class StallDetector:
+    """Bars a move that has no effect: motion is commanded, the image does not change.
+
+    A pilot seldom lets it come to that, so no example shows the view from there, and votes alone
+    would push on for ever, or brake. An image that does not change shows it, or a bumper. From one
+    frame to the next a car that sets off changes it as little as one that stands; so in the end it
+    must still be as it was when that began.
+
+    A turn is not watched here: near a plain wall it changes the picture little (`Headway` watches
+    it). Nor is a move that nobody knows, if the pilot has stood with it himself: he may wait, or
+    grip.
+
+    Args:
+        kinds: Which moves are which.
+
+    Attributes:
+        is_stalled: True while a move under way has no effect.
+        futile: The moves that are given up.
+    """
+
+    def __init__(self, kinds: MoveKinds) -> None:
+        self.is_stalled = False
+        self._kinds = kinds
+        self._meter = ChangeMeter()
+        self._stuck_since: tuple[float, NDArray[np.uint8]] | None = None
+        self.futile: list[Action] = []
+        self._barred_until_s = 0.0
+
+    def look(self, seen: Seen, pace: PilotPace) -> None:
+        """Look at one more frame, beside what the pilot's driving tells."""
+        kinds, under_way, at_s = self._kinds, seen.under_way, seen.at_s
+        change = self._meter.note(seen.picture, at_s)
+        if change is None:
+            return
+        if under_way in kinds.measured:
+            self._meter.add(change)
+        scale = pace.scale if pace.scale.is_known else self._meter
+        is_still = scale.is_still(change)
+        if under_way in kinds.straight:
+            self.is_stalled = is_still or seen.bumped
+        else:
+            self.is_stalled = (
+                is_still and under_way in kinds.others and under_way not in pace.stands
+            )
+        if not is_still and not seen.bumped and at_s >= self._barred_until_s:
+            self.futile = []
+        if under_way is None or not self.is_stalled:
+            self._stuck_since = None
+        elif self._stuck_since is None:
+            self._stuck_since = at_s, seen.picture
+        elif at_s - self._stuck_since[0] >= pace.patience_s - STEP_S:
+            # The picture may have crept on meanwhile.
+            if seen.bumped or scale.is_still(difference(seen.picture, self._stuck_since[1])):
+                self.futile = [*(move for move in self.futile if move is not under_way), under_way]
+                self._barred_until_s = at_s + AWAY_S
+            self._stuck_since = None
+
+    def lift(self) -> None:
+        """Bar nothing: what had no effect is tried again."""
+        self._stuck_since = None
+        self.futile = []
+
+    def reset(self) -> None:
+        """Forget what belongs to one drive; the scale of change stays."""
+        self._meter.reset()
+        self.lift()
+        self.is_stalled = False
 
 
 TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
@@ -116,7 +186,7 @@ class ActionFilter(PolicyPart):
 
     Attributes:
         needs_help: True while the robot stands and asks for help, because no move had effect.
-        pace: The pilot's; a policy gives it its own.
+        pace: The pilot's.
     """
 
     def __init__(
@@ -137,7 +207,6 @@ class ActionFilter(PolicyPart):
         self._headway = Headway(kinds)
         self._gives_up = gives_up
         self.pace = PilotPace(kinds)
-        self._now_s = 0.0
         self._asks_until_s = 0.0
         self._last: Seen | None = None
 
@@ -148,37 +217,27 @@ class ActionFilter(PolicyPart):
 
     def on_frame(self, seen: Seen) -> None:
         """Average the votes, and choose the move with most of them, or the one under way."""
-        usual_run_s, to_and_fro_s = self.pace.usual_run_s, self.pace.to_and_fro_s
-        self._stall_detector.patience_s = self.pace.patience_s
-        seen.shares = self._average.update(seen.shares, seen.at_s, usual_run_s)
+        seen.shares = self._average.update(seen.shares, seen.step_s, self.pace.usual_run_s)
         seen.kept = self._average.kept
-        self._now_s = self._now_s + USUAL_STEP_S if seen.at_s is None else seen.at_s
-        seen.action = self._choose(seen, self._now_s, to_and_fro_s)
+        seen.action = self._choose(seen)
         seen.is_stalled, seen.needs_help = self._stall_detector.is_stalled, self.needs_help
         self._last = seen
         if self._gives_up:
-            self._headway.turn(seen.action, self._now_s)
+            self._headway.turn(seen.action, seen.at_s)
 
-    def _choose(self, seen: Seen, at_s: float, to_and_fro_s: float) -> Action:
+    def _choose(self, seen: Seen) -> Action:
         """Return the best move that is not barred; the first on a tie."""
         under_way, shares, turns, pace = seen.under_way, seen.shares, self._kinds.turns, self.pace
         urge = 0.0
         if self._gives_up:  # on an EV3 each comparison of pictures counts
-            self._stall_detector.barred(
-                seen.picture,
-                under_way,
-                at_s,
-                bumped=seen.bumped,
-                taught=pace.scale,
-                stands=pace.stands,
-            )
-            urge = self._watch(under_way, at_s, ALLOWANCE * pace.longest_debt_s)
+            self._stall_detector.look(seen, pace)
+            urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.longest_debt_s)
         futile = self._stall_detector.futile
-        barred = self._barred_side(at_s, to_and_fro_s)
+        barred = self._barred_side(seen.at_s, pace.to_and_fro_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
-            self._ask(at_s)  # nothing else was taught, or all was tried
+            self._ask(seen.at_s)  # nothing else was taught, or all was tried
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
         # A context tells a turn from a straight drive, not from a turn to the other side.
         by_degrees = seen.in_context and self._point is not None

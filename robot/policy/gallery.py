@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.base import Learner, Node, Vector
-from robot.policy.features import Features
-from robot.policy.recognition import LastMet
+from robot.learner.base import Node, Vector
+from robot.policy.policy import Policy
 from robot.types import Action
 
 _COMPARED = 128
@@ -51,58 +50,46 @@ class Explanation:
     alike: NDArray[np.float64]
 
 
-class Gallery:
-    """Shows the images of a learner.
+def images(policy: Policy) -> list[LearnedImage]:
+    """Return every learned image, in the order of the nodes; none if the learner keeps none."""
+    return [_shown(policy, node) for node in policy.learner.nodes()]
 
-    Args:
-        learner: Whose images are shown.
-        features: Makes a picture of an image.
-        met: When each was used and taught last.
+
+def _shown(policy: Policy, node: Node) -> LearnedImage:
+    return LearnedImage(
+        node_id=node.id,
+        thumbnail=policy.features.thumbnail(node.image),
+        votes={Action(label): count for label, count in node.votes.items()},
+        frames=node.frames,
+        last_used=policy.recognition.used.get(node.id, 0),
+        last_taught=policy.recognition.taught.get(node.id, 0),
+        is_pinned=node.is_pinned,
+        angle=node.angle,
+    )
+
+
+def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | None:
+    """Return why a view was decided by an image; None if that is gone.
+
+    A squared distance is a sum over the parts of the picture. A part counts as alike where it
+    is nearer to the deciding image than to the learned images on average: what all of them
+    share, an empty floor, explains nothing.
     """
-
-    def __init__(self, learner: Learner, features: Features, met: LastMet) -> None:
-        self._learner = learner
-        self._features = features
-        self._met = met
-
-    def images(self) -> list[LearnedImage]:
-        """Return every learned image, in the order of the nodes; none if the learner keeps none."""
-        return [self._shown(node) for node in self._learner.nodes()]
-
-    def _shown(self, node: Node) -> LearnedImage:
-        return LearnedImage(
-            node_id=node.id,
-            thumbnail=self._features.thumbnail(node.image),
-            votes={Action(label): count for label, count in node.votes.items()},
-            frames=node.frames,
-            last_used=self._met.used.get(node.id, 0),
-            last_taught=self._met.taught.get(node.id, 0),
-            is_pinned=node.is_pinned,
-            angle=node.angle,
-        )
-
-    def explain(self, x: Vector, node_id: int | None) -> Explanation | None:
-        """Return why a view was decided by an image; None if that is gone.
-
-        A squared distance is a sum over the parts of the picture. A part counts as alike where it
-        is nearer to the deciding image than to the learned images on average: what all of them
-        share, an empty floor, explains nothing.
-        """
-        nodes, features = self._learner.nodes(), self._features
-        decides = next((node for node in nodes if node.id == node_id), None)
-        if decides is None:
-            return None
-        view = np.asarray(x, np.float64)
-        some = nodes[:: -(-len(nodes) // _COMPARED)]
-        others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
-        usual = np.mean(others, axis=0)
-        here = features.cells(view - np.asarray(decides.image, np.float64))
-        # Where even the average difference is small there is little to be alike in.
-        weight = np.maximum(usual, usual.mean())
-        alike = np.zeros_like(here)
-        np.divide(usual - here, weight, out=alike, where=weight > 0.0)
-        return Explanation(
-            image=self._shown(decides),
-            present=features.thumbnail(x),
-            alike=alike.clip(0.0, 1.0),
-        )
+    nodes, features = policy.learner.nodes(), policy.features
+    decides = next((node for node in nodes if node.id == node_id), None)
+    if decides is None:
+        return None
+    view = np.asarray(x, np.float64)
+    some = nodes[:: -(-len(nodes) // _COMPARED)]
+    others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
+    usual = np.mean(others, axis=0)
+    here = features.cells(view - np.asarray(decides.image, np.float64))
+    # Where even the average difference is small there is little to be alike in.
+    weight = np.maximum(usual, usual.mean())
+    alike = np.zeros_like(here)
+    np.divide(usual - here, weight, out=alike, where=weight > 0.0)
+    return Explanation(
+        image=_shown(policy, decides),
+        present=features.thumbnail(x),
+        alike=alike.clip(0.0, 1.0),
+    )

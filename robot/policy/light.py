@@ -12,7 +12,6 @@ from collections.abc import Callable
 from robot.learner.base import Vector
 from robot.learner.part import Value
 from robot.learner.values import number
-from robot.policy.action_filter import USUAL_STEP_S
 from robot.policy.part import Lesson, PolicyPart, Seen
 
 ANOTHER_LIGHT = 1.5
@@ -36,40 +35,23 @@ class LightAdaptation(PolicyPart):
         self._brighten = brighten
         self._taught = self._examples = 0.0
         self._driven: float | None = None
-        self._last_s: float | None = None
 
     def on_frame(self, seen: Seen) -> None:
-        gain = self.gain(float(seen.picture.mean()), seen.at_s)
-        if gain != 1.0:
+        brightness = float(seen.picture.mean())
+        driven = brightness if self._driven is None else self._driven
+        driven += (1.0 - math.exp(-seen.step_s / SECONDS)) * (brightness - driven)
+        self._driven = driven
+        gain = self._taught / max(driven, 1.0)
+        if self._examples and not 1.0 / ANOTHER_LIGHT <= gain <= ANOTHER_LIGHT:
             seen.x = self._brighten(seen.x, gain)
 
     def on_example(self, lesson: Lesson) -> None:
         if lesson.is_learned:
-            self.learn(float(lesson.picture.mean()))
-
-    def learn(self, brightness: float) -> None:
-        """Add the brightness of one example."""
-        self._examples = min(self._examples + 1.0, EXAMPLES)
-        self._taught += (brightness - self._taught) / self._examples
-
-    def gain(self, brightness: float, at_s: float | None) -> float:
-        """Return what to multiply a view's grey values by: 1 in the light of the lesson.
-
-        Args:
-            brightness: The view's mean grey value.
-            at_s: When it was taken; None: a tenth of a second after the last.
-        """
-        last_s, self._last_s = self._last_s, at_s
-        step_s = USUAL_STEP_S if at_s is None or last_s is None else max(at_s - last_s, 0.0)
-        driven = brightness if self._driven is None else self._driven
-        driven += (1.0 - math.exp(-step_s / SECONDS)) * (brightness - driven)
-        self._driven = driven
-        times = self._taught / max(driven, 1.0)
-        is_alike = 1.0 / ANOTHER_LIGHT <= times <= ANOTHER_LIGHT
-        return 1.0 if is_alike or not self._examples else times
+            self._examples = min(self._examples + 1.0, EXAMPLES)
+            self._taught += (float(lesson.picture.mean()) - self._taught) / self._examples
 
     def reset(self) -> None:
-        self._driven = self._last_s = None
+        self._driven = None
 
     def restored(self) -> None:
         self.reset()

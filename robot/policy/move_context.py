@@ -31,7 +31,10 @@ there every third frame is learned."""
 
 
 class ExampleRate(PolicyPart):
-    """Follows the examples of one label; with another label it begins anew."""
+    """Follows the examples of one label; with another label it begins anew.
+
+    The first example of another label is always learned, and one without a time.
+    """
 
     fields = (Value("last_learned", optional(row(number(), name)), older=(None,)),)
 
@@ -39,25 +42,16 @@ class ExampleRate(PolicyPart):
         self._last_learned: tuple[float, str] | None = None  # since when there was room for it
 
     def on_example(self, lesson: Lesson) -> None:
-        lesson.is_learned = self.admits(lesson.label, lesson.at_s)
-
-    def admits(self, label: str, at_s: float | None) -> bool:
-        """Return whether to learn an example; call it once for each, in order.
-
-        Args:
-            label: Its label. The first of another label is always learned.
-            at_s: Its teaching time; None: it stands for itself and is learned.
-        """
+        at_s, label = lesson.at_s, str(lesson.label)
         if at_s is None:
             self._last_learned = None
-            return True
+            return
         room_from_s, last_label = self._last_learned or (-math.inf, "")
         since_s = at_s - room_from_s if label == last_label else math.inf
-        if -ROOM_S < since_s < ROOM_S - EARLY_S:
-            return False
-        is_in_time = 0.0 < since_s < 2.0 * ROOM_S
-        self._last_learned = (room_from_s + ROOM_S if is_in_time else at_s), str(label)
-        return True
+        lesson.is_learned = not -ROOM_S < since_s < ROOM_S - EARLY_S
+        if lesson.is_learned:
+            is_in_time = 0.0 < since_s < 2.0 * ROOM_S
+            self._last_learned = (room_from_s + ROOM_S if is_in_time else at_s), label
 
 
 STRAIGHT, TURNING = 0, 1
@@ -90,36 +84,27 @@ class MoveContext(PolicyPart):
     def on_frame(self, seen: Seen) -> None:
         seen.in_context = True
         if seen.under_way is not None:
-            seen.context = self.of(seen.under_way)
+            seen.context = self._of(seen.under_way)
 
     def on_example(self, lesson: Lesson) -> None:
-        if lesson.is_learned:
-            lesson.contexts = self.note(lesson.label, lesson.at_s)
-
-    def of(self, move: Action) -> int:
-        """Return the context that a move under way makes."""
-        return TURNING if move in self._kinds.turns else STRAIGHT
-
-    def note(self, label: Action, at_s: float | None) -> tuple[int, ...]:
-        """Return the contexts in which an example counts.
-
-        Args:
-            label: Its label.
-            at_s: Its teaching time; None: it stands for itself, and counts in both.
-        """
+        label, at_s = lesson.label, lesson.at_s
+        if not lesson.is_learned:
+            return
+        lesson.contexts = BOTH
         if at_s is None or not self._kinds.turns:
             self._move = None
-            return BOTH
+            return
         before = self._move if 0.0 <= at_s - self._last_s <= PAUSE_S else None
         if before is not label:
             self._before, self._move, self._since_s = before, label, at_s
         self._last_s = at_s
-        own = self.of(label)
-        if at_s - self._since_s > ONSET_S or (
-            self._before is not None and self.of(self._before) == own
-        ):
-            return (own,)
-        return BOTH
+        own = self._of(label)
+        is_alike = self._before is not None and self._of(self._before) == own
+        if is_alike or at_s - self._since_s > ONSET_S:
+            lesson.contexts = (own,)
+
+    def _of(self, move: Action) -> int:
+        return TURNING if move in self._kinds.turns else STRAIGHT
 
     def restored(self) -> None:
         if self._since_s > self._last_s:

@@ -15,6 +15,8 @@ from robot.learner.base import Evidence, Vector
 from robot.learner.part import Stateful
 from robot.types import Action, Point
 
+USUAL_STEP_S = 0.1
+"""Time between two frames where nothing tells it."""
 _NOTHING = Evidence(label="", probabilities={}, confidence=0.0)
 
 
@@ -26,7 +28,8 @@ class Seen:
         number: Which frame of the policy it is.
         x: Its vector, as the learner is shown it.
         picture: Its grey values, as they were taken.
-        at_s: When it was taken; None: a tenth of a second after the one before.
+        at_s: When it was taken.
+        step_s: How long after the one before it.
         under_way: The move that the robot is making by its own choice, if it drives.
         bumped: True if a bumper is pressed.
         by_degrees: True if the body can be driven so.
@@ -43,7 +46,8 @@ class Seen:
     number: int
     x: Vector
     picture: NDArray[np.uint8]
-    at_s: float | None = None
+    at_s: float = 0.0
+    step_s: float = USUAL_STEP_S
     under_way: Action | None = None
     bumped: bool = False
     by_degrees: bool = True

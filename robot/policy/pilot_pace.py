@@ -16,8 +16,150 @@ from robot.learner.part import Array, Arrays, Params, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
-from robot.policy.stall_detector import MEMORY, STUCK_S, ChangeMeter, Headway
 from robot.types import DEFAULT_MOVES, Action, Point
+
+STUCK_S = 0.5
+"""After so long without effect a move is given up, if the pilot never meant to push."""
+STEP_S = 0.1
+_STILL_SHARE = 0.25
+MEMORY, _FEWEST_CHANGES = 100, 5
+
+
+class ChangeMeter:
+    """How much the picture changes within a tenth of a second, and usually, driving straight.
+
+    Turns say nothing of the latter: where a turn is quick or the place is wide, driving straight
+    would look still beside it.
+
+    Attributes:
+        changes: The latest changes of a straight drive; their median is the usual one.
+    """
+
+    def __init__(self) -> None:
+        self.changes: deque[float] = deque(maxlen=MEMORY)
+        self.before: NDArray[np.uint8] | None = None
+        self.before_s = 0.0
+
+    def note(self, picture: NDArray[np.uint8], at_s: float) -> float | None:
+        """Compare a picture with the one of a tenth of a second before; None: that is not over yet.
+
+        Args:
+            picture: The frame in grey, of any one shape.
+            at_s: When the frame was taken.
+        """
+        before, step_s = self.before, at_s - self.before_s
+        if before is not None and 0.0 <= step_s < 0.9 * STEP_S:
+            return None
+        self.before, self.before_s = picture, at_s
+        if before is None or before.shape != picture.shape or step_s < 0.0:
+            return None
+        return difference(picture, before)
+
+    @property
+    def is_known(self) -> bool:
+        """True as soon as it has seen enough of a straight drive."""
+        return len(self.changes) >= _FEWEST_CHANGES
+
+    def is_still(self, change: float) -> bool:
+        """Tell whether a change is so small that the body stands; False before it has driven."""
+        return self.is_known and change < _STILL_SHARE * statistics.median(self.changes)
+
+    def add(self, change: float) -> None:
+        """Add the change between two pictures of a straight drive, unless the body stood."""
+        if not self.is_still(change):
+            self.changes.append(change)
+
+    def reset(self) -> None:
+        """Compare the next picture with none."""
+        self.before = None
+
+
+def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
+    """Return by how much two pictures of one shape differ, in grey levels a pixel."""
+    return float(np.abs(picture.astype(np.int16) - other).mean())
+
+
+PAYS_BACK = 4.0
+"""A second of driving straight pays for so many seconds of turning."""
+EFFECT_S = 0.2
+"""A straight move pays from here on: sooner nobody can tell if it has an effect."""
+STRAIGHT_S = 0.3
+"""Turns are paid back after driving straight for so long, and as long as the clock wants."""
+_LONGEST_STEP_S = 0.25
+
+
+class Headway:
+    """What a body, the pilot's or the robot's, has done since it last got on.
+
+    Turning either way, and pushing without effect, add to a debt in seconds; driving straight with
+    effect takes four times as much off; it is never below 0. A curve by degrees gets on by what it
+    lacks to full lock, and pays for as much turning. Changes from one side to the other count until
+    the debt is paid.
+
+    Args:
+        kinds: Which moves are turns, and to which side.
+
+    Attributes:
+        debt_s: The debt.
+        side: The side that it turned to last; None since the debt was paid.
+        sides_s: When it changed sides, the last two times.
+    """
+
+    def __init__(self, kinds: MoveKinds) -> None:
+        self._kinds = kinds
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew."""
+        self.debt_s = self._straight_s = 0.0
+        self._last_s: float | None = None
+        self._free()
+
+    def _free(self) -> None:
+        self.side: float | None = None
+        self.sides_s: list[float] = []
+
+    def note(
+        self, action: Action, at_s: float, point: Point | None = None, *, is_stalled: bool = False
+    ) -> None:
+        """Update the debt by the move that has been under way since the last call.
+
+        Args:
+            action: The move; STOP changes nothing.
+            at_s: Now, in seconds.
+            point: The move by degrees, if it was driven so.
+            is_stalled: True if it has no effect.
+        """
+        last_s, self._last_s = self._last_s, at_s
+        step_s = 0.0 if last_s is None else min(max(at_s - last_s, 0.0), _LONGEST_STEP_S)
+        if action in self._kinds.turns or is_stalled:
+            turned = 1.0 if point is None or is_stalled else abs(point.steering)
+            self.debt_s = max(0.0, self.debt_s + (2.0 * turned - 1.0) * step_s)
+            self._straight_s = 0.0
+        elif action is not Action.STOP:
+            self._straight_s += step_s
+            if self._straight_s > EFFECT_S:
+                self.debt_s = max(0.0, self.debt_s - PAYS_BACK * step_s)
+        if self.debt_s == 0.0 and self._straight_s >= STRAIGHT_S:
+            self._free()
+
+    def turn(self, action: Action, at_s: float) -> None:
+        """Take note of a move, and of when it changed sides."""
+        side = self._kinds.turns.get(action)
+        if side is not None:
+            if self.side == -side:
+                self.sides_s = [*self.sides_s[-1:], at_s]
+            self.side = side
+
+    @property
+    def clock(self) -> tuple[float, float, float | None]:
+        """Debt, time straight with effect, and the time of the last call."""
+        return self.debt_s, self._straight_s, self._last_s
+
+    @clock.setter
+    def clock(self, values: tuple[float, float, float | None]) -> None:
+        self.debt_s, self._straight_s, self._last_s = values
+
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
 """Bounds of the debt (`Headway`) that a pilot is taken to allow himself, in seconds.
@@ -94,24 +236,9 @@ class PilotPace(PolicyPart):
         return TO_AND_FRO_S if run_s is None else min(TO_AND_FRO_S, OF_A_RUN * run_s)
 
     def on_example(self, lesson: Lesson) -> None:
-        if lesson.at_s is not None:
-            self.learn(lesson.label, lesson.picture, lesson.at_s, lesson.point)
-
-    def learn(
-        self,
-        label: Action,
-        picture: NDArray[np.uint8],
-        at_s: float,
-        point: Point | None = None,
-    ) -> None:
-        """Update from one labelled frame.
-
-        Args:
-            label: What the pilot did.
-            picture: The frame in grey, of any one shape.
-            at_s: Its teaching time.
-            point: The move by degrees, if he meant it so.
-        """
+        label, at_s = lesson.label, lesson.at_s
+        if at_s is None:
+            return
         step_s, self._last_s = at_s - self._last_s, at_s
         is_going_on = 0.0 <= step_s <= PAUSE_S
         if not is_going_on:
@@ -119,7 +246,7 @@ class PilotPace(PolicyPart):
             self._end_push()
             self._headway.reset()
             self.scale.reset()
-        change = self.scale.note(picture, at_s)
+        change = self.scale.note(lesson.picture, at_s)
         is_still = None if change is None else self.scale.is_still(change)
         if label not in self.kinds.straight or is_still is False:
             self._end_push()
@@ -139,7 +266,7 @@ class PilotPace(PolicyPart):
             if is_going_on and self._label is not None:
                 self._runs_s.append(self._run_s)
             self._label, self._run_s = label, 0.0
-        self._headway.note(label, at_s, point, is_stalled=self._push_s > 0.0)
+        self._headway.note(label, at_s, lesson.point, is_stalled=self._push_s > 0.0)
         debt_s = min(self._headway.debt_s, LONGEST_DEBT_S)
         self.longest_debt_s = max(self.longest_debt_s, debt_s)
 

@@ -12,13 +12,11 @@ from robot.learner.part import Arrays, Params, Stateful, Value
 from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import Features
-from robot.policy.gallery import Gallery
 from robot.policy.light import LightAdaptation
 from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.part import Lesson, PolicyPart, Seen
-from robot.policy.pilot_pace import PilotPace
-from robot.policy.recognition import Degrees, LastMet, Recognition
+from robot.policy.part import USUAL_STEP_S, Lesson, PolicyPart, Seen
+from robot.policy.recognition import Degrees, Recognition
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _DOUBT = 0.5
@@ -48,7 +46,7 @@ class Policy(Stateful):
         kinds: Which of the moves are turns, and which drive straight: `describe` tells it what a
             body says of its own.
         n_seen: How many examples were learned.
-        gallery: Shows the learned images.
+        recognition: Knows when each learned image was met last.
     """
 
     fields = (
@@ -76,18 +74,18 @@ class Policy(Stateful):
         self.kinds = MoveKinds(moves)
         self.n_seen = 0
         self._n_proposals = 0
-        met, pace, smoothing = LastMet(learner), PilotPace(self.kinds), action_filter(self.kinds)
-        self.gallery = Gallery(learner, features, met)
-        smoothing.pace = pace
-        self._smoothing = smoothing
+        self._now_s = 0.0
+        self._last_s: float | None = None
+        self._smoothing = smoothing = action_filter(self.kinds)
         self._degrees = degrees = Degrees(learner, moves, self.kinds)
+        self.recognition = recognition = Recognition(learner, moves, degrees)
         parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())] if thins else []
         if learner.abilities.contexts:
             parts.append(("context", MoveContext(self.kinds)))
         if brighten is not None:
             parts.append(("light", LightAdaptation(brighten)))
-        parts += [("", Recognition(learner, moves, degrees)), ("", met)]
-        parts += [("pace", pace), ("", smoothing), ("degrees", degrees)]
+        parts += [("", recognition), ("pace", smoothing.pace)]
+        parts += [("", smoothing), ("degrees", degrees)]
         self._parts = parts
         self._on_frame = _overridden(parts, "on_frame")
         self._on_example = _overridden(parts, "on_example")
@@ -132,11 +130,15 @@ class Policy(Stateful):
             Exception: If the learner fails; the next frame may succeed.
         """
         self._n_proposals += 1
+        last_s, self._last_s = self._last_s, at_s
+        step_s = USUAL_STEP_S if at_s is None or last_s is None else max(at_s - last_s, 0.0)
+        self._now_s = self._now_s + USUAL_STEP_S if at_s is None else at_s
         seen = Seen(
             number=self._n_proposals,
             x=x,
             picture=self.features.grey(x),
-            at_s=at_s,
+            at_s=self._now_s,
+            step_s=step_s,
             under_way=under_way,
             bumped=bumped,
             by_degrees=by_degrees,
@@ -203,6 +205,7 @@ class Policy(Stateful):
         """Forget what belongs to one drive: a new drive begins."""
         for _, part in self._parts:
             part.reset()
+        self._last_s = None
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         return [("kinds", self.kinds), *self._parts]
@@ -246,7 +249,7 @@ class Policy(Stateful):
         params.pop("calibration", None)
 
     def restored(self) -> None:
-        self._n_proposals = 0
+        self._n_proposals, self._last_s = 0, None
         self._smoothing.reset()
 
     def faults(self) -> Iterator[str]:

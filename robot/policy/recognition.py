@@ -127,12 +127,20 @@ class Recognition(PolicyPart):
         learner: Recognises and learns.
         moves: The moves.
         degrees: Teaches it angles, too.
+
+    Attributes:
+        used: Which proposal matched an image last, by the image's id.
+        taught: The same of examples.
     """
+
+    fields = (Value("last_taught", table(_node_id, count()), "_kept_taught"),)
 
     def __init__(self, learner: Learner, moves: tuple[Action, ...], degrees: Degrees) -> None:
         self._learner = learner
         self._moves = moves
         self._degrees = degrees
+        self.used: dict[int, int] = {}
+        self.taught: dict[int, int] = {}
 
     def on_frame(self, seen: Seen) -> None:
         if seen.context is None:
@@ -143,6 +151,7 @@ class Recognition(PolicyPart):
         seen.shares = {
             move: max(known[move], _LEAST) if move in known else 0.0 for move in self._moves
         }
+        self._note(self.used, seen.evidence.node, seen.number)
 
     def on_example(self, lesson: Lesson) -> None:
         if lesson.is_learned:
@@ -152,27 +161,10 @@ class Recognition(PolicyPart):
             else:
                 self._learner.learn_in(lesson.x, lesson.label, lesson.contexts, angle)
             self._degrees.note(lesson)
+            self._note(self.taught, self._learner.last_node_, lesson.number)
 
     def reset(self) -> None:
         self._learner.reset()
-
-
-class LastMet(PolicyPart):
-    """Remembers by an image's id which proposal and which example matched it last."""
-
-    fields = (Value("last_taught", table(_node_id, count()), "_kept_taught"),)
-
-    def __init__(self, learner: Learner) -> None:
-        self._learner = learner
-        self.used: dict[int, int] = {}
-        self.taught: dict[int, int] = {}
-
-    def on_frame(self, seen: Seen) -> None:
-        self._note(self.used, seen.evidence.node, seen.number)
-
-    def on_example(self, lesson: Lesson) -> None:
-        if lesson.is_learned:  # else the learner names the image of one that may be undone by now
-            self._note(self.taught, self._learner.last_node_, lesson.number)
 
     def _note(self, when: dict[int, int], node_id: int | None, now: int) -> None:
         if node_id is None:

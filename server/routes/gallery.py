@@ -10,7 +10,7 @@ from pydantic import StrictBool, StrictStr
 
 from robot.control.loop import ControlLoop
 from robot.devices.outside import Outside, must_be
-from robot.policy.gallery import Explanation, LearnedImage
+from robot.policy.gallery import Explanation, LearnedImage, explain
 from robot.types import Prediction
 from server.progress import Progress
 from server.routes.answers import PNG, Route, answer, png, png_text
@@ -156,5 +156,5 @@ def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
     if newest is None:
         return None
     x, prediction = newest
-    explanation = loop.history.policy.gallery.explain(x, prediction.node)
+    explanation = explain(loop.history.policy, x, prediction.node)
     return None if explanation is None else (prediction, explanation)

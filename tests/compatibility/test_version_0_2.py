@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robot.policy.gallery import images
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.episodes.edits import Notes
@@ -44,7 +45,7 @@ def nodes_of(policy: Policy) -> list[dict[str, Any]]:
             "votes": {move.value: count for move, count in image.votes.items()},
             "pinned": bool(image.is_pinned),
         }
-        for node, image in zip(policy.learner.nodes(), policy.gallery.images(), strict=True)
+        for node, image in zip(policy.learner.nodes(), images(policy), strict=True)
     ]
 
 

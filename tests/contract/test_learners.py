@@ -12,6 +12,7 @@ from robot.errors import MissingExtraError
 from robot.lab.baselines import RIVALS
 from robot.lab.variants import VARIANTS
 from robot.learner import Learner, State
+from robot.policy.gallery import images
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import learner_kinds, make_policy
@@ -69,7 +70,7 @@ def test_it_is_a_learner(kind: str) -> None:
 def test_a_learner_of_images_shows_them_all_and_others_show_none(kind: str) -> None:
     policy = make(kind)
     teach(policy, 40)
-    gallery = policy.gallery.images()
+    gallery = images(policy)
     ids = [image.node_id for image in gallery]
     assert bool(gallery) is policy.learner.abilities.images
     assert policy.n_nodes == len(gallery) == len(set(ids))
@@ -84,7 +85,7 @@ def test_a_prediction_names_an_image_of_the_gallery(kind: str) -> None:
     teach(policy, 40)
     node = policy.propose(1, policy.extract(view(3, 500))).node
     if policy.learner.abilities.images:
-        shown = {image.node_id: image for image in policy.gallery.images()}
+        shown = {image.node_id: image for image in images(policy)}
         assert node in shown and shown[node].last_used == 1
     else:
         assert node is None
@@ -102,10 +103,10 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
             with pytest.raises(ValueError, match="keeps no images"):
                 edit()
         return
-    first, second = (image.node_id for image in policy.gallery.images()[:2])
+    first, second = (image.node_id for image in images(policy)[:2])
     policy.relabel_node(first, Action.RIGHT)
     policy.learner.delete_node(second)
-    shown = {image.node_id: image for image in policy.gallery.images()}
+    shown = {image.node_id: image for image in images(policy)}
     assert second not in shown
     assert shown[first].votes[Action.RIGHT] == shown[first].frames
     with pytest.raises(LookupError):
@@ -130,10 +131,10 @@ def test_a_pinned_image_stays_as_it_is(kind: str) -> None:
     teach(policy, 40)
     if not policy.learner.abilities.pinning:
         pytest.skip("it says that it cannot pin")
-    pinned = policy.gallery.images()[0]
+    pinned = images(policy)[0]
     policy.learner.pin_node(pinned.node_id)
     teach(policy, 60, first=40)
-    [still] = [image for image in policy.gallery.images() if image.node_id == pinned.node_id]
+    [still] = [image for image in images(policy) if image.node_id == pinned.node_id]
     assert still.is_pinned
     assert np.array_equal(still.thumbnail, pinned.thumbnail)
     with pytest.raises(ValueError, match="pinned"):
@@ -153,7 +154,7 @@ def test_a_strange_view_is_novel_or_the_learner_says_that_it_cannot_tell(kind: s
 def test_after_the_last_image_is_deleted_it_proposes_nothing(kind: str) -> None:
     policy = make(kind)
     teach(policy, 6)
-    for image in policy.gallery.images():
+    for image in images(policy):
         policy.learner.delete_node(image.node_id)
     prediction = policy.propose(1, policy.extract(view(1)))
     assert (prediction.action is None) is policy.learner.abilities.images
@@ -196,7 +197,7 @@ def test_undoing_an_edit_brings_the_image_back(kind: str) -> None:
     before = history.policy.get_state()
     if not history.policy.learner.abilities.images:
         pytest.skip("it says that it keeps no images")
-    history.edit("delete", history.policy.gallery.images()[0].node_id)
+    history.edit("delete", images(history.policy)[0].node_id)
     assert not same(history.policy.get_state(), before)
     assert history.undo_edit()
     assert same(history.policy.get_state(), before)

@@ -14,6 +14,7 @@ import numpy as np
 
 from robot.clock import RealClock
 from robot.errors import RecordingError
+from robot.policy import gallery
 from robot.policy.autosize import sample_frames
 from robot.policy.policy import Policy
 from robot.store.models.model import Model
@@ -69,7 +70,7 @@ def _drive(policy: Policy) -> None:
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
         if _MACHINE.now_s() > until_s:
             break
-    policy.gallery.images()
+    gallery.images(policy)
     policy.reset()
 
 

@@ -71,6 +71,6 @@ def test_standing_still_is_no_move_under_way():
 @pytest.mark.parametrize(("usual_run_s", "at_least", "at_most"), [(3.0, 0.3, 0.5), (0.2, 0.0, 0.1)])
 def test_the_average_is_no_slower_than_the_pilots_hand(usual_run_s, at_least, at_most):
     votes = RunningVotes(VOTES_KEPT)
-    votes.update({F: 1.0, L: 0.0}, 0.0, usual_run_s)
+    votes.update({F: 1.0, L: 0.0}, 0.1, usual_run_s)
     steady = votes.update({F: 0.0, L: 1.0}, 0.1, usual_run_s)
     assert at_least < steady[F] < at_most

@@ -15,6 +15,7 @@ from robot.driver import CLASSIC, move_at, point_of
 from robot.learner.base import State
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import ContextRidge
+from robot.policy.gallery import images
 from robot.policy.history import Taught, TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.recognition import BAND
@@ -162,12 +163,12 @@ def test_a_policy_that_is_restored_goes_on_as_the_first(learner: str, seed: int)
             x = policy.extract(view(bend, i))
             policy.learn(x, move_of(by_degrees(bend)), 0.1 * i, point)
         if i == 80:
-            node = dice.choice(first.gallery.images())
+            node = dice.choice(images(first))
             first.relabel_node(node.node_id, dice.choice(list(node.votes)))
             second.restore(first.get_state())
             policies.append(second)
         if i == 120:
-            gone = dice.choice(first.gallery.images()).node_id
+            gone = dice.choice(images(first)).node_id
             for policy in policies:
                 policy.learner.delete_node(gone)
                 policy.check()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robot.policy.features import CELL_COLUMNS, CELL_ROWS
+from robot.policy.gallery import explain
 from robot.policy.registry import make_policy
 from robot.types import Action
 from tests.robot.policy.pictures import frame_of
@@ -51,7 +52,7 @@ def test_what_is_marked_is_what_only_the_deciding_image_shares(name: str, seed: 
     for which in range(3):
         x = policy.extract(frame_of(view(which)))
         proposal = policy.propose(1, x)
-        why = policy.gallery.explain(x, proposal.node)
+        why = explain(policy, x, proposal.node)
         assert why is not None and why.alike.shape == (CELL_ROWS, CELL_COLUMNS)
         assert why.alike.min() >= 0.0 and why.alike.max() <= 1.0
         assert why.alike[rows[which], columns[which]] > 0.6, "its own pattern"
@@ -72,9 +73,9 @@ def test_without_an_image_there_is_nothing_to_show() -> None:
     rng = np.random.default_rng(3)
     policy = make_policy("default-16")
     x = policy.extract(frame_of(rng.integers(0, 256, (120, 160))))
-    assert policy.gallery.explain(x, None) is None
+    assert explain(policy, x, None) is None
     policy.learn(x, Action.LEFT)
     node = policy.propose(1, x).node
-    assert node is not None and policy.gallery.explain(x, node + 99) is None, "merged meanwhile"
-    why = policy.gallery.explain(x, node)
+    assert node is not None and explain(policy, x, node + 99) is None, "merged meanwhile"
+    why = explain(policy, x, node)
     assert why is not None and not why.alike.any(), "one image alone is like no other"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from robot.learner.base import State
-from robot.policy.gallery import LearnedImage
+from robot.policy.gallery import LearnedImage, images
 from robot.policy.history import (
     Edited,
     HistoryEvent,
@@ -83,7 +83,7 @@ def test_an_edit_is_undone_alone_and_lessons_stay() -> None:
     history = TrainingHistory(make_policy("published-8"))
     teach(history, vectors(history.policy, 30))
     before = history.policy.get_state()
-    node = history.policy.gallery.images()[0]
+    node = images(history.policy)[0]
     wrong = min(MOVES, key=lambda move: node.votes.get(move, 0))
     history.edit("relabel", node.node_id, wrong)
     assert not same(history.policy.get_state(), before)
@@ -114,11 +114,11 @@ def test_the_word_that_all_before_is_outdated_is_an_edit() -> None:
 def test_only_the_last_edit_is_taken_back() -> None:
     history = TrainingHistory(make_policy("published-8"))
     teach(history, vectors(history.policy, 30))
-    first, second = history.policy.gallery.images()[:2]
+    first, second = images(history.policy)[:2]
     history.edit("pin", first.node_id, True)
     history.edit("pin", second.node_id, True)
     assert history.undo_edit()
-    pinned = [image.node_id for image in history.policy.gallery.images() if image.is_pinned]
+    pinned = [image.node_id for image in images(history.policy) if image.is_pinned]
     assert pinned == [first.node_id]
 
 
@@ -126,7 +126,7 @@ def test_undoing_lessons_keeps_the_edits_made_meanwhile() -> None:
     history = TrainingHistory(make_policy("published-8"))
     xs = vectors(history.policy, 40)
     teach(history, xs[:8])
-    node = history.policy.gallery.images()[0]
+    node = images(history.policy)[0]
     history.edit("relabel", node.node_id, Action.RIGHT)
     with_edit = history.policy.get_state()
     teach(history, xs[8:12], first=8)
@@ -141,7 +141,7 @@ def test_a_bad_edit_is_refused_and_changes_nothing() -> None:
     with pytest.raises(LookupError):
         history.edit("delete", 10_000)
     with pytest.raises(ValueError, match="paint"):
-        history.edit("paint", history.policy.gallery.images()[0].node_id)
+        history.edit("paint", images(history.policy)[0].node_id)
     assert same(history.policy.get_state(), before)
 
 
@@ -149,7 +149,7 @@ def test_everything_that_changes_the_learner_is_told_in_order() -> None:
     told: list[HistoryEvent] = []
     history = TrainingHistory(make_policy("published-8"), told.append)
     teach(history, vectors(history.policy, 3))
-    history.edit("pin", history.policy.gallery.images()[0].node_id, True)
+    history.edit("pin", images(history.policy)[0].node_id, True)
     history.undo(0.05)
     kinds = [type(event) for event in told]
     assert kinds == [Taught, Taught, Taught, Edited, Undone]
@@ -233,7 +233,7 @@ def test_each_change_is_counted_once_and_told() -> None:
     history = TrainingHistory(make_policy("published-8"), told.append)
     assert history.changes == 0
     teach(history, vectors(history.policy, 3))
-    history.edit("pin", history.policy.gallery.images()[0].node_id, True)
+    history.edit("pin", images(history.policy)[0].node_id, True)
     history.undo_edit()
     history.replace_policy(make_policy("published-4"))
     assert [type(event) for event in told[:-2]] == [Taught, Taught, Taught, Edited]
@@ -261,10 +261,10 @@ def test_another_policy_goes_on_with_what_it_was_taught_and_none_of_that_is_undo
 def test_each_edit_does_what_it_says() -> None:
     history = TrainingHistory(make_policy("published-8"))
     teach(history, vectors(history.policy, 6))
-    first, second, *_ = (node.node_id for node in history.policy.gallery.images())
+    first, second, *_ = (node.node_id for node in images(history.policy))
 
     def node(node_id: int) -> LearnedImage:
-        return next(node for node in history.policy.gallery.images() if node.node_id == node_id)
+        return next(node for node in images(history.policy) if node.node_id == node_id)
 
     history.edit("relabel", first, Action.RIGHT)
     assert {move for move, votes in node(first).votes.items() if votes} == {Action.RIGHT}
@@ -272,7 +272,7 @@ def test_each_edit_does_what_it_says() -> None:
         history.edit("pin", first, is_pinned)
         assert node(first).is_pinned is is_pinned
     history.edit("delete", second)
-    assert second not in {node.node_id for node in history.policy.gallery.images()}
+    assert second not in {node.node_id for node in images(history.policy)}
 
 
 def test_a_drive_is_counted_where_something_was_taught_in_it() -> None:

@@ -4,24 +4,40 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from robot.policy.light import ANOTHER_LIGHT, LightAdaptation
 from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame
+from tests.robot.policy.passing import see, teach
 
 F, L = Action.FORWARD, Action.LEFT
 
 
+def grey(brightness: float) -> NDArray[np.float64]:
+    return np.full(4, brightness)
+
+
 def taught(brightness: float) -> LightAdaptation:
-    light = LightAdaptation()
+    light = adaptation()
     for _ in range(50):
-        light.learn(brightness)
+        teach(light, F, None, picture=grey(brightness))
     return light
+
+
+def adaptation() -> LightAdaptation:
+    return LightAdaptation(lambda x, gain: x * gain)
+
+
+def gain_of(light: LightAdaptation, brightness: float, step_s: float = 0.1) -> float:
+    """Return by how much the learner is shown a view brighter than it is."""
+    seen = see(light, picture=grey(brightness), step_s=step_s)
+    return float(seen.x.mean()) / brightness
 
 
 @given(taught_at=st.floats(10.0, 120.0), times=st.floats(0.1, 3.0))
 def test_another_light_is_made_up_for_and_another_view_is_not(taught_at, times):
-    gain = taught(taught_at).gain(taught_at * times, 0.0)
+    gain = gain_of(taught(taught_at), taught_at * times)
     if 1.0 / ANOTHER_LIGHT * 1.01 < times < ANOTHER_LIGHT / 1.01:
         assert gain == 1.0
     elif not 1.0 / ANOTHER_LIGHT * 0.99 < times < ANOTHER_LIGHT / 0.99:
@@ -30,17 +46,16 @@ def test_another_light_is_made_up_for_and_another_view_is_not(taught_at, times):
 
 @pytest.mark.parametrize("rate_hz", [5, 10, 30])
 def test_a_dark_corner_is_no_other_light_at_any_frame_rate(rate_hz):
-    light, now_s = taught(60.0), 0.0
+    light = taught(60.0)
     gains = []
     for brightness, seconds in ((60.0, 5.0), (20.0, 1.0), (60.0, 5.0)):
         for _ in range(round(seconds * rate_hz)):
-            now_s += 1 / rate_hz
-            gains.append(light.gain(brightness, now_s))
+            gains.append(gain_of(light, brightness, 1 / rate_hz))
     assert set(gains) == {1.0}
 
 
 def test_before_the_first_example_nothing_changes():
-    assert LightAdaptation().gain(3.0, None) == 1.0
+    assert gain_of(adaptation(), 3.0) == 1.0
 
 
 def picture(kind: int, light: float, seed: int) -> Frame:
@@ -77,9 +92,9 @@ def test_a_darker_room_is_no_news(light):
 
 
 def test_it_is_saved_with_the_model_and_an_impossible_one_refused():
-    light, copy = taught(60.0), LightAdaptation()
+    light, copy = taught(60.0), adaptation()
     copy.load(*light.save())
-    assert copy.gain(20.0, None) == light.gain(20.0, None) == 3.0
+    assert gain_of(copy, 20.0) == gain_of(light, 20.0) == 3.0
     for harm in ({"taught": -1.0}, {"examples": 1e9}, {"taught": float("nan")}):
         with pytest.raises(ValueError, match=r"taught|examples"):
             copy.load(light.save()[0] | harm, {})

@@ -7,9 +7,18 @@ import pytest
 from robot.policy.move_context import BOTH, ONSET_S, STRAIGHT, TURNING, MoveContext
 from robot.policy.move_kinds import MoveKinds
 from robot.types import Action
+from tests.robot.policy.passing import see, teach
 
 F, L, R, B = Action.FORWARD, Action.LEFT, Action.RIGHT, Action.BACKWARD
 KINDS = MoveKinds((F, L, R, B))
+
+
+def note(context, label, at_s):
+    return teach(context, label, at_s).contexts
+
+
+def context_of(move):
+    return see(MoveContext(KINDS), under_way=move).context
 
 
 def run(moves, step_s):
@@ -17,7 +26,7 @@ def run(moves, step_s):
     contexts, now_s, noted = MoveContext(KINDS), 0.0, []
     for move, length_s in moves:
         for _ in range(round(length_s / step_s)):
-            noted.append((move, contexts.note(move, now_s)))
+            noted.append((move, note(contexts, move, now_s)))
             now_s += step_s
     return noted
 
@@ -30,7 +39,7 @@ def test_the_first_half_second_of_a_move_ends_the_one_before(rate_hz):
         early = [contexts for _, contexts in noted[begun : begun + int(ONSET_S * rate_hz) + 1]]
         late = [contexts for _, contexts in noted[begun + len(early) : begun + 2 * rate_hz]]
         assert set(early) == {BOTH}
-        assert set(late) == {(MoveContext(KINDS).of(move),)}
+        assert set(late) == {(context_of(move),)}
 
 
 def test_a_move_of_the_same_kind_ends_nothing():
@@ -43,33 +52,33 @@ def test_a_move_of_the_same_kind_ends_nothing():
 def test_after_a_pause_nothing_is_known_of_what_went_before(again):
     contexts = MoveContext(KINDS)
     for step in range(20):
-        contexts.note(F, 0.1 * step)
-    assert contexts.note(again, 2.4) == BOTH
-    assert contexts.note(again, 2.4 + ONSET_S + 0.01) == BOTH, "that was a pause again"
-    assert contexts.note(again, 2.6 + ONSET_S) == BOTH
+        note(contexts, F, 0.1 * step)
+    assert note(contexts, again, 2.4) == BOTH
+    assert note(contexts, again, 2.4 + ONSET_S + 0.01) == BOTH, "that was a pause again"
+    assert note(contexts, again, 2.6 + ONSET_S) == BOTH
     for step in range(5):
-        last = contexts.note(again, 2.7 + ONSET_S + 0.1 * step)
-    assert last == (MoveContext(KINDS).of(again),)
+        last = note(contexts, again, 2.7 + ONSET_S + 0.1 * step)
+    assert last == (context_of(again),)
 
 
 def test_an_example_without_a_time_counts_in_both():
     contexts = MoveContext(KINDS)
     for step in range(20):
-        contexts.note(F, 0.1 * step)
-    assert contexts.note(F, None) == BOTH
-    assert contexts.note(F, 2.0) == BOTH, "what went before it is not known either"
+        note(contexts, F, 0.1 * step)
+    assert note(contexts, F, None) == BOTH
+    assert note(contexts, F, 2.0) == BOTH, "what went before it is not known either"
 
 
 @pytest.mark.parametrize("cut", range(0, 60, 7))
 def test_saved_in_the_middle_it_goes_on_alike(cut):
     whole, first, second = MoveContext(KINDS), MoveContext(KINDS), MoveContext(KINDS)
     drive = [(move, 0.1 * i) for i, move in enumerate([F] * 20 + [L] * 12 + [R] * 8 + [F] * 20)]
-    expected = [whole.note(*example) for example in drive]
-    noted = [first.note(*example) for example in drive[:cut]]
+    expected = [note(whole, *example) for example in drive]
+    noted = [note(first, *example) for example in drive[:cut]]
     second.load(
         json.loads(json.dumps(first.save()[0])), {}, {str(move): move for move in (F, L, R)}
     )
-    assert noted + [second.note(*example) for example in drive[cut:]] == expected
+    assert noted + [note(second, *example) for example in drive[cut:]] == expected
 
 
 @pytest.mark.parametrize(
@@ -88,4 +97,4 @@ def test_a_damaged_state_is_refused(wrong):
 
 def test_a_body_whose_turns_are_not_known_has_one_context():
     contexts = MoveContext(MoveKinds((Action("gas"), Action("brake"))))
-    assert {contexts.note(Action("gas"), 0.1 * step) for step in range(20)} == {BOTH}
+    assert {note(contexts, Action("gas"), 0.1 * step) for step in range(20)} == {BOTH}

@@ -5,9 +5,9 @@ import pytest
 
 from robot.driver import Move
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.pilot_pace import LONGEST_DEBT_S, SHORTEST_DEBT_S, PilotPace
-from robot.policy.stall_detector import STUCK_S
+from robot.policy.pilot_pace import LONGEST_DEBT_S, SHORTEST_DEBT_S, STUCK_S, PilotPace
 from robot.types import Action, Point
+from tests.robot.policy.passing import teach
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 BRAKE, GRIP = Action("brake"), Action("grip")
@@ -29,7 +29,7 @@ class Pilot:
             picture = np.full((30, 40), 60, np.uint8)
             picture[:, at : at + 10] = 180
             picture += self.rng.integers(0, 4, (30, 40), np.uint8)
-            self.pace.learn(label, picture.ravel(), self.now_s, point)
+            teach(self.pace, label, self.now_s, picture=picture.ravel(), point=point)
         return self
 
 

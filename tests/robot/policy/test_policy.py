@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robot.errors import ConfigurationError
+from robot.policy.gallery import images
 from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame
 from tests.learners import installed
@@ -67,12 +68,12 @@ def test_state_gives_the_same_predictions_and_the_same_future(name):
         assert first.propose(i, x) == second.propose(i, x)
         first.learn(x, F)
         second.learn(x, F)
-    assert [g.votes for g in first.gallery.images()] == [g.votes for g in second.gallery.images()]
+    assert [g.votes for g in images(first)] == [g.votes for g in images(second)]
 
 
 def test_gallery_shows_every_node_and_its_edits():
     policy = taught("default-6")
-    gallery = policy.gallery.images()
+    gallery = images(policy)
     assert len(gallery) == policy.n_nodes == 6
     assert sum(image.frames for image in gallery) == policy.n_seen == 40
     assert all(image.thumbnail.shape == (30, 40) for image in gallery)
@@ -80,7 +81,7 @@ def test_gallery_shows_every_node_and_its_edits():
     policy.relabel_node(first, R)
     policy.learner.pin_node(first)
     policy.learner.delete_node(second)
-    shown = {image.node_id: image for image in policy.gallery.images()}
+    shown = {image.node_id: image for image in images(policy)}
     assert second not in shown
     assert shown[first].is_pinned
     assert shown[first].votes[R] == shown[first].frames

@@ -25,5 +25,5 @@ def test_a_share_outside_its_range_is_refused(keep):
 
 def test_frames_without_times_are_a_tenth_of_a_second_apart():
     timed, untimed = RunningVotes(0.4), RunningVotes(0.4)
-    for number, votes in enumerate([{F: 1.0, L: 0.0}, {F: 0.0, L: 1.0}, {F: 0.5, L: 0.5}]):
-        assert untimed.update(votes) == pytest.approx(timed.update(votes, number / 10))
+    for votes in ({F: 1.0, L: 0.0}, {F: 0.0, L: 1.0}, {F: 0.5, L: 0.5}):
+        assert untimed.update(votes) == pytest.approx(timed.update(votes, 0.1))

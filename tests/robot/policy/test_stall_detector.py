@@ -3,8 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.policy.action_filter import AWAY_S, StallDetector
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.stall_detector import AWAY_S, STUCK_S, StallDetector
+from robot.policy.part import Seen
+from robot.policy.pilot_pace import STUCK_S, PilotPace
 from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -15,7 +17,9 @@ class Drive:
     """Pictures at 20 Hz: of a stripe that moves, or of one that only has noise."""
 
     def __init__(self):
-        self.standstill = StallDetector(MoveKinds((F, L, R, BRAKE, GRIP)))
+        kinds = MoveKinds((F, L, R, BRAKE, GRIP))
+        self.standstill, self.pace = StallDetector(kinds), PilotPace(kinds)
+        self.pace.stands.append(GRIP)
         self.now_s, self.shift = 100.0, 0
         self.rng = np.random.default_rng(3)
 
@@ -32,13 +36,17 @@ class Drive:
             picture = np.full((30, 40), 60, np.uint8)
             picture[:, self.shift % 30 : self.shift % 30 + 10] = 180
             picture += self.rng.integers(0, 4, (30, 40), np.uint8)
-            barred = self.standstill.barred(
-                picture, under_way, self.now_s, bumped=bumped, stands=(GRIP,)
-            )
-            if barred is not None and first_s is None:
-                assert barred is gives_up
+            self.look(picture, under_way, bumped)
+            barred = self.standstill.futile
+            if barred and first_s is None:
+                assert barred[-1] is gives_up
                 first_s = (i + 1) * 0.05
         return first_s
+
+    def look(self, picture, under_way, bumped=False):
+        seen = Seen(number=1, x=picture, picture=picture, at_s=self.now_s)
+        seen.under_way, seen.bumped = under_way, bumped
+        self.standstill.look(seen, self.pace)
 
 
 @pytest.fixture
@@ -103,7 +111,7 @@ def test_a_flash_of_light_does_not_make_all_after_it_look_still(drive):
     drive.go(3, F, is_moving=True)
     flash = np.full((30, 40), 255, np.uint8)
     drive.now_s += 0.1
-    drive.standstill.barred(flash, F, drive.now_s)
+    drive.look(flash, F)
     assert drive.go(3, F, is_moving=True) is None
 
 

@@ -10,14 +10,15 @@ import pytest
 from robot.policy.action_filter import (
     ALLOWANCE,
     ASKING_S,
+    AWAY_S,
     HELPLESS_S,
     ActionFilter,
 )
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Seen
-from robot.policy.pilot_pace import LONGEST_DEBT_S, TO_AND_FRO_S, PilotPace
-from robot.policy.stall_detector import AWAY_S, STUCK_S
+from robot.policy.pilot_pace import LONGEST_DEBT_S, STUCK_S, TO_AND_FRO_S, PilotPace
 from robot.types import Action
+from tests.robot.policy.passing import teach
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 MOVES = (F, L, R)
@@ -61,7 +62,7 @@ class Body:
         noise = self._rng.integers(0, 4, (30, 40), np.uint8)
         picture = np.tile(self._wall[at : at + 40], (30, 1)) + noise
         seen = Seen(number=1, x=picture, picture=picture, at_s=self.now_s, under_way=self.doing)
-        seen.shares = votes
+        seen.shares, seen.step_s = votes, self.dt_s
         self.filter.on_frame(seen)
         self.doing = Action.STOP if seen.needs_help else seen.action
         self.sent.append((self.doing, is_free))
@@ -142,7 +143,7 @@ def test_it_turns_to_and_fro_as_quickly_as_its_pilot(rate_hz, period_s):
     for frame in range(int(8 * rate_hz)):
         at_s = frame / rate_hz
         label = L if at_s % (2 * period_s) < period_s else R
-        body.pace.learn(label, np.zeros(400, np.uint8), at_s)
+        teach(body.pace, label, at_s)
     body.pace.longest_debt_s = LONGEST_DEBT_S
     assert body.pace.to_and_fro_s < 2 * period_s
     sent = body.run(4.0, lambda t: voted(L if t % (2 * period_s) < period_s else R))
@@ -153,7 +154,7 @@ def test_it_turns_to_and_fro_as_quickly_as_its_pilot(rate_hz, period_s):
 def test_a_slip_of_the_pilot_allows_nothing():
     pace = PilotPace(KINDS)
     for frame, label in enumerate([*[L] * 8, *[R] * 2, *[L] * 2, *[F] * 40] * 2):
-        pace.learn(label, np.zeros(400, np.uint8), frame / 10)
+        teach(pace, label, frame / 10)
     assert pace.to_and_fro_s == TO_AND_FRO_S
 
 

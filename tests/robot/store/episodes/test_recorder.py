@@ -15,6 +15,7 @@ from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
 from robot.clock import Clock
+from robot.policy.gallery import images
 from robot.policy.history import Taught
 from robot.store.disk import FLUSH_EVERY_S
 from robot.store.episodes.episode import open_episode, taught_frames
@@ -82,7 +83,7 @@ def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
     """Read by the library itself, with the schemas that the file carries."""
     robot = RecordedBench(tmp_path)
     robot.drive(range(30))
-    node = robot.loop.history.policy.gallery.images()[0].node_id
+    node = images(robot.loop.history.policy)[0].node_id
     robot.loop.submit(lambda: robot.loop.history.edit("relabel", node, Action.LEFT))
     robot.loop.submit(lambda: robot.loop.history.undo(0.3))
     robot.tick()

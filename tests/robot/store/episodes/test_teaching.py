@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from robot.errors import ConfigurationError
+from robot.policy.gallery import images
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.store.episodes.edits import Edit, Notes, trim
@@ -43,11 +44,11 @@ def test_a_drive_with_corrections_and_undo_is_learned_again_bit_for_bit(
     for scene in range(200, 240):
         point = Point(0.3 + scene % 7 / 10, 0.3) if scene > 210 else None
         robot.step(scene, Action.RIGHT if scene % 9 < 3 else None, point=point)
-    node = history.policy.gallery.images()[0].node_id
+    node = images(history.policy)[0].node_id
     robot.loop.submit(lambda: history.edit("relabel", node, Action.LEFT))
     robot.step(300, None)
     robot.loop.submit(lambda: history.undo(0.2))
-    robot.loop.submit(lambda: history.edit("pin", history.policy.gallery.images()[0].node_id, True))
+    robot.loop.submit(lambda: history.edit("pin", images(history.policy)[0].node_id, True))
     robot.loop.submit(lambda: history.undo_edit())
     robot.step(301, Action.FORWARD)
     robot.stop()

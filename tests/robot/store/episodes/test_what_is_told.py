@@ -16,6 +16,7 @@ from robot.exchange.drive import Drive, Shot, write_episode
 from robot.exchange.film import check_suffix, write_look
 from robot.exchange.timeline import make_timeline
 from robot.exchange.tub import write_tub
+from robot.policy.gallery import images
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import open_episode, taught_frames
 from robot.store.episodes.store import EpisodeStore
@@ -183,7 +184,7 @@ def test_runs_in_which_nothing_was_taught_or_driven_are_not_kept(tmp_path: Path,
     if does == "edits":
         robot.drive(range(5))
         robot.recorder.finish()
-        node = robot.loop.history.policy.gallery.images()[0].node_id
+        node = images(robot.loop.history.policy)[0].node_id
         robot.loop.submit(lambda: robot.loop.history.edit("pin", node, True))
         robot.tick()
         assert len(robot.finish()) == 2

@@ -16,6 +16,7 @@ import numpy as np
 
 from robot.errors import RecordingError
 from robot.learner.base import State
+from robot.policy.gallery import images
 from robot.policy.policy import Policy
 from robot.store.folder import Storage
 from robot.store.models import journal as journal_module
@@ -153,7 +154,7 @@ class Life(BenchRobot):
 
     def edit(self) -> None:
         verb = self.rng.choice(("relabel", "pin", "delete"))
-        nodes = [image.node_id for image in self.policy.gallery.images()]
+        nodes = [image.node_id for image in images(self.policy)]
         if nodes:
             value = self.rng.choice(MOVES) if verb == "relabel" else self.rng.random() < 0.5
             node = self.rng.choice(nodes)

@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from robot.errors import RecordingError
+from robot.policy.gallery import images
 from robot.policy.history import TrainingHistory
 from robot.policy.registry import make_policy
 from robot.store.models.model import Model, decode_model, encode_model, take_model
@@ -51,8 +52,8 @@ def real(learner: str, n_examples: int, n_views: int = 120) -> Model:
         taught[label] += 1
         if i == n_examples // 2:
             policy.reset()
-    if len(policy.gallery.images()) > 1:
-        policy.learner.pin_node(policy.gallery.images()[0].node_id)
+    if len(images(policy)) > 1:
+        policy.learner.pin_node(images(policy)[0].node_id)
     return decode_model(encode_model(take_model(policy, taught, saved_at_s=1.7e9)))
 
 
@@ -163,7 +164,7 @@ def drive(model: Model) -> Model:
         assert np.isfinite([seen.confidence, seen.novelty, *seen.probabilities.values()]).all()
         label = policy.moves[i // 9 % len(policy.moves)]
         history.teach(Example(frame_id=i, label=label, is_intervention=False), x, at_s)
-        nodes = [image.node_id for image in policy.gallery.images() if not image.is_pinned]
+        nodes = [image.node_id for image in images(policy) if not image.is_pinned]
         if i == 30 and len(nodes) > 1:
             history.edit("relabel", nodes[0], policy.moves[-1])
             history.edit("delete", nodes[1])

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from robot.clock import RealClock
+from robot.policy.gallery import images
 from robot.store.disk import DiskThread
 from robot.store.folder import Storage
 from robot.store.models.journal import list_parts
@@ -123,7 +124,7 @@ def test_who_deleted_the_last_image_starts_again_with_none(tmp_path: Path, learn
     rng = random.Random(1)
     first = Life(tmp_path, [0.0], rng, learner)
     first.teach()
-    for image in first.policy.gallery.images():
+    for image in images(first.policy):
         first.loop.submit(lambda n=image.node_id: first.loop.history.edit("delete", n)).result(0)
     first.save()
     first.policy.reset()
