@@ -227,9 +227,9 @@ class Prediction:
     """
 
     frame_id: int
-    action: Action | None
-    confidence: float
-    probabilities: Mapping[Action, float]
+    action: Action | None = None
+    confidence: float = 0.0
+    probabilities: Mapping[Action, float] = field(default_factory=dict)
     node: int | None = None
     distance: float = 0.0
     novelty: float = 0.0

@@ -15,7 +15,6 @@ import logging
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from robot.clock import Clock
 from robot.driver import Move
@@ -176,32 +175,29 @@ class OnlineLearning:
         self.frame = frame
         self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
-        self.prediction = self._propose(
-            frame, x, under_way=under_way, bumped=bumped, by_degrees=by_degrees
-        )
+        prediction = Prediction(frame_id=frame.frame_id)  # none, where the learner fails
+        with self._guarded():
+            prediction = self.history.policy.propose(
+                frame.frame_id,
+                x,
+                under_way=under_way,
+                at_s=frame.captured_s,
+                bumped=bumped,
+                by_degrees=by_degrees,
+            )
+            self.fault = None
+        self.prediction = prediction
         self._note_time("propose", started_s)
         self._seen[frame.frame_id] = _Seen(
             x=x,
             captured_s=frame.captured_s,
             delivered_s=frame.captured_s if delivered_s is None else delivered_s,
-            predicted=self.prediction.action,
-            point=self.prediction.point,
+            predicted=prediction.action,
+            point=prediction.point,
         )
         while len(self._seen) > MEMORY_FRAMES:
             del self._seen[next(iter(self._seen))]
         return True
-
-    def _propose(self, frame: Frame, x: Vector, **seen: Any) -> Prediction:
-        """Ask the policy; where its learner fails there is no proposal."""
-        prediction = Prediction(
-            frame_id=frame.frame_id, action=None, confidence=0.0, probabilities={}
-        )
-        with self._guarded():
-            prediction = self.history.policy.propose(
-                frame.frame_id, x, at_s=frame.captured_s, **seen
-            )
-            self.fault = None
-        return prediction
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:

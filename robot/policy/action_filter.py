@@ -102,9 +102,6 @@ class StallDetector:
     it). Nor is a move that nobody knows, if the pilot has stood with it himself: he may wait, or
     grip.
 
-    Args:
-        kinds: Which moves are which.
-
     Attributes:
         is_stalled: True while a move under way has no effect.
         futile: The moves that are given up.
@@ -178,7 +175,7 @@ class ActionFilter(PolicyPart):
     """Makes steady driving of the votes on single frames.
 
     Args:
-        kinds: Which moves are turns, and which drive straight.
+        kinds: Of the moves.
         votes_kept: Share of the running average of votes that is left after a tenth of a second.
         turn_inertia: By how much the votes for another move must exceed those for a turn under way.
         straight_inertia: The same for any other move under way.

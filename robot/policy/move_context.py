@@ -61,11 +61,7 @@ ONSET_S = 0.5
 
 
 class MoveContext(PolicyPart):
-    """Follows what is being taught, example by example.
-
-    Args:
-        kinds: Which moves are turns; where none is known to be, all contexts are one.
-    """
+    """Follows what is being taught; where no move is known to turn, all contexts are one."""
 
     fields = (
         Value("move", optional(name)),

@@ -41,12 +41,7 @@ class ChangeMeter:
         self.before_s = 0.0
 
     def note(self, picture: NDArray[np.uint8], at_s: float) -> float | None:
-        """Compare a picture with the one of a tenth of a second before; None: that is not over yet.
-
-        Args:
-            picture: The frame in grey, of any one shape.
-            at_s: When the frame was taken.
-        """
+        """Return the change within a tenth of a second; None: that is not over yet."""
         before, step_s = self.before, at_s - self.before_s
         if before is not None and 0.0 <= step_s < 0.9 * STEP_S:
             return None
@@ -95,9 +90,6 @@ class Headway:
     effect takes four times as much off; it is never below 0. A curve by degrees gets on by what it
     lacks to full lock, and pays for as much turning. Changes from one side to the other count until
     the debt is paid.
-
-    Args:
-        kinds: Which moves are turns, and to which side.
 
     Attributes:
         debt_s: The debt.
@@ -179,9 +171,6 @@ PAUSE_S = 0.45
 
 class PilotPace(PolicyPart):
     """How long a pilot's manoeuvres take.
-
-    Args:
-        kinds: Which moves are turns, and which drive straight.
 
     Attributes:
         longest_debt_s: Largest debt (`Headway`) of the pilot's own driving, within bounds.

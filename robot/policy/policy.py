@@ -147,7 +147,7 @@ class Policy(Stateful):
             for on_frame in self._on_frame:
                 on_frame(seen)
         except NotFittedError:
-            return Prediction(frame_id=frame_id, action=None, confidence=0.0, probabilities={})
+            return Prediction(frame_id=frame_id)
         known = seen.evidence
         confidence = self._chance(seen.shares, seen.action, known.novelty)
         if not math.isfinite(confidence):

@@ -41,12 +41,7 @@ def _node_id(plain: Any, names: Names) -> int:
 
 
 class Degrees(PolicyPart):
-    """Follows how each move was steered.
-
-    Args:
-        learner: Learns the angles, if it can; else each move means its mean.
-        moves: The moves.
-        kinds: Says what the body declares of them.
+    """Follows how each move was steered. Where the learner learns no angles each means its mean.
 
     Attributes:
         angle: Running mean of the learner's angles, whatever the move; rivals drive by it.
@@ -122,11 +117,6 @@ class Degrees(PolicyPart):
 
 class Recognition(PolicyPart):
     """The learner among the parts of a policy.
-
-    Args:
-        learner: Recognises and learns.
-        moves: The moves.
-        degrees: Teaches it angles, too.
 
     Attributes:
         used: Which proposal matched an image last, by the image's id.
