@@ -149,7 +149,12 @@ class Learner(Protocol):
 
     @abstractmethod
     def explain_one(self, x: Vector) -> Evidence:
-        """Return the prediction with its evidence. Raises NotFittedError before any example."""
+        """Return the prediction with its evidence.
+
+        Raises:
+            NotFittedError: Before the first example.
+            ValueError: If `x` is of another shape than those learned, or not finite.
+        """
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
         """Return the prediction in one context; None: in any, as `explain_one`."""

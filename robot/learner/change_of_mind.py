@@ -48,7 +48,9 @@ STILL_VALID = 0.3
 class ChangeOfMind(Stateful):
     """Weighs for each two labels whether the second took the first one's place.
 
-    Labels are columns 0, 1, ...; times are counts of examples.
+    Labels are columns 0, 1, ...; times are counts of examples. Of the images, each of shape (n,):
+    `distances` are squared, `owners` are the labels that they vote for most, and `taught` is when
+    each last got an example.
     """
 
     fields = (
@@ -81,15 +83,7 @@ class ChangeOfMind(Stateful):
         taught: NDArray[np.int64],
         now: int,
     ) -> None:
-        """Process one example.
-
-        Args:
-            label: Its label.
-            distances: Its squared distances to the images, shape (n,).
-            owners: The label that each image votes for most, shape (n,).
-            taught: When each image last got an example, shape (n,).
-            now: When this one came.
-        """
+        """Process one example that comes `now`."""
         if label != self._last:
             self._taken_up[label] += 1
             self._before, self._last = self._against[:, label].copy(), label
@@ -121,14 +115,7 @@ class ChangeOfMind(Stateful):
         owners: NDArray[np.int64],
         taught: NDArray[np.int64],
     ) -> Floats:
-        """Return the shares of the labels, shape (n_labels,), after what was labelled anew.
-
-        Args:
-            shares: Before, shape (n_labels,).
-            distances: Squared distances of the view to the images, shape (n,).
-            owners: The label that each image votes for most, shape (n,).
-            taught: When each image last got an example, shape (n,).
-        """
+        """Return the labels' shares of a view, shape (n_labels,), after what was labelled anew."""
         usual = int(self._taken_up.argmax())
         nearest = {
             label: int(np.where(owners == label, distances, np.inf).argmin())

@@ -113,7 +113,6 @@ class BSOCClassifier(Stateful, Learner):
 
     @property
     def n_nodes_(self) -> int:
-        """How many nodes there are."""
         return self.cluster.n_nodes_
 
     @property
@@ -133,11 +132,6 @@ class BSOCClassifier(Stateful, Learner):
         return self._histograms[: self.cluster.n_nodes_].copy()
 
     def learn_one(self, x: Vector, y: Label) -> None:
-        """Add one labelled frame; merge two nodes when over `max_nodes`.
-
-        Raises:
-            ValueError: If `x` or `y` cannot be learned; the learner is then unchanged.
-        """
         self.learn_in(x, y, range(N_CONTEXTS))
 
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
@@ -150,7 +144,6 @@ class BSOCClassifier(Stateful, Learner):
     def learn_in(
         self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
     ) -> None:
-        """Add one labelled frame that counts in these contexts; raises as `learn_one`."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
@@ -195,12 +188,6 @@ class BSOCClassifier(Stateful, Learner):
         return self.explain_in(x, None)
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
-        """Return the prediction in one context, and the node it rests on.
-
-        Raises:
-            NotFittedError: Before the first example.
-            ValueError: If `x` is of another shape or not finite.
-        """
         cluster, linear, mind = self.cluster, self.linear, self._mind
         n_nodes = cluster.n_nodes_
         if n_nodes == 0:
@@ -245,7 +232,6 @@ class BSOCClassifier(Stateful, Learner):
         return (*both.tolist(), spread)
 
     def nodes(self) -> list[Node]:
-        """Return the learned images, in the clustering's order."""
         cluster, angles = self.cluster, self._node_angles
         images, frames, pinned = cluster.nodes_, cluster.counts_.tolist(), cluster.pinned_.tolist()
         ids, histograms = cluster.ids_.tolist(), self.histograms_.tolist()
@@ -296,7 +282,6 @@ class BSOCClassifier(Stateful, Learner):
         return f"classifier{'+linear' if self.linear else ''}:{self.cluster.kind}"
 
     def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
-        """Let the node of this id vote for `y` alone; raises LookupError if there is none."""
         index = self._index(node_id)
         column = self._know(y)
         before = self._histograms[index].copy()
@@ -311,7 +296,6 @@ class BSOCClassifier(Stateful, Learner):
         self.cluster.set_group(index, column)
 
     def delete_node(self, node_id: int) -> None:
-        """Forget the node of this id; raises LookupError if there is none."""
         index = self._index(node_id)
         image, frames = self.cluster.nodes_[index], float(self.cluster.counts_[index])
         last = self.cluster.delete(index)
@@ -333,7 +317,6 @@ class BSOCClassifier(Stateful, Learner):
             self._mind.outdate(self.cluster.n_trained_ + 1)
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
-        """Keep the node of this id as it is: never merged, never deleted."""
         self.cluster.pin(self._index(node_id), pinned)
 
     def _index(self, node_id: int) -> int:

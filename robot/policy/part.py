@@ -22,17 +22,13 @@ _NOTHING = Evidence(label="", probabilities={}, confidence=0.0)
 
 @dataclass(slots=True, kw_only=True)
 class Seen:
-    """A frame on its way.
+    """A frame on its way: what `Policy.propose` is told of it, and what the parts make of it.
 
     Attributes:
         number: Which frame of the policy it is.
         x: Its vector, as the learner is shown it.
         picture: Its grey values, as they were taken.
-        at_s: When it was taken.
-        step_s: How long after the one before it.
-        under_way: The move that the robot is making by its own choice, if it drives.
-        bumped: True if a bumper is pressed.
-        by_degrees: True if the body can be driven so.
+        step_s: How long it was taken after the one before.
         in_context: Votes are for what follows the move under way.
         context: Which context that move makes; None: any.
         evidence: What the learner says.
@@ -65,15 +61,11 @@ class Seen:
 
 @dataclass(slots=True, kw_only=True)
 class Lesson:
-    """An example on its way.
+    """An example on its way: what `Policy.learn` is told of it, and how it is learned.
 
     Attributes:
         number: Which example of the policy it is.
-        x: The frame's vector.
-        picture: Its grey values.
-        label: The move.
-        at_s: The frame's teaching time; None: it stands for itself.
-        point: The move by degrees, if the pilot meant it so.
+        picture: The frame's grey values.
         is_learned: False for one that is only counted (`move_context.py`).
         contexts: In which contexts it counts, if a part knows.
     """
