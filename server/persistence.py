@@ -44,16 +44,8 @@ class Persistence(StartStop):
         self._lock = FolderLock(storage.root)
         self._loop = rig.loop
         self._noted_failure: str | None = None
-        self.models = ModelStore(
-            storage,
-            rig.clock.wall_s,
-            on_set_aside=lambda sentence: announce("set_aside", detail=sentence),
-        )
-        self.journal = Journal(
-            storage.journal,
-            on_fault=lambda detail: announce("model_not_saved", detail=detail),
-            clock=rig.clock,
-        )
+        self.models = ModelStore(storage, rig.clock.wall_s, announce)
+        self.journal = Journal(storage.journal, announce, clock=rig.clock)
         self.autosave = Autosave(
             rig.loop,
             self.models,

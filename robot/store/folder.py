@@ -298,22 +298,16 @@ class Storage:
         old = found[0].name.removesuffix(ending)
         new = free_name(old, {path.name.removesuffix(ending) for path in paths_in(folder)})
         for path in paths_in(place):
-            path.rename(folder / path.name.replace(old, new, 1))
+            move(path, folder / path.name.replace(old, new, 1))
         shutil.rmtree(place, ignore_errors=True)
         return new
 
     def erase(self, names: Collection[str], *paths: Path) -> list[str]:
         """Delete for good what has one of these names, copies of it, and some more files.
 
-        Args:
-            names: Names without an ending: of models, recordings and exports, the trash included.
-            paths: More files. They go last, so that what was interrupted can be done again.
-
-        Returns:
-            What was deleted, by paths within the data folder.
-
-        Raises:
-            OSError: If the disk refuses.
+        The names are those of models, recordings and exports, without endings, also in the trash.
+        The files go last, so that what was interrupted can be done again. Returns what was deleted,
+        by paths within the data folder; raises OSError if the disk refuses.
         """
         folders = (self.models, self.episodes, self.exports, *self.trash.iterdir())
         entries = [path for folder in folders if folder.is_dir() for path in folder.iterdir()]

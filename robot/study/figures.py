@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from html import escape
 
 _WIDTH, _HEIGHT = 480, 280
@@ -86,8 +86,7 @@ def _axis(least: float, most: float) -> tuple[float, float, list[float]]:
     return first * step, last * step, [i * step for i in range(first, last + 1)]
 
 
-def _grid(ticks: Sequence[float], y: object) -> Iterator[str]:
-    assert callable(y)
+def _grid(ticks: Sequence[float], y: Callable[[float], float]) -> Iterator[str]:
     for tick in ticks:
         yield _line((_LEFT, y(tick), _WIDTH - _RIGHT, y(tick)), "#d5dade", 1)
         yield _text(_LEFT - 8, y(tick) + 4, f"{tick:g}", "end")

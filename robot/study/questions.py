@@ -48,11 +48,7 @@ class Question(PlanTable):
             raise ValueError("'most' must be greater than 'least', by 'step' or more")
 
     def check(self, answer: Any) -> str:
-        """Return an answer in the form in which it is kept.
-
-        Raises:
-            ConfigurationError: If it is no answer to this question.
-        """
+        """Return an answer in the form in which it is kept; ConfigurationError if it is none."""
         if self.kind == "text":
             if not isinstance(answer, str) or len(answer) > LONGEST_ANSWER:
                 raise ConfigurationError(

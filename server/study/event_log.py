@@ -27,11 +27,7 @@ class EventLog(DiskThread):
         """Why nothing could be written the last time; empty if it could."""
 
     def start(self) -> None:
-        """Cut off a line that a power cut left half written, and begin to write.
-
-        Raises:
-            OSError: If the file cannot be written.
-        """
+        """Cut off a line that a power cut left half written, and begin; OSError if it cannot."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("ab+") as file:
             file.seek(0)
@@ -45,11 +41,7 @@ class EventLog(DiskThread):
         self._waiting.extend(events)
 
     def flush(self) -> None:
-        """Have all events on the disk when this returns.
-
-        Raises:
-            OSError: If the disk refuses: they are kept for the next time.
-        """
+        """Have all events on the disk; if it refuses (OSError) they are kept for the next time."""
         with self._lock:
             events = self._waiting[:]
             if not events:

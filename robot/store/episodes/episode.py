@@ -20,6 +20,8 @@ from robot.store.models.model import Model, decode_model
 from robot.types import Action, Example, Frame
 
 _CHUNKS_KEPT = 4
+_LATEST_S = 2.5e11  # the year 9892: later ones have no date
+_READ = set(Topic) - {Topic.POSE}  # which the sensors have, too
 
 
 @dataclass(slots=True, kw_only=True)
@@ -50,7 +52,7 @@ class Episode:
     @property
     def started_at_s(self) -> float:
         """Seconds since 1970 at which the recording began; by the wall clock."""
-        started = float(self.run.get("started_at_s", "0"))
+        started = seconds_in(self.run.get("started_at_s", "0"))
         return started if started > 0 else self.origin_ns / 1e9 + self.start_s
 
     @property
@@ -137,8 +139,17 @@ def check_run(values: dict[str, str]) -> dict[str, str]:
     if int(values["format"]) > FORMAT:
         raise RecordingError("it was recorded by a newer version; update this program")
     int(values["origin_ns"])
+    seconds_in(values.get("started_at_s", "0"))
     from_text(values.get("declared_moves", ""))
     return values
+
+
+def seconds_in(text: str) -> float:
+    """Read how long something took, or when it was; ValueError for what is no date."""
+    number = float(text)
+    if not 0 <= number <= _LATEST_S:
+        raise ValueError(f"{text!r} is no time")
+    return number
 
 
 def _take_message(episode: Episode, message: Message) -> None:
@@ -154,13 +165,7 @@ def _take_message(episode: Episode, message: Message) -> None:
         )
     elif message.topic == Topic.LESSON:
         episode.events.append((now_s, read_event(json.loads(message.data))))
-    elif message.topic in (
-        Topic.COMMAND,
-        Topic.DECISION,
-        Topic.PREDICTION,
-        Topic.SENSORS,
-        Topic.MODE,
-    ):
+    elif message.topic in _READ:
         fields = json.loads(message.data)
         if not isinstance(fields, dict):
             raise RecordingError("a message has an unknown form")

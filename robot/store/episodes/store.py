@@ -141,9 +141,7 @@ class EpisodeStore:
         """Make two recordings of one, the second beginning with this frame; return its name.
 
         The first stays whole on the disk, with an edit that leaves out what is in the second.
-
-        Raises:
-            ConfigurationError: If one of the two would be empty.
+        ConfigurationError if one of the two would be empty.
         """
         with self._lock:
             path = self._idle_path(episode_id)

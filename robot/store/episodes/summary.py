@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 
 from robot.errors import UNREADABLE, RecordingError
 from robot.store.episodes.edits import Notes, read_notes
-from robot.store.episodes.episode import open_episode, taught_frames
+from robot.store.episodes.episode import open_episode, seconds_in, taught_frames
 from robot.store.episodes.messages import RUN, SUMMARY
 from robot.store.episodes.reader import Metadata, read_metadata, scan
 from robot.store.episodes.writer import describe_content
@@ -72,7 +71,7 @@ def _read_head(path: Path) -> dict[str, Any]:
     """Read the metadata at the beginning of a recording that is being written."""
     for record in scan(path):
         if isinstance(record, Metadata) and record.name == RUN:
-            lasted_s = path.stat().st_mtime - _finite(record.values.get("started_at_s", "0"))
+            lasted_s = path.stat().st_mtime - seconds_in(record.values.get("started_at_s", "0"))
             return _facts(record.values, describe_content(0, (), lasted_s))
     raise RecordingError("it has no beginning yet")
 
@@ -90,20 +89,12 @@ def _read_ends(path: Path) -> dict[str, Any]:
 
 def _facts(run: Mapping[str, str], content: Mapping[str, str]) -> dict[str, Any]:
     return {
-        "started_at_s": _finite(run.get("started_at_s", "0")),
+        "started_at_s": seconds_in(run.get("started_at_s", "0")),
         "robot": run.get("robot", ""),
         "learner": run.get("learner", ""),
         "source": run.get("source", ""),
-        "duration_s": _finite(content["duration_s"]),
+        "duration_s": seconds_in(content["duration_s"]),
         "frames": int(content["frames"]),
         "taught": {str(k): int(v) for k, v in json.loads(content["taught"]).items()},
         "damage": content.get("damage"),
     }
-
-
-def _finite(text: str) -> float:
-    """Read a number; raises ValueError for one that no answer could hold."""
-    number = float(text)
-    if not math.isfinite(number):
-        raise ValueError(f"{text!r} is not a finite number")
-    return number

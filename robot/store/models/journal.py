@@ -76,19 +76,19 @@ class Part(NamedTuple):
 
 
 class Journal:
-    """Writes the journal of one start; `on_fault` is called once when it cannot be any more."""
+    """Writes the journal of one start; `announce` is called once when it cannot be any more."""
 
     def __init__(
         self,
         folder: Path,
-        on_fault: Callable[[str], None] = lambda sentence: None,
+        announce: Callable[..., None] = lambda name, **fields: None,
         open_file: Callable[[Path], BinaryIO] = open_new,
         clock: Clock | None = None,
     ) -> None:
         self.run = secrets.token_hex(8)
         self.boot = 0
         self._folder = folder
-        self._on_fault = on_fault
+        self._announce = announce
         self._open_file = open_file
         self._clock = clock or RealClock()
         self._lock = threading.Lock()
@@ -245,7 +245,7 @@ class Journal:
             sentence = getattr(error, "strerror", None) or str(error) or type(error).__name__
             self.fault = str(sentence)
             log.warning("the journal is not written: %s", error)
-            self._on_fault(self.fault)
+            self._announce("model_not_saved", detail=self.fault)
 
 
 def _encode(head: dict[str, Any], body: HistoryEvent | Model | None) -> bytes:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -229,7 +230,7 @@ def _summary(meta: dict[str, Any]) -> ModelSummary:
             moves=tuple(Action(move) for move in meta["moves"]),
             taught={Action(action): _count(count) for action, count in meta["taught"].items()},
             n_nodes=_count(meta["n_nodes"]),
-            saved_at_s=float(meta["saved_at_s"]),
+            saved_at_s=_finite(float(meta["saved_at_s"])),
             place=_text(meta["place"])[:200],
             position=_position(meta.get("journal")),
         )
@@ -244,8 +245,14 @@ def _text(value: Any) -> str:
     return text
 
 
+def _finite(number: float) -> float:
+    if not math.isfinite(number):
+        raise ValueError("its time is not finite")
+    return number
+
+
 def _count(value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**48:
         raise ValueError(f"{str(value)[:20]!r} is not a count")
     return value
 

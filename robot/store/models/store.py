@@ -65,10 +65,10 @@ class ModelStore:
         self,
         storage: Storage,
         wall_s: Callable[[], float] = _MACHINE.wall_s,
-        on_set_aside: Callable[[str], None] = lambda sentence: None,
+        announce: Callable[..., None] = lambda name, **fields: None,
     ) -> None:
         self._storage = storage
-        self._on_set_aside = on_set_aside
+        self._announce = announce
         self._wall_s = wall_s
         self._markers = [storage.models / file for file in ("current.txt", "current.twin.txt")]
 
@@ -136,7 +136,7 @@ class ModelStore:
     def _set_aside(self, name: str, version: Path, why: str) -> None:
         aside = set_aside(version, _DAMAGED)
         log.warning("model %s: %s set aside as %s: %s", name, version.name, aside, why)
-        self._on_set_aside(f"{name}/{version.name}: {why}"[:300])
+        self._announce("set_aside", detail=f"{name}/{version.name}: {why}"[:300])
 
     def note_failure(self, name: str, why: str) -> None:
         """Write down that the model in use failed: its newest version is set aside at a start."""

@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from robot.errors import RecordingError
 from robot.store.episodes.episode import open_episode
-from robot.store.episodes.messages import RUN
+from robot.store.episodes.messages import RUN, SUMMARY
 from robot.store.episodes.summary import read_summary
 
 from .drives import record_drive
@@ -160,3 +160,18 @@ def test_a_picture_that_is_no_picture_says_so(tmp_path: Path) -> None:
     for frame_id in range(4):
         with pytest.raises(RecordingError, match="damaged"):
             episode.frame(frame_id)
+
+
+@pytest.mark.parametrize("began", ["1e300", "-1e300", "nan", "inf", "yesterday"])
+def test_a_time_that_no_list_can_show_is_refused(tmp_path: Path, began: str) -> None:
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata(RUN, {"format": "1", "origin_ns": "0", "started_at_s": began})
+        writer.add_metadata(SUMMARY, {"duration_s": "1", "frames": "1", "taught": "{}"})
+        writer.finish()
+    summary = read_summary(path)
+    assert (summary.is_readable, summary.started_at_s) == (False, 0.0)
+    with pytest.raises(RecordingError, match=r"x\.mcap"):
+        open_episode(path)

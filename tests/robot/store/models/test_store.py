@@ -9,6 +9,7 @@ import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
 from robot.store.folder import Storage
+from robot.store.models.model import encode_model, stamp
 from robot.store.models.store import KEEP_VERSIONS, ModelStore
 
 from .test_model import same, some_model
@@ -35,6 +36,16 @@ def test_what_is_saved_is_listed_and_loaded(store: ModelStore) -> None:
     assert kitchen.summary is not None and kitchen.summary.n_examples == 40
     assert kitchen.summary.place == "the kitchen"
     assert same(store.load("kitchen").state, model.state)
+
+
+@pytest.mark.parametrize("saved_at_s", [float("nan"), float("inf")])
+def test_a_model_whose_time_no_list_can_hold_counts_as_damaged(
+    store: ModelStore, tmp_path: Path, saved_at_s: float
+) -> None:
+    (tmp_path / "models" / "hall").mkdir()
+    data = encode_model(stamp(some_model(), saved_at_s=saved_at_s))
+    (tmp_path / "models" / "hall" / "00001.npz").write_bytes(data)
+    assert store.saved()[0].summary is None
 
 
 def test_only_the_last_versions_stay(store: ModelStore, tmp_path: Path) -> None:
@@ -178,7 +189,7 @@ def test_halves_that_a_power_cut_left_are_swept_away(tmp_path: Path) -> None:
 
 def test_a_model_that_failed_when_it_drove_is_set_aside_at_the_next_start(tmp_path: Path) -> None:
     told: list[str] = []
-    store = ModelStore(Storage(tmp_path), on_set_aside=told.append)
+    store = ModelStore(Storage(tmp_path), announce=lambda name, detail: told.append(detail))
     for _ in range(2):
         store.save("kitchen", some_model())
     store.save("hall", some_model())
