@@ -43,14 +43,9 @@ The columns are described in docs/reference/study.md of Drivelesson.
 
 
 def rebuild(plan_text: str, logs: Mapping[str, bytes]) -> dict[str, str]:
-    """Return every table, figure and the report, by path.
+    """Return every table, figure and the report, by path, of a plan and logs by participant.
 
-    Args:
-        plan_text: The plan, as TOML.
-        logs: Event logs by participant.
-
-    Raises:
-        ConfigurationError, RecordingError: If plan or logs cannot be read.
+    ConfigurationError if the plan cannot be read, RecordingError if a log cannot.
     """
     plan = parse_plan(plan_text, PLAN)
     found = [log for code in sorted(logs) for log in condition_logs(plan, code, logs[code])]
@@ -169,13 +164,9 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
 
 
 def report(zip_file: Path, out: Path) -> tuple[list[str], list[str]]:
-    """Rebuild all tables and figures of a zip in a folder.
+    """Rebuild all tables and figures of a zip in a folder; see `unpack` and `rebuild`.
 
-    Returns:
-        The paths that came out as they were packed, and those that did not.
-
-    Raises:
-        ConfigurationError, RecordingError: If the zip is no study, or the folder cannot be written.
+    Returns the paths that came out as they were packed, and those that did not.
     """
     plan_text, logs, packed = unpack(zip_file)
     made = rebuild(plan_text, logs)

@@ -137,11 +137,7 @@ def williams_rows(n: int) -> list[tuple[int, ...]]:
 
 
 def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
-    """Read a plan.
-
-    Raises:
-        ConfigurationError: If it is not one; says what is wrong, where, and what to do.
-    """
+    """Read a plan; ConfigurationError says what is wrong, where, and what to do."""
     import tomllib
 
     try:

@@ -35,11 +35,7 @@ def name_of_world(body: object) -> str | None:
 
 
 def check_body(body: Any, condition: Condition) -> None:
-    """Refuse a body that cannot drive a condition, as far as it is known.
-
-    Raises:
-        ConfigurationError: If it is simulated in another world, or lacks a move.
-    """
+    """Refuse (ConfigurationError) a body simulated in another world, or that lacks a move."""
     here = name_of_world(body)
     if here not in (None, condition.world):
         raise ConfigurationError(
@@ -178,8 +174,7 @@ class Conductor(StartStop):
             anew: Begin the condition again; what was driven in it does not count.
 
         Raises:
-            ConfigurationError: If it is not the time, the robot is in another world, its place is
-                not confirmed, or it lacks a move.
+            ConfigurationError: If it is not the time, or not the place, or the robot lacks a move.
             OSError: If the disk refuses.
         """
         session = self._session()
@@ -207,11 +202,7 @@ class Conductor(StartStop):
         self._tell()
 
     def answer(self, answers: Mapping[str, Any], *, is_done: bool) -> None:
-        """Take answers by question; with `is_done` all of them must be there.
-
-        Raises:
-            ConfigurationError: If one is none, or one is missing.
-        """
+        """Take answers by question; with `is_done` all must be there, or ConfigurationError."""
         session = self._session()
         session.require(SessionStep.QUESTIONS)
         questions = {question.name: question for question in session.questions}

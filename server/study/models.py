@@ -32,11 +32,8 @@ class SessionModels:
     ) -> bool:
         """Use what the participant taught in the condition before, or an empty model.
 
-        Returns:
-            Whether the model is empty: as it has to be `anew`, or nothing was kept.
-
-        Raises:
-            ConfigurationError, OSError: If it cannot be: the model before then stays in use.
+        Returns whether it is empty: as it has to be `anew`, or nothing was kept. ConfigurationError
+        or OSError if it cannot be: the model before then stays in use.
         """
         path = self._folder.model_path(study, participant, position)
         kept = path.read_bytes() if not anew and path.is_file() else None
