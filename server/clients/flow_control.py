@@ -94,14 +94,10 @@ class VideoWindow:
             if earlier_id == frame_id:
                 break
         self.delay_s = now_s - sent.at_s
-        if self.size == 1 or sent.in_flight == 0:
-            self._note_lone_delay(self.delay_s)
+        if self.size == 1 or sent.in_flight == 0:  # it had the link to itself
+            before_s = self._lone_delay_s if self._lone_delay_s is not None else self.delay_s
+            self._lone_delay_s = min(self.delay_s, before_s + (self.delay_s - before_s) / 4)
         self._adapt(self.delay_s, now_s)
-
-    def _note_lone_delay(self, delay_s: float) -> None:
-        """Update the smoothed delay of frames that had the link to themselves."""
-        before_s = self._lone_delay_s if self._lone_delay_s is not None else delay_s
-        self._lone_delay_s = min(delay_s, before_s + (delay_s - before_s) / 4)
 
     def _adapt(self, delay_s: float, now_s: float) -> None:
         if self.is_easy:

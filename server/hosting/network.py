@@ -26,13 +26,16 @@ def lan_addresses(config: Config) -> list[str]:
 
 def own_addresses() -> list[str]:
     """Return this machine's IPv4 addresses; first the one that others most likely see."""
-    found = [_outward_address()]
+    found: list[str] = []
+    with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.connect(("192.0.2.1", 9))  # the source of packets to other networks; nothing is sent
+        found.append(str(probe.getsockname()[0]))
     with contextlib.suppress(ImportError):
         import ifaddr  # comes with zeroconf
 
         for adapter in ifaddr.get_adapters():
             found += [str(ip.ip) for ip in adapter.ips if ip.is_IPv4]
-    return list(dict.fromkeys(filter(None, found)))
+    return list(dict.fromkeys(found))
 
 
 def page_addresses(config: Config) -> list[str]:
@@ -52,14 +55,6 @@ def host_names(config: Config) -> list[str]:
     if config.lan:
         names += [f"{config.hostname}.local", own, f"{own}.local"]
     return list(dict.fromkeys([*names, config.host.lower()]))
-
-
-def _outward_address() -> str | None:
-    """Return the source address of packets to other networks. Nothing is sent."""
-    with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.connect(("192.0.2.1", 9))
-        return str(probe.getsockname()[0])
-    return None
 
 
 @contextlib.contextmanager

@@ -13,7 +13,6 @@ from robot.control.readiness import Readiness
 from robot.devices.outside import Outside, number
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
 from robot.policy.image import to_small_grey
-from robot.types import Frame
 from server.routes.answers import Route, answer, png_text
 from server.services import services_of
 
@@ -136,15 +135,12 @@ async def outdate(request: Request) -> dict[str, int]:
 
 def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAnswer:
     """Describe it; on the loop's thread."""
-    missing = [
-        answer(
-            GapAnswer,
-            gap,
-            have=round(gap.have, 1),
-            png=_view(gap.frame) if has_pictures and gap.frame else None,
-        )
-        for gap in readiness.missing()
-    ]
+    missing = []
+    for gap in readiness.missing():
+        png, frame = None, gap.frame
+        if has_pictures and frame:
+            png = png_text(to_small_grey(frame, frame.width // 2, frame.height // 2))
+        missing.append(answer(GapAnswer, gap, have=round(gap.have, 1), png=png))
     return ReadinessAnswer(
         stage=readiness.stage,
         alone_s=round(readiness.clean_s, 1),
@@ -154,10 +150,6 @@ def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAn
         moves=readiness.moves_in_use,
         missing=missing,
     )
-
-
-def _view(frame: Frame) -> str:
-    return png_text(to_small_grey(frame, frame.width // 2, frame.height // 2))
 
 
 def _preview(history: TrainingHistory, seconds: float) -> LastExamples:
