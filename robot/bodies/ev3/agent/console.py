@@ -9,8 +9,8 @@ try:
 except ImportError:  # Windows has no such buttons
     fcntl = None  # type: ignore[assignment]
 
-LIGHTS = {"starting": (1, 1), "stopped": (0, 1), "train": (1, 1), "autonomous": (1, 0)}
-"""Mode to how much red and green; starting shows on the left light only."""
+LIGHTS = {"stopped": (0, 1), "train": (1, 1), "autonomous": (1, 0)}
+"""Mode to how much red and green."""
 KEY_EVENT = struct.Struct("@llHHi")
 EV_KEY, KEY_BACK, KEY_ENTER = 1, 14, 28
 EVIOCGRAB = 0x40044590
@@ -87,9 +87,8 @@ class Console:
         self._shown = text
         red, green = LIGHTS.get(mode, (0, 1))
         for side in (0, 1):
-            is_lit = mode != "starting" or side == 0
-            self._light("led{}:red:brick-status".format(side), red and is_lit)
-            self._light("led{}:green:brick-status".format(side), green and is_lit)
+            self._light("led{}:red:brick-status".format(side), red)
+            self._light("led{}:green:brick-status".format(side), green)
         try:
             with open(os.path.join(self._root, "dev/tty{}".format(SCREEN)), "w") as screen:
                 screen.write("\033[2J\033[H" + text)
