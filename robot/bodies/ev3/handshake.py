@@ -21,7 +21,8 @@ from robot.bodies.ev3.agent.wire import (
     pack_json,
     prove,
 )
-from robot.errors import ConfigurationError, DriveError
+from robot.bodies.remote.orders import split_address
+from robot.errors import DriveError
 
 PATIENCE_S = 3.0
 """How long joining, or opening the body, may take."""
@@ -91,14 +92,12 @@ def join(
         ConfigurationError: If the address is none.
         DriveError: If nobody answers, the agent refuses, or it is another than ours.
     """
-    host, _, port = address.partition(":")
+    host, port = split_address(address, PORT, "--brick")
     try:
-        line = dial((host, int(port or PORT)))
-    except ValueError:
-        raise ConfigurationError(f"--brick {address} is no address:port") from None
+        line = dial((host, port))
     except OSError as error:
         raise DriveError(
-            f"no agent answers at {host} port {port or PORT} ({error.strerror or error}); "
+            f"no agent answers at {host} port {port} ({error.strerror or error}); "
             f"start it with: {_renew(host)}"
         ) from error
     try:
@@ -111,7 +110,7 @@ def join(
     except (OSError, ValueError, KeyError, TypeError) as error:
         line.close()
         raise DriveError(
-            f"what answers at {host} port {port or PORT} is no agent of this version "
+            f"what answers at {host} port {port} is no agent of this version "
             f"({error}); renew it with: {_renew(host)}"
         ) from error
 

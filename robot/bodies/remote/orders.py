@@ -125,7 +125,7 @@ def parse_moves(text: str) -> tuple[Move, ...]:
     return tuple(moves)
 
 
-def split_address(address: str, default_port: int) -> tuple[str, int]:
+def split_address(address: str, default_port: int, flag: str = "--address") -> tuple[str, int]:
     """Return host and port of HOST or HOST:PORT.
 
     Raises:
@@ -134,7 +134,5 @@ def split_address(address: str, default_port: int) -> tuple[str, int]:
     host, _, port = address.strip().rpartition(":") if ":" in address else (address.strip(), "", "")
     number = port or str(default_port)
     if not host or "/" in host or not number.isdecimal() or not 0 < int(number) < 65536:
-        raise ConfigurationError(
-            f"--address must be the robot's HOST or HOST:PORT, not {address!r}"
-        )
+        raise ConfigurationError(f"{flag} must be the robot's HOST or HOST:PORT, not {address!r}")
     return host, int(number)

@@ -273,6 +273,12 @@ def test_the_camera_comes_newest_first_and_its_faults_are_said(brick: FakeBrick)
             wait_until(clock, lambda: camera.fault is None, 0.2)
 
 
+@pytest.mark.parametrize("address", ["ev3dev.local:x", "ev3dev.local:99999", ":8765"])
+def test_what_is_no_address_is_refused_before_anybody_is_asked(address: str) -> None:
+    with pytest.raises(ConfigurationError, match="--brick"):
+        join(address, "a secret", dial=lambda _: pytest.fail("it was dialled"))
+
+
 def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
     clock = brick.clock
     with VirtualAgent(brick) as first, make_driver(first) as driver:
