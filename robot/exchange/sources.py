@@ -8,10 +8,9 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import IO
+from typing import IO, NamedTuple
 
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive
@@ -19,7 +18,6 @@ from robot.exchange.folder import read_folder
 from robot.exchange.lerobot_reader import LerobotDataset, is_dataset
 from robot.exchange.npz import load_recording
 from robot.exchange.report import ImportReport
-from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.tub import read_tub
 from robot.exchange.tub_records import is_tub
 
@@ -33,23 +31,15 @@ _OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
-    """A drive that was found: what a person calls it, and what reads it."""
+class Source(NamedTuple):
+    """A drive that was found: what a person calls it, and what reads it.
+
+    Reading takes the share of full lock beyond which a car turns. It raises RecordingError if
+    nothing can be used, or MissingExtraError; pictures are read when the drive is written.
+    """
 
     name: str
-    reader: Callable[[float, ImportReport], Drive]
-
-    def read(
-        self, threshold: float = DEFAULT_THRESHOLD, report: ImportReport | None = None
-    ) -> Drive:
-        """Read the drive; its pictures are read when it is written.
-
-        Raises:
-            RecordingError: If nothing of it can be used.
-            MissingExtraError: If it needs a library that is not installed.
-        """
-        return self.reader(threshold, report or ImportReport())
+    read: Callable[[float, ImportReport], Drive]
 
 
 def find_drives(path: Path) -> list[Source]:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robot.exchange.sources import Source, find_drives
+from robot.exchange.drive import Drive
+from robot.exchange.report import ImportReport
+from robot.exchange.sources import find_drives
+from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.store.episodes.episode import Episode, taught_frames
 from robot.types import Action
 
@@ -14,7 +17,9 @@ def taught_labels(episode: Episode) -> dict[int, Action]:
     return {frame_id: example.label for frame_id, example in taught_frames(episode).items()}
 
 
-def source_at(path: Path) -> Source:
-    """Return the one drive at a path."""
+def drive_at(
+    path: Path, threshold: float = DEFAULT_THRESHOLD, report: ImportReport | None = None
+) -> Drive:
+    """Read the one drive at a path."""
     [source] = find_drives(path)
-    return source
+    return source.read(threshold, report or ImportReport())

@@ -19,12 +19,12 @@ from robot.exchange.film import to_jpeg
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.npz import load_recording, write_npz
-from robot.exchange.sources import find_drives
 from robot.exchange.steering import read_meant
 from robot.exchange.tub import write_tub
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, open_episode, taught_frames
 from robot.types import DEFAULT_MOVES, Action, Point
+from tests.robot.exchange.labels import drive_at
 
 DRIFT = Move(Action("drift"), "Drift", steering=-0.7, throttle=0.9)
 PUSH = Move(Action("push"), "Push")
@@ -62,8 +62,7 @@ def examples(episode: Episode) -> Examples:
 
 
 def back_from(path: Path, folder: Path) -> Examples:
-    [source] = find_drives(path)
-    write_episode(source.read(), folder / "back.mcap")
+    write_episode(drive_at(path), folder / "back.mcap")
     return examples(open_episode(folder / "back.mcap"))
 
 

@@ -19,10 +19,10 @@ import pytest
 from robot.errors import RecordingError
 from robot.exchange.drive import write_episode
 from robot.exchange.report import ImportReport
-from robot.exchange.sources import find_drives, unpacked
+from robot.exchange.sources import unpacked
 from robot.store.episodes.episode import open_episode
 from robot.types import Action
-from tests.robot.exchange.labels import source_at, taught_labels
+from tests.robot.exchange.labels import drive_at, taught_labels
 
 TUBS = int(os.environ.get("DRIVELESSON_TUBS", "40"))
 LABELS = {-0.7: Action.LEFT, 0.0: Action.FORWARD, 0.6: Action.RIGHT}
@@ -212,8 +212,7 @@ def test_of_any_damaged_tub_what_is_whole_is_taken_and_nothing_wrong(tmp_path: P
         found: dict[int, Action | None] = {}
         with unpacked(packed(home / "drives/tub", dice), home, ImportReport()) as path:
             try:
-                [source] = find_drives(path)
-                drive = source.read()
+                drive = drive_at(path)
                 write_episode(drive, home / "got.mcap")
             except RecordingError as error:
                 assert not (home / "got.mcap").exists() and "skipped" in str(error)
@@ -239,7 +238,7 @@ def test_the_last_row_of_a_table_that_was_cut_is_not_believed(tmp_path: Path, en
     (tmp_path / "b.jpg").write_bytes(picture(2))
     (tmp_path / "t.csv").write_text("file,angle\na.jpg,0.9\nb.jpg,-0" + ending)
     report = ImportReport()
-    assert len(list(source_at(tmp_path).read(report=report).shots)) == (2 if ending else 1)
+    assert len(list(drive_at(tmp_path, report=report).shots)) == (2 if ending else 1)
     assert bool(report.skipped) is not bool(ending)
 
 

@@ -24,7 +24,7 @@ from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import open_episode
 from robot.store.episodes.teaching import plan
 from robot.types import Action, Encoding
-from tests.robot.exchange.labels import source_at, taught_labels
+from tests.robot.exchange.labels import drive_at, taught_labels
 
 RECORDINGS = Path(
     os.environ.get(
@@ -69,7 +69,7 @@ def tub_2(folder: Path, records: list[dict[str, Any]], deleted: tuple[int, ...] 
 
 def imported(path: Path, folder: Path, **options: Any) -> list[Action | None]:
     target = folder / "imported.mcap"
-    write_episode(source_at(path).read(**options), target)
+    write_episode(drive_at(path, **options), target)
     episode = open_episode(target)
     taught = taught_labels(episode)
     return [taught.get(frame_id) for frame_id in episode.frames]
@@ -132,7 +132,7 @@ def test_a_folder_with_a_table(tmp_path: Path, table: str, labels: list[Action |
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason=f"no footage in {RECORDINGS}")
 def test_a_recording_of_the_evaluation(tmp_path: Path) -> None:
     path = RECORDINGS / "asphalt_A.npz"
-    write_episode(source_at(path).read(), tmp_path / "a.mcap")
+    write_episode(drive_at(path), tmp_path / "a.mcap")
     episode = open_episode(tmp_path / "a.mcap")
     assert len(episode.frames) == len(plan([(episode, Notes())])) == 700
 
@@ -144,7 +144,7 @@ def refused(path: Path, folder: Path, complaint: str) -> None:
     target = folder / "x.mcap"
     before = sorted(p for p in folder.rglob("*"))
     with pytest.raises(RecordingError, match=complaint):
-        write_episode(source_at(path).read(), target)
+        write_episode(drive_at(path), target)
     assert sorted(p for p in folder.rglob("*")) == before
 
 
@@ -212,7 +212,7 @@ def test_without_its_manifest_a_tub_is_its_catalogs(tmp_path: Path, manifest: st
     (tub / "manifest.json").write_text(manifest)
     assert imported(tub, tmp_path) == [Action.FORWARD, Action.LEFT]
     with pytest.raises(RecordingError, match="it is lost"):
-        source_at(tub).read(report=ImportReport(is_strict=True))
+        drive_at(tub, report=ImportReport(is_strict=True))
 
 
 @pytest.mark.parametrize("record", ["{", "[]", "{}", '{"cam/image_array": 7}', "null"])

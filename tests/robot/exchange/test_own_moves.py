@@ -20,7 +20,7 @@ from robot.exchange.tub import write_tub
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode, open_episode
 from robot.types import Action, Encoding
-from tests.robot.exchange.labels import source_at, taught_labels
+from tests.robot.exchange.labels import drive_at, taught_labels
 
 STEERED = tuple(
     Move(Action(f"steer_{place}"), steering=(place - 2) / 2, throttle=0.3) for place in range(5)
@@ -63,7 +63,7 @@ def all_labels(declared: tuple[Move, ...]) -> list[Action | None]:
 def test_labels_come_back_by_name(tmp_path: Path, declared: tuple[Move, ...], write) -> None:  # type: ignore[no-untyped-def]
     episode = drive(tmp_path, declared, all_labels(declared))
     write(episode, Notes(), tmp_path / "out")
-    write_episode(source_at(tmp_path / "out").read(), tmp_path / "back.mcap")
+    write_episode(drive_at(tmp_path / "out"), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap")
     assert list(taught_labels(back).values()) == list(taught_labels(episode).values())
     assert set(back.moves) == set(names(declared))
@@ -77,7 +77,7 @@ def test_a_tub_carries_the_numbers_there_and_back(tmp_path: Path) -> None:
         label = record["drivelesson/label"]
         point = point_of(Action(label or "stop"), STEERED)
         assert (record["user/angle"], record["user/throttle"]) == point
-    write_episode(source_at(tmp_path / "tub").read(), tmp_path / "back.mcap")
+    write_episode(drive_at(tmp_path / "tub"), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap").declared_moves
     assert {move.name: move.point for move in back} == {m.name: m.point for m in STEERED}
 

@@ -17,7 +17,7 @@ from robot.store.episodes.episode import Episode, open_episode
 from robot.store.episodes.teaching import learn_again
 from robot.store.models.model import same_nodes
 
-from .labels import source_at
+from .labels import drive_at
 from .sim_drive import Driven, drive_in_simulator
 
 
@@ -41,7 +41,7 @@ def test_the_recording_teaches_what_driving_taught(driven: Driven) -> None:
 def test_through_a_tub_and_back_the_nodes_are_the_same(driven: Driven, tmp_path: Path) -> None:
     episode = open_episode(driven.path)
     assert write_tub(episode, Notes(), tmp_path / "tub") == driven.lessons
-    write_episode(source_at(tmp_path / "tub").read(), tmp_path / "back.mcap")
+    write_episode(drive_at(tmp_path / "tub"), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap")
     assert back.run["source"] == "donkeycar tub v2"
     assert same_nodes(learned(back, episode.run["learner"]), driven.state)
@@ -50,7 +50,7 @@ def test_through_a_tub_and_back_the_nodes_are_the_same(driven: Driven, tmp_path:
 def test_through_a_folder_and_back_the_nodes_are_the_same(driven: Driven, tmp_path: Path) -> None:
     episode = open_episode(driven.path)
     write_folder(episode, Notes(), tmp_path / "folder")
-    write_episode(source_at(tmp_path / "folder").read(), tmp_path / "back.mcap")
+    write_episode(drive_at(tmp_path / "folder"), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap")
     assert len(back.frames) == len(episode.frames)
     assert same_nodes(learned(back, episode.run["learner"]), driven.state)
@@ -59,7 +59,7 @@ def test_through_a_folder_and_back_the_nodes_are_the_same(driven: Driven, tmp_pa
 def test_times_survive_a_folder(driven: Driven, tmp_path: Path) -> None:
     episode = open_episode(driven.path)
     write_folder(episode, Notes(), tmp_path / "folder")
-    write_episode(source_at(tmp_path / "folder").read(), tmp_path / "back.mcap")
+    write_episode(drive_at(tmp_path / "folder"), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap")
     gaps = [np.diff([f.captured_s for f in e.frames.values()]) for e in (episode, back)]
     assert np.allclose(*gaps, atol=2e-6)
