@@ -60,7 +60,7 @@ class Value:
         """Return the part's value as JSON can hold it."""
         value = _get(part, self)
         if isinstance(value, Mapping):
-            return dict(value)
+            return {str(key): own for key, own in value.items()}
         if isinstance(value, np.ndarray):
             return value.tolist()
         return value if isinstance(value, str) or not isinstance(value, Iterable) else list(value)

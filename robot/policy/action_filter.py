@@ -230,7 +230,7 @@ class ActionFilter(PolicyPart):
             self._stall_detector.look(seen, pace)
             urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.longest_debt_s)
         futile = self._stall_detector.futile
-        barred = self._barred_side(seen.at_s, pace.to_and_fro_s)
+        barred = self._barred_side(seen.at_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
@@ -254,11 +254,12 @@ class ActionFilter(PolicyPart):
         """What was driven last by degrees; it is found after the move is chosen."""
         return None if self._last is None else self._last.point
 
-    def _barred_side(self, at_s: float, within_s: float) -> float | None:
+    def _barred_side(self, at_s: float) -> float | None:
         """Return the side to which it must not turn, for it has just come from there twice."""
         side, sides_s = self._headway.side, self._headway.sides_s
-        is_restless = len(sides_s) == 2 and at_s - sides_s[0] <= within_s
-        return -side if is_restless and side is not None else None
+        if side is None or len(sides_s) < 2 or at_s - sides_s[0] > self.pace.to_and_fro_s:
+            return None
+        return -side
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
         """Update the clock and `needs_help`; return what to subtract from the votes of turns."""

@@ -174,6 +174,7 @@ class PilotPace(PolicyPart):
 
     Attributes:
         longest_debt_s: Largest debt (`Headway`) of the pilot's own driving, within bounds.
+        usual_run_s: How long he usually keeps to a move; None before he changed it often enough.
         scale: How much the picture changes as he drives straight (`MoveKinds.measured`).
         stands: The moves by which he stood on purpose, among those that nobody knows.
     """
@@ -200,7 +201,8 @@ class PilotPace(PolicyPart):
         self.scale = ChangeMeter()
         self._pushes_s = [0.0] * _MEANT
         self._push_s = 0.0
-        self._runs_s: deque[float] = deque(maxlen=_RUNS)
+        self._runs_s: list[float] = []
+        self.usual_run_s: float | None = None
         self._run_s = 0.0
         self._label: Action | None = None
         self._last_s = 0.0
@@ -212,11 +214,6 @@ class PilotPace(PolicyPart):
     def patience_s(self) -> float:
         """How long the robot may push: 1.5 times as long as the pilot did at least three times."""
         return min(max(STUCK_S, _PATIENCE * min(self._pushes_s)), _LONGEST_PATIENCE_S)
-
-    @property
-    def usual_run_s(self) -> float | None:
-        """How long he usually keeps to a move; None before he has changed it often enough."""
-        return statistics.median(self._runs_s) if len(self._runs_s) >= _FEWEST_RUNS else None
 
     @property
     def to_and_fro_s(self) -> float:
@@ -253,11 +250,16 @@ class PilotPace(PolicyPart):
         self._run_s += step_s
         if not is_same:
             if is_going_on and self._label is not None:
-                self._runs_s.append(self._run_s)
+                self._note_runs([*self._runs_s, self._run_s])
             self._label, self._run_s = label, 0.0
         self._headway.note(label, at_s, lesson.point, is_stalled=self._push_s > 0.0)
         debt_s = min(self._headway.debt_s, LONGEST_DEBT_S)
         self.longest_debt_s = max(self.longest_debt_s, debt_s)
+
+    def _note_runs(self, runs_s: list[float]) -> None:
+        self._runs_s = runs_s[-_RUNS:]
+        is_known = len(self._runs_s) >= _FEWEST_RUNS
+        self.usual_run_s = statistics.median(self._runs_s) if is_known else None
 
     def _end_push(self) -> None:
         self._pushes_s = sorted([*self._pushes_s, self._push_s])[-_MEANT:]
@@ -269,6 +271,6 @@ class PilotPace(PolicyPart):
             del params[key]
 
     def restored(self) -> None:
-        self._runs_s = deque(self._runs_s, maxlen=_RUNS)
+        self._note_runs(self._runs_s)
         self.scale.changes = deque(self.scale.changes, maxlen=MEMORY)
         self.stands = list(self.stands)

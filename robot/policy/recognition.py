@@ -21,7 +21,7 @@ from robot.driver import side_of
 from robot.learner.base import Learner
 from robot.learner.clusters import MOST_FRAMES
 from robot.learner.part import Array, Value
-from robot.learner.values import Names, count, table
+from robot.learner.values import Names, count, demand, table
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart, Seen
 from robot.types import Action, Point
@@ -35,9 +35,9 @@ _FEW = 64
 
 
 def _node_id(plain: Any, names: Names) -> int:
-    if not isinstance(plain, str) or not plain.isascii() or not plain.isdecimal():
-        raise ValueError("no number of a node")
-    return int(plain[:17])
+    digits = str(plain)  # a table in JSON has texts for keys
+    demand(digits.isascii() and digits.isdecimal())
+    return int(digits[:17])
 
 
 class Degrees(PolicyPart):
@@ -123,7 +123,7 @@ class Recognition(PolicyPart):
         taught: The same of examples.
     """
 
-    fields = (Value("last_taught", table(_node_id, count()), "_kept_taught"),)
+    fields = (Value("last_taught", table(_node_id, count()), "taught"),)
 
     def __init__(self, learner: Learner, moves: tuple[Action, ...], degrees: Degrees) -> None:
         self._learner = learner
@@ -165,11 +165,5 @@ class Recognition(PolicyPart):
             for gone in [node for node in when if node not in alive]:
                 del when[gone]
 
-    @property
-    def _kept_taught(self) -> dict[str, int]:
-        """Which example each node took in last; a table in JSON has texts for keys."""
-        return {str(node): at for node, at in self.taught.items()}
-
-    @_kept_taught.setter
-    def _kept_taught(self, taught: dict[int, int]) -> None:
-        self.used, self.taught = {}, taught
+    def restored(self) -> None:
+        self.used = {}
