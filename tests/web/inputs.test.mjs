@@ -55,7 +55,7 @@ test('a tilt sensor that falls silent drives no further', (context) => {
     addEventListener: (type, act) => (listeners[type] = act), removeEventListener: (type) => delete listeners[type], screen: {},
   });
   const done = [];
-  const tilt = new Tilt({ press: (_, move) => done.push(move), release: () => done.push(null) });
+  const tilt = new Tilt({ grasp() {}, press: (_, move) => done.push(move), release: () => done.push(null) });
   tilt.hold();
   listeners.deviceorientation({ beta: 40, gamma: 0 });
   listeners.deviceorientation({ beta: 10, gamma: 0 });

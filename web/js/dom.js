@@ -35,6 +35,9 @@ export function say(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
+/** A mouse that lets go while another of its buttons is down says so by a move alone. @param {PointerEvent} event */
+export const hasLetGo = ({ pointerType, buttons }) => pointerType === 'mouse' && !(buttons & 1);
+
 const SETTLE_MS = 300;
 /** @type {WeakMap<Element, ReturnType<typeof setTimeout>>} */
 const settling = new WeakMap();

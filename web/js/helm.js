@@ -17,7 +17,7 @@ const IDLE_BEATS = 5; // an idle page sends every fifth heartbeat: enough to ren
 /** @typedef {import('./points.js').Point} Point */
 /** @typedef {{move: string | null, point: Point | null}} Hold  no move: a thumb that rests on its stick */
 
-/** Events: `held` when what is held changes, `refused` when a move is asked of a standing robot. */
+/** Events: `held` when what is held changes, `freed` when all was let go of and must be held anew, `refused` when a move is asked of a standing robot. */
 export class Helm extends EventTarget {
   /**
    * @param {{send: (text: string) => boolean, nextSeq: () => number}} connection
@@ -97,6 +97,7 @@ export class Helm extends EventTarget {
 
   releaseAll() {
     this.change(() => this.holds.clear());
+    this.dispatchEvent(new Event('freed'));
   }
 
   /** @param {() => void} act @param {boolean} [isSteered] */

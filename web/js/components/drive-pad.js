@@ -1,9 +1,10 @@
 // <drive-pad>: the directions to hold, Undo, and the emergency stop.
 //
 // Each finger is followed by itself and may slide from one direction to another; a finger that
-// slides off the pad lets go.
+// slides off the pad lets go. What a stop, a call or a turned screen took from a finger it must press
+// anew, however it trembles where it lies.
 
-import { append, fill, h, icon } from '../dom.js';
+import { append, fill, h, hasLetGo, icon } from '../dom.js';
 import { t } from '../i18n.js';
 import { Tilt } from '../inputs/tilt.js';
 import { inColumns, isOwn } from '../moves.js';
@@ -16,6 +17,8 @@ const TAP_MS = 500;
 export class DrivePad extends HTMLElement {
   /** @type {HTMLElement[]} made when they are first wanted */
   sticks = [];
+  /** @type {Set<number>} those that may drive: down since all was let go of last */
+  fingers = new Set();
 
   /** @param {import('../page.js').Page} page */
   start(page) {
@@ -65,7 +68,9 @@ export class DrivePad extends HTMLElement {
     return h('button', {
       class: 'move', type: 'button', 'data-move': move, 'aria-pressed': 'false',
       onkeydown: (/** @type {KeyboardEvent} */ event) => {
-        if (event.key === 'Enter' && !event.repeat) helm?.press(source, move);
+        if (event.key !== 'Enter') return;
+        event.preventDefault(); // a click would let go after a moment
+        if (!event.repeat) helm?.press(source, move);
       },
       onkeyup: () => helm?.release(source),
       onblur: () => helm?.release(source),
@@ -81,26 +86,32 @@ export class DrivePad extends HTMLElement {
   /** @param {HTMLElement} moves */
   follow(moves) {
     const helm = /** @type {import('../helm.js').Helm} */ (this.page?.helm);
-    const letGo = (/** @type {PointerEvent} */ event) => {
-      helm.release(`finger ${event.pointerId}`);
+    const letGo = (/** @type {number} */ finger) => {
+      helm.release(`finger ${finger}`);
       this.tilt?.letGo();
     };
+    const lift = (/** @type {number} */ finger) => this.fingers.delete(finger) && letGo(finger);
+    const liftAll = () => this.fingers.forEach(lift);
     moves.addEventListener('pointerdown', (event) => {
       const move = moveAt(event);
       if (!move || (event.pointerType === 'mouse' && event.button !== 0)) return;
       event.preventDefault();
       moves.setPointerCapture(event.pointerId);
+      this.fingers.add(event.pointerId);
       this.press(event.pointerId, move);
     });
     moves.addEventListener('pointermove', (event) => {
-      if (!moves.hasPointerCapture(event.pointerId) || this.tilt?.isHeld) return;
+      if (hasLetGo(event)) lift(event.pointerId);
+      if (!this.fingers.has(event.pointerId) || this.tilt?.isHeld) return;
       const move = moveAt(event);
       if (move && move !== 'tilt') helm.press(`finger ${event.pointerId}`, move);
-      else if (!isNear(moves, event)) letGo(event);
+      else if (!isNear(moves, event)) letGo(event.pointerId);
     });
     for (const type of /** @type {const} */ (['pointerup', 'pointercancel', 'lostpointercapture'])) {
-      moves.addEventListener(type, letGo);
+      moves.addEventListener(type, ({ pointerId }) => lift(pointerId));
     }
+    helm.addEventListener('freed', liftAll);
+    addEventListener('resize', liftAll);
     this.addEventListener('contextmenu', (event) => event.preventDefault());
   }
 

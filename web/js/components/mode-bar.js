@@ -17,13 +17,15 @@ export class ModeBar extends HTMLElement {
   start(page) {
     this.setAttribute('role', 'radiogroup');
     this.setAttribute('aria-label', t('mode'));
+    const tap = (/** @type {MouseEvent} */ event) => {
+      const button = /** @type {HTMLElement} */ (event.currentTarget);
+      if (event.detail) button.blur();
+      if (button.getAttribute('aria-disabled') !== 'true') page.choose(/** @type {any} */ (button.dataset.mode));
+    };
     const buttons = MODES.map((mode) => h('button', {
-      type: 'button', role: 'radio', 'aria-checked': 'false', 'data-mode': mode,
-      onclick: (/** @type {MouseEvent} */ event) => {
-        const button = /** @type {HTMLElement} */ (event.currentTarget);
-        if (event.detail) button.blur();
-        if (button.getAttribute('aria-disabled') !== 'true') page.choose(mode);
-      },
+      type: 'button', role: 'radio', 'aria-checked': 'false', 'data-mode': mode, onclick: tap,
+      // While another finger holds a direction, browsers make no click of a tap.
+      onpointerup: (/** @type {PointerEvent} */ event) => !event.isPrimary && isUnder(event) && tap(event),
     }, t(`mode.${mode}`)));
     append(this, buttons);
     this.addEventListener('keydown', (event) => {
@@ -48,6 +50,11 @@ export class ModeBar extends HTMLElement {
       for (const button of buttons) button.classList.toggle('lit', button.dataset.mode === wanted);
     });
   }
+}
+
+/** True if a finger comes up where it went down. @param {PointerEvent} event */
+function isUnder({ clientX, clientY, currentTarget }) {
+  return /** @type {Element} */ (currentTarget).contains(document.elementFromPoint(clientX, clientY));
 }
 
 customElements.define('mode-bar', ModeBar);

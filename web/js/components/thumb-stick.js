@@ -2,7 +2,7 @@
 // key is: when the finger comes up, is taken away by the browser, or leaves it for good; also when the
 // window changes, as a turned screen's does, since nobody pushed the stick to where it then points.
 
-import { h, svg } from '../dom.js';
+import { h, hasLetGo, svg } from '../dom.js';
 import { t } from '../i18n.js';
 import { fromStick } from '../points.js';
 
@@ -42,7 +42,7 @@ export function makeStick(page, side) {
     if (event.pointerId !== finger) return;
     const [x, y] = wayOf(event);
     const far = Math.hypot(x, y);
-    if (far > OFF || !helm.holds.has(source)) {
+    if (far > OFF || hasLetGo(event) || !helm.holds.has(source)) {
       letGo();
       return;
     }

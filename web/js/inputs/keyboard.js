@@ -77,6 +77,7 @@ export class KeyRamp {
 export function listenToKeyboard(helm, { stop, isDriving }) {
   const ramp = new KeyRamp(helm);
   addEventListener('keydown', (event) => {
+    if (event.key === 'Meta') helm.releaseAll(); // a Mac tells of no other key that comes up while it is down
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
     if (event.code === 'Space' && (helm.mode !== 'stopped' || event.target === document.body)) {
       // While the robot may move, space is the stop wherever the focus is; Enter presses buttons.

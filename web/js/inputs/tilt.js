@@ -70,7 +70,7 @@ export class Tilt {
   hold() {
     this.isHeld = true;
     this.zero = null;
-    if (this.helm.takesPoints) this.helm.grasp('tilt');
+    this.helm.grasp('tilt');
     addEventListener('deviceorientation', this.follow);
   }
 
