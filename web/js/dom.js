@@ -24,11 +24,24 @@ export function append(parent, children) {
   parent.append(.../** @type {(Node | string)[]} */ (children.filter((c) => c || c === '')));
 }
 
-/** Put `children` in place of what is there. @param {Element} parent @param {...(Node | string | null | false)} children */
+/**
+ * Put `children` in place of what is there. The focus stays on what bears the same name, or who has no
+ * other pointer would be back at the top of the page.
+ * @param {Element} parent @param {...(Node | string | null | false)} children
+ */
 export function fill(parent, ...children) {
+  const { activeElement: focused } = document;
+  const name = focused && parent.contains(focused) ? nameOf(focused) : '';
   parent.replaceChildren();
   append(parent, children);
+  if (!name) return;
+  const same = [.../** @type {NodeListOf<HTMLElement>} */ (parent.querySelectorAll('a, button, input, select'))]
+    .find((control) => nameOf(control) === name && control.getClientRects().length);
+  same?.focus({ preventScroll: true });
 }
+
+/** @param {any} control */
+const nameOf = (control) => control.getAttribute('aria-label') ?? (control.textContent || control.value);
 
 /** Set text only where it differs, so that nothing is laid out for nothing. @param {Node} node @param {string} text */
 export function say(node, text) {

@@ -43,6 +43,7 @@ export class AppBar extends HTMLElement {
   /** @param {boolean} [open] */
   toggle(open = this.menu?.hidden ?? false) {
     if (!this.menu || !this.button || this.menu.hidden === !open) return;
+    if (!open && this.menu.contains(document.activeElement)) this.button.focus();
     this.menu.hidden = !open;
     this.button.setAttribute('aria-expanded', String(open));
     if (open && this.page) this.render(this.page.store.state);
