@@ -16,7 +16,7 @@ from robot.types import Action, Mode, Prediction
 from server.study.extension import StudyExtension
 
 from .hand import Fingers, choose, drive_on, hold_until, teach
-from .world import World, wait_for
+from .world import World, show, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -193,6 +193,42 @@ def test_models_are_renamed_copied_deleted_and_brought_back(phone: Any, world: W
     phone.get_by_role("button", name="Delete").first.tap()
     phone.locator("toast-bar button").tap()
     phone.locator(".model h3", has_text="Kitchen").first.wait_for()
+
+
+SHOWN = """async () => {
+  const shown = {};
+  for (const { src } of document.querySelectorAll('.card img')) {
+    const bytes = await (await fetch(src, { cache: 'force-cache' })).arrayBuffer();
+    shown[src.match(/(\\d+)\\.png/)[1]] = [...new Uint8Array(bytes)];
+  }
+  return shown;
+}"""
+"""The bytes of each image that the gallery shows, as the browser has kept them."""
+
+
+def test_the_gallery_shows_the_images_of_the_model_in_use(phone: Any, world: World) -> None:
+    """Those of another one bear the same numbers."""
+
+    def begin_and_teach() -> dict[str, list[int]]:
+        world.services.persistence.autosave.begin()
+        wait_for(lambda: world.lessons == 0, "it knows nothing")
+        choose(phone, world, Mode.TRAIN)
+        fingers = Fingers(phone)
+        hold_until(world, fingers, "left", lambda: world.lessons > 0)
+        fingers.lift()
+        choose(phone, world, Mode.STOPPED)
+        show(phone, "gallery")
+        phone.locator(".card").first.wait_for()
+        return dict(phone.evaluate(SHOWN))
+
+    seen = []
+    for _ in range(2):
+        seen.append(begin_and_teach())
+        for node, image in seen[-1].items():
+            newest = httpx.get(f"{world.address}/api/gallery/{node}.png").content
+            assert bytes(image) == newest
+        show(phone, "drive")
+    assert seen[0]["0"] != seen[1]["0"], "it was seen from elsewhere, or this proves nothing"
 
 
 def test_the_speed_that_was_set_is_the_speed_that_is_driven(

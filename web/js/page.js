@@ -36,6 +36,8 @@ export class Page {
     this.looking = null;
     this.helm = new Helm(connection, () => this.lookingAt());
     this.curveLessons = 0;
+    /** Another for each model, undo and visit: their images bear the same numbers. */
+    this.era = Math.round(performance.timeOrigin);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
     /** @type {Promise<void>} the last stop by request */
@@ -106,7 +108,7 @@ export class Page {
   /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[], takes_points?: boolean}} hello */
   greet(hello) {
     declare(hello.declared_moves ?? []);
-    this.refreshCurve();
+    this.beginEra();
     this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
     this.followPreferences();
     this.refreshSession();
@@ -143,9 +145,22 @@ export class Page {
       ...(isSame ? {} : { moves }),
       ...(robot.you_are_pilot ? { wheelWaiting: false } : { wheelAsked: false }),
     });
+    // After the state is shown: the proposal in it may still be that of the model before.
+    if (before && (robot.lessons < before.lessons || (robot.mode === 'stopped' && robot.lessons !== before.lessons))) this.beginEra();
     this.followHint(robot);
     this.drawCurve(robot);
     this.wakeLock.want(robot.mode !== 'stopped');
+  }
+
+  /** What was learned is another than before, and not by teaching. */
+  beginEra() {
+    this.era += 1;
+    this.refreshCurve();
+  }
+
+  /** Where a learned image is had; the browser keeps it as long as its stamp is the same. @param {number} node @param {string} stamp */
+  imageOf(node, stamp) {
+    return `api/gallery/${node}.png?v=${this.era}.${stamp}`;
   }
 
   /** A slow phone shows fewer states, so that heartbeats and fingers get their time. @param {RobotState} robot */

@@ -68,7 +68,7 @@ export class GalleryScreen extends Screen {
 
   /** @param {LearnedImage} image @param {HTMLElement | undefined} old */
   card(image, old) {
-    const stamp = JSON.stringify(image);
+    const stamp = this.stampOf(image);
     if (old?.dataset.stamp === stamp) return old;
     const card = old ?? h('div', { role: 'listitem' });
     card.dataset.stamp = stamp;
@@ -76,9 +76,20 @@ export class GalleryScreen extends Screen {
     fill(card, h('button', {
       type: 'button', class: 'card', onclick: () => this.show(image.node),
       'aria-label': t('gallery.card', { move: t(`move.${main}`), n: image.frames }),
-    }, picture(image), needleOf(image), this.bar(image),
+    }, this.picture(image), needleOf(image), this.bar(image),
     h('span', { class: 'caption' }, icon(main), count(image.frames), image.pinned ? icon('pin') : null)));
     return card;
+  }
+
+  /** @param {LearnedImage | null} image */
+  stampOf(image) {
+    return `${this.page?.era} ${JSON.stringify(image)}`;
+  }
+
+  /** @param {LearnedImage} image */
+  picture({ node, frames, votes }) {
+    const src = this.page?.imageOf(node, `${frames}.${Object.values(votes).join('.')}`);
+    return h('img', { src, alt: '', width: 40, height: 30, loading: 'lazy', class: 'pixels' });
   }
 
   /** One thin bar: left, forward, right by place. @param {LearnedImage} image */
@@ -110,7 +121,7 @@ export class GalleryScreen extends Screen {
     const detail = /** @type {HTMLElement} */ (this.detail);
     const image = this.images?.find(({ node }) => node === this.open);
     detail.hidden = !image;
-    const stamp = JSON.stringify(image ?? null);
+    const stamp = this.stampOf(image ?? null);
     if (!image || detail.dataset.stamp === stamp) return;
     const focused = detail.contains(document.activeElement) &&
       [...detail.querySelectorAll('button')].indexOf(/** @type {HTMLButtonElement} */ (document.activeElement));
@@ -118,7 +129,7 @@ export class GalleryScreen extends Screen {
     fill(detail,
       h('div', { class: 'head' }, h('h2', {}, t('gallery.image', { move: t(`move.${mainMove(image)}`) })),
         h('button', { type: 'button', class: 'quiet', onclick: () => this.show(null) }, t('close'))),
-      h('div', { class: 'facts-row' }, picture(image), h('ul', {}, ...this.facts(image))),
+      h('div', { class: 'facts-row' }, this.picture(image), h('ul', {}, ...this.facts(image))),
       h('p', { class: 'hint' }, t('gallery.relabel')),
       h('div', { class: 'row' }, ...(this.moves ?? []).map((move) => this.label(image, move))),
       h('div', { class: 'row' },
@@ -179,12 +190,6 @@ function needleOf({ angle }) {
   const needle = makeNeedle();
   turnNeedle(needle, { taught: angle });
   return needle;
-}
-
-/** @param {LearnedImage} image */
-function picture({ node, frames, votes }) {
-  const stamp = `${frames}.${Object.values(votes).join('.')}`;
-  return h('img', { src: `api/gallery/${node}.png?v=${stamp}`, alt: '', width: 40, height: 30, loading: 'lazy', class: 'pixels' });
 }
 
 customElements.define('gallery-screen', GalleryScreen);

@@ -160,13 +160,13 @@ export class VideoView extends HTMLElement {
       like.dataset.stamp = '';
     }
     // A merged image changes while it keeps its number: look again now and then.
-    const stamp = `${node}/${Math.floor((robot?.lessons ?? 0) / 20)}`;
+    const stamp = node === null ? '' : /** @type {import('../page.js').Page} */ (this.page).imageOf(node, String(Math.floor((robot?.lessons ?? 0) / 20)));
     const nowMs = performance.now();
     // Each is fetched and drawn anew: twice a second is as fast as a person looks there.
     if (node === null || like.dataset.stamp === stamp || nowMs - this.likeMs < LIKE_MS) return;
     this.likeMs = nowMs;
     like.dataset.stamp = stamp;
-    like.src = `api/gallery/${node}.png?v=${stamp.split('/')[1]}`;
+    like.src = stamp;
   }
 }
 
