@@ -65,3 +65,16 @@ test('a way that comes in parts is the whole way, whatever was forgotten in betw
     }
   }
 });
+
+test('a page that is open for a whole lesson knows no more of the way than the robot', () => {
+  const known = new Way();
+  for (let n = 0; n < 9000; n += 30) {
+    const pose = Array.from({ length: 30 }, (_, i) => [n + i, 0, 0]);
+    assert.equal(known.next, n);
+    known.add({ first: n, pose, driven_by: pose.map(() => 'pilot'), events: { 7: ['asked'] }, is_estimate: false });
+  }
+  assert.equal(known.pose.length, 2000);
+  assert.equal(known.driven_by.length, 2000);
+  assert.deepEqual(known.events.map(({ at }) => known.pose[at][0] % 30), known.events.map(() => 7));
+  assert.equal(known.events.length, known.pose.filter(([x]) => x % 30 === 7).length);
+});

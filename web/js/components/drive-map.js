@@ -15,6 +15,8 @@ import { bounds, fetchWorld, makeRobot, mark, room, standAt, way } from './from-
 const ASK_MS = 1000;
 const STAND_MS = 200; // the robot's sign moves so often: each time the browser draws it anew
 const KINDS = ['asked', 'pushed', 'corrected'];
+/** The page keeps as much of the way as the robot does. */
+const POINTS = 2000;
 /** Where there is room beside the picture; see drive.css. */
 const WIDE = '(min-width: 900px) and (min-height: 701px)';
 
@@ -44,7 +46,17 @@ export class Way {
     this.pose.push(...pose);
     this.driven_by.push(...by);
     for (const [index, kinds] of Object.entries(events)) this.events.push(...kinds.map((kind) => ({ at: begin + Number(index), kind })));
+    this.forget(this.pose.length - POINTS);
     return true;
+  }
+
+  /** Drop the oldest points. @param {number} n */
+  forget(n) {
+    if (n <= 0) return;
+    this.first += n;
+    this.pose.splice(0, n);
+    this.driven_by.splice(0, n);
+    this.events = this.events.flatMap(({ at, kind }) => (at < n ? [] : [{ at: at - n, kind }]));
   }
 }
 
