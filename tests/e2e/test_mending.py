@@ -253,3 +253,25 @@ def test_two_recordings_are_taught_together(rovers_phone: Any, shelf: World) -> 
     phone.get_by_role("button", name="Drop it").tap()
     phone.get_by_text("Taught again from").wait_for(state="detached")
     assert world.lessons == 0
+
+
+def test_teaching_again_is_followed_though_an_answer_is_lost(
+    rovers_phone: Any, shelf: World
+) -> None:
+    asked: list[str] = []
+
+    def answer(route: Any) -> None:
+        """Teaching is under way, then out of reach for a moment, then done."""
+        asked.append(route.request.method)
+        state = {"state": "running", "share": 0.5} if len(asked) < 3 else {"state": "idle"}
+        if len(asked) == 2:
+            route.abort()
+        else:
+            route.fulfill(json=state)
+
+    rovers_phone.route("**/api/retraining", answer)
+    rovers_phone.evaluate("location.hash = 'home'")
+    rovers_phone.locator("home-screen progress").wait_for()
+    rovers_phone.locator("home-screen progress").wait_for(state="detached")
+    rovers_phone.unroute("**/api/retraining")
+    assert asked == ["GET"] * 3

@@ -7,16 +7,17 @@ export class WakeLock {
   constructor() {
     /** @type {any} */
     this.lock = null;
-    this.wanted = false;
+    this.isAsking = false;
   }
 
-  /** @param {boolean} wanted */
+  /** Called with each state, so what comes between a request and its answer is made up for. @param {boolean} wanted */
   async want(wanted) {
-    this.wanted = wanted;
     const api = /** @type {any} */ (navigator).wakeLock;
-    if (!api) return;
+    if (!api || this.isAsking) return;
     if (wanted && !this.lock && document.visibilityState === 'visible') {
+      this.isAsking = true;
       this.lock = await api.request('screen').catch(() => null);
+      this.isAsking = false;
       this.lock?.addEventListener('release', () => (this.lock = null));
     } else if (!wanted && this.lock) {
       await this.lock.release();

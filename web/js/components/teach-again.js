@@ -21,8 +21,13 @@ export async function teachAgain(home, episodes) {
 /** Show how it stands, if anything is being taught again. @param {Home} home */
 export async function showTeaching(home) {
   const state = await ask('GET', 'api/retraining').catch(() => null);
-  if (state && home.isConnected) draw(home, state);
+  if (!home.isConnected) return;
+  if (state) draw(home, state);
+  else if (home.again.querySelector('progress')) lookAgain(home);
 }
+
+/** @param {Home} home */
+const lookAgain = (home) => setTimeout(() => home.isConnected && showTeaching(home), POLL_MS);
 
 /** @param {Home} home @param {any} state */
 function draw(home, state) {
@@ -39,7 +44,7 @@ function draw(home, state) {
     }
     const bar = place.querySelector('progress');
     if (bar) bar.value = state.share;
-    setTimeout(() => home.isConnected && showTeaching(home), POLL_MS);
+    lookAgain(home);
     return;
   }
   fill(place, state.state === 'failed' ? failure(home, state) : outcome(home, state));
