@@ -117,7 +117,11 @@ class Progress:
             history = self._loop.history
             request = self._loop.submit(lambda: images(history.policy))
             self._gallery = await asyncio.wrap_future(request)
-            self._remember(self._gallery)
+            for image in self._gallery:
+                self._seen[image.node_id] = image
+                self._seen.move_to_end(image.node_id)
+            while len(self._seen) > max(_REMEMBERED, 2 * len(self._gallery)):
+                self._seen.popitem(last=False)
         return self._gallery
 
     async def image(self, node: int) -> LearnedImage | None:
@@ -133,10 +137,3 @@ class Progress:
         if node not in self._seen and 0 <= node <= self._newest:
             return max(self._gallery, key=lambda image: image.last_used, default=None)
         return self._seen.get(node)
-
-    def _remember(self, images: list[LearnedImage]) -> None:
-        for image in images:
-            self._seen[image.node_id] = image
-            self._seen.move_to_end(image.node_id)
-        while len(self._seen) > max(_REMEMBERED, 2 * len(images)):
-            self._seen.popitem(last=False)

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from robot.devices.rig import Rig
     from robot.store.models.autosave import Autosave
     from server.clients.hub import Hub
-    from server.security.certificates import Certificates
     from server.security.pairing import Pairing
 
 log = logging.getLogger(__name__)
@@ -136,7 +135,12 @@ def run(args: argparse.Namespace) -> int:
     storage = Storage(config.data, must_be_usable=False)
     listener = open_socket(config.host, config.port)
     config = dataclasses.replace(config, port=listener.getsockname()[1])
-    certificates = _make_certificates(config) if config.tls else None
+    certificates = None
+    if config.tls:
+        from server.security.certificates import make_certificates
+
+        names = [*host_names(config), *lan_addresses(config)]
+        certificates = make_certificates(config.data / "tls", names, dt.datetime.now(dt.UTC))
     addresses = page_addresses(config)
     pairing = _open_pairing(config, addresses[0], rig) if config.needs_pairing else None
     options = _recorded(args, rig)
@@ -256,13 +260,6 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
         governor=build(LinkGovernorConfig, settings.tables.get("governor", {}), "governor"),
         camera=build(CameraTimingConfig, settings.tables.get("patience", {}), "patience"),
     )
-
-
-def _make_certificates(config: Config) -> Certificates:
-    from server.security.certificates import make_certificates
-
-    names = [*host_names(config), *lan_addresses(config)]
-    return make_certificates(config.data / "tls", names, dt.datetime.now(dt.UTC))
 
 
 def _open_pairing(config: Config, address: str, rig: Rig) -> Pairing:

@@ -8,7 +8,7 @@ from typing import Any
 
 from robot.control.state import Tick
 from robot.driver import Driver, describe
-from robot.types import Mode, Prediction, Sensors
+from robot.types import Mode, Prediction
 
 STATE_EVERY_S = 0.1
 _SOON_S = 0.05
@@ -25,7 +25,7 @@ def state_every_s(state: Tick) -> float:
 
 
 def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
-    decision, camera = state.decision, state.camera
+    decision, camera, sensors = state.decision, state.camera, state.sensors
     captured_s, source_s = state.frame_captured_s, state.source_age_s
     # What a camera on a brick is late by for the brick and its line.
     brick_s = None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
@@ -61,7 +61,12 @@ def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
         "nodes": state.n_nodes,
         "max_nodes": state.max_nodes,
         "learner": state.learner,
-        **_describe_sensors(state.sensors),
+        "distance_m": sensors.distance_m,
+        "bumped": None if sensors.bumped is None else bool(sensors.bumped),
+        "bumpers": [bool(pressed) for pressed in sensors.bumpers],
+        "battery": sensors.battery_share,
+        "pose": sensors.pose and asdict(sensors.pose),
+        **({} if sensors.game is None else {"game": asdict(sensors.game)}),
     }
     return {name: _rounded(value) for name, value in fields.items()}
 
@@ -82,17 +87,6 @@ def _describe_prediction(prediction: Prediction) -> dict[str, Any]:
         "frame": prediction.frame_id,
         "point": prediction.point and prediction.point._asdict(),
         **{name: getattr(prediction, name) for name in same},
-    }
-
-
-def _describe_sensors(sensors: Sensors) -> dict[str, Any]:
-    return {
-        "distance_m": sensors.distance_m,
-        "bumped": None if sensors.bumped is None else bool(sensors.bumped),
-        "bumpers": [bool(pressed) for pressed in sensors.bumpers],
-        "battery": sensors.battery_share,
-        "pose": sensors.pose and asdict(sensors.pose),
-        **({} if sensors.game is None else {"game": asdict(sensors.game)}),
     }
 
 
