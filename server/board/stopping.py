@@ -101,16 +101,13 @@ class RobotStop:
                 self.stage = Stopping.NOT_REACHED
                 self._on_change()
             with contextlib.suppress(UnreachableError, TimeoutError):
-                await self._stop_by_request()
+                async with asyncio.timeout(_PATIENCE_S):
+                    # The open connection may be dead without knowing it: this is one of its own.
+                    answer = await self._session.send("POST", "/api/stop")
+                if answer.json().get("emergency") is True and self.stage is not None:
+                    self.stage = Stopping.STOPPED
+                    self._on_change()
             await self._clock.pause(1.0)
-
-    async def _stop_by_request(self) -> None:
-        """Stop on a connection of its own: the open one may be dead without knowing it."""
-        async with asyncio.timeout(_PATIENCE_S):
-            answer = await self._session.send("POST", "/api/stop")
-        if answer.json().get("emergency") is True and self.stage is not None:
-            self.stage = Stopping.STOPPED
-            self._on_change()
 
     def _start(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         task = asyncio.create_task(work)

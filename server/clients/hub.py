@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import functools
 import itertools
 import logging
 from collections import Counter
@@ -121,17 +120,13 @@ class Hub:
         self.clients.pop(client.id, None)
         now_s = self.clock.now_s()
         if self.lease.give_up(client.id, now_s):
-            self._offer_wheel(now_s)
+            drivers = [one for one in self.clients.values() if one.role is Role.PILOT]
+            if self.lease.owner is None and len(drivers) == 1:  # usually a pilot who reconnected
+                self.lease.join(drivers[0].id, now_s)
             self._pilot_changed()
         else:
             self.publish_state()
         log.info("leave client=%s refused=%d", client.id, client.refused)
-
-    def _offer_wheel(self, now_s: float) -> None:
-        """Give a free wheel to the only client that may drive: usually a pilot who reconnected."""
-        drivers = [client for client in self.clients.values() if client.role is Role.PILOT]
-        if self.lease.owner is None and len(drivers) == 1:
-            self.lease.join(drivers[0].id, now_s)
 
     def receive(self, client: Client, text: str) -> None:
         """Handle one message of a client; refused messages are answered and counted."""
@@ -202,21 +197,20 @@ class Hub:
         asked = self.robot.loop.set_mode(
             message.mode, proven_s=self.nonces.issued_s(message.nonce), frame_id=message.frame
         )
-        asked.add_done_callback(functools.partial(self._note_asked, client, message))
+
+        def note(asked: Future[bool]) -> None:  # on the control loop's thread
+            is_refused = not asked.cancelled() and asked.exception() is None and not asked.result()
+            if is_refused and not self.robot.loop.state.emergency:
+                error = why_refused(message.frame, message.seq, self._limit_s)
+                self._soon(self.refuse, client, error)
+
+        asked.add_done_callback(note)
         log.info("mode client=%s mode=%s", client.id, message.mode.value)
 
     def _require_known_frame(self, frame: int | None, seq: int) -> None:
         if (frame or 0) > (self.robot.loop.state.frame_id or 0):
             sentence = f"frame {frame} has not been taken yet"
             raise ProtocolError(ErrorCode.UNKNOWN_FRAME, sentence, seq)
-
-    def _note_asked(
-        self, client: Client, message: protocol.ModeMessage, asked: Future[bool]
-    ) -> None:
-        """Tell a client on the event loop that the gate found its request too old."""
-        is_refused = not asked.cancelled() and asked.exception() is None and not asked.result()
-        if is_refused and not self.robot.loop.state.emergency:
-            self._soon(self.refuse, client, why_refused(message.frame, message.seq, self._limit_s))
 
     def _handle_drive(self, client: Client, message: protocol.DriveMessage, now_s: float) -> None:
         client.require_newer(message.seq)

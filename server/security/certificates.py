@@ -61,9 +61,18 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         authority = _load_or_make_authority(folder, names, now)
-        key, certificate = _make_server(authority, names, now)
-        write_whole(files.key, key, mode=0o600)
-        write_whole(files.chain, certificate + _pem(authority[0]), mode=0o600)
+        key = ec.generate_private_key(ec.SECP256R1())
+        issuer = x509.AuthorityKeyIdentifier.from_issuer_public_key(authority[1].public_key())
+        extensions: _Extensions = [
+            (x509.BasicConstraints(ca=False, path_length=None), True),
+            (_key_usage(signs_certificates=False), True),
+            (x509.ExtendedKeyUsage([x509.oid.ExtendedKeyUsageOID.SERVER_AUTH]), False),
+            (x509.SubjectAlternativeName([_general_name(name) for name in names]), False),
+            (issuer, False),
+        ]
+        certificate = _sign("Drivelesson", key, authority, now, _SERVER_DAYS, extensions)
+        write_whole(files.key, _key_pem(key), mode=0o600)
+        write_whole(files.chain, _pem(certificate) + _pem(authority[0]), mode=0o600)
     except (OSError, ValueError) as error:
         raise ConfigurationError(
             f"the certificates in {folder} cannot be made: {error}; repair or remove that folder"
@@ -86,27 +95,11 @@ def _load_or_make_authority(folder: Path, names: Sequence[str], now: dt.datetime
         (_only_private(names), True),
         (x509.SubjectKeyIdentifier.from_public_key(key.public_key()), False),
     ]
-    name, until = "Drivelesson on this network", now + dt.timedelta(days=_AUTHORITY_DAYS)
-    certificate = _sign(name, key, None, now, until, extensions)
+    name = "Drivelesson on this network"
+    certificate = _sign(name, key, None, now, _AUTHORITY_DAYS, extensions)
     write_whole(key_file, _key_pem(key), mode=0o600)
     write_whole(certificate_file, _pem(certificate), mode=0o600)
     return certificate, key
-
-
-def _make_server(
-    authority: _Authority, names: Sequence[str], now: dt.datetime
-) -> tuple[bytes, bytes]:
-    key = ec.generate_private_key(ec.SECP256R1())
-    issuer = x509.AuthorityKeyIdentifier.from_issuer_public_key(authority[1].public_key())
-    extensions: _Extensions = [
-        (x509.BasicConstraints(ca=False, path_length=None), True),
-        (_key_usage(signs_certificates=False), True),
-        (x509.ExtendedKeyUsage([x509.oid.ExtendedKeyUsageOID.SERVER_AUTH]), False),
-        (x509.SubjectAlternativeName([_general_name(name) for name in names]), False),
-        (issuer, False),
-    ]
-    until = now + dt.timedelta(days=_SERVER_DAYS)
-    return _key_pem(key), _pem(_sign("Drivelesson", key, authority, now, until, extensions))
 
 
 def _sign(
@@ -114,7 +107,7 @@ def _sign(
     key: ec.EllipticCurvePrivateKey,
     authority: _Authority | None,
     now: dt.datetime,
-    until: dt.datetime,
+    days: int,
     extensions: _Extensions,
 ) -> x509.Certificate:
     """Return the certificate of a key, signed by an authority or else by itself."""
@@ -126,7 +119,7 @@ def _sign(
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - dt.timedelta(days=1))  # a robot's clock may be a little off
-        .not_valid_after(until)
+        .not_valid_after(now + dt.timedelta(days=days))
     )
     for extension, is_critical in extensions:
         builder = builder.add_extension(extension, critical=is_critical)
