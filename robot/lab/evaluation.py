@@ -35,6 +35,10 @@ class Pair(NamedTuple):
     train: Drive
     test: Drive
 
+    @property
+    def place(self) -> str:
+        return self.train.name.rpartition("_")[0] or self.train.name
+
 
 def load_pairs(folder: Path | str) -> list[Pair]:
     """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`.
@@ -89,13 +93,12 @@ def evaluate(
     for pair in pairs:
         vectors: Vectors = {}
         drives = {"train": pair.train.name, "test": pair.test.name}
-        place = pair.train.name.rpartition("_")[0] or pair.train.name
         for name in learners:
             policy = make_policy(name)
             train = seen_by(policy, pair.train, vectors)
             test = seen_by(policy, pair.test, vectors, light)
             found = judge(policy, train, test, examples)
-            yield {"place": place, **drives, "learner": name, **found}
+            yield {"place": pair.place, **drives, "learner": name, **found}
             tick()
 
 

@@ -32,12 +32,10 @@ def errors(folder: str, examples: int | None) -> dict[str, np.ndarray]:
             with mock.patch.object(recognition, "BAND", width):
                 said = [policy.propose(i + 1, x).point for i, (x, *_) in enumerate(test)]
             both = [
-                (p.steering, t.steering)
-                for p, t in zip(said, pair.test.points, strict=True)
-                if p and t
+                (p.steering, t.steering) for p, (*_, t) in zip(said, test, strict=True) if p and t
             ]
             row.append(float(np.abs(np.subtract(*np.array(both).T)).mean()))
-        found.setdefault(pair.train.place, []).append(row)
+        found.setdefault(pair.place, []).append(row)
     return {place: np.array(rows) for place, rows in found.items()}
 
 

@@ -146,7 +146,7 @@ PLACES = list(README) if os.environ.get("DRIVELESSON_PLACES") == "all" else ["of
 @pytest.mark.parametrize("place", PLACES)
 def test_reproduces_the_figures_of_the_recordings(place):
     learners = ["knn-9", "published-32", "published-64"]
-    pairs = [pair for pair in evaluation.load_pairs(FOUND) if pair.train.place == place]
+    pairs = [pair for pair in evaluation.load_pairs(FOUND) if pair.place == place]
     results = list(evaluation.evaluate(pairs, learners))
     for learner, figure in zip(learners, README[place], strict=True):
         own = [r["accuracy"] for r in results if r["learner"] == learner]
