@@ -204,9 +204,8 @@ class Gate:
         if prediction is None or prediction.action is None:
             return self.stand(DrivenBy.ROBOT, asks_pilot=True)
         if prediction.needs_help:  # not a trip: the pilot's hand is all that it takes to go on
-            return replace(
-                self.stand(DrivenBy.ROBOT, asks_pilot=True), stop_reason=StopReason.NEEDS_HELP
-            )
+            asks = self.stand(DrivenBy.ROBOT, asks_pilot=True)
+            return replace(asks, stop_reason=StopReason.NEEDS_HELP)
         # Turning away is the way out of a view that is not known: never slower.
         is_slow = prediction.is_novel and not prediction.is_turn
         scale = self.config.novel_speed_scale if is_slow else 1.0

@@ -73,11 +73,9 @@ class Labeller:
     def label(
         self, command: PilotCommand, known_frame_ids: Iterable[int]
     ) -> Iterator[tuple[int, Action, Point | None]]:
-        """Yield the frames that `command` labels with move and point, oldest first.
+        """Yield the frames that a new command labels with move and point, oldest first.
 
-        Args:
-            command: The pilot's newest command.
-            known_frame_ids: Ids still remembered, ascending; others cannot be labelled.
+        `known_frame_ids` are those still remembered, ascending; others cannot be labelled.
         """
         if command.frame_id is None:
             return
@@ -160,11 +158,8 @@ class OnlineLearning:
         """Process the camera's newest frame; False if it is not new, or there is none.
 
         Args:
-            frame: The newest frame of the camera; None before the first.
-            under_way: The move that the policy is making, if it drives.
-            bumped: True if a bumper is pressed.
-            by_degrees: True if the body can be driven so.
-            delivered_s: When the loop got the frame; None: when it was taken.
+            delivered_s: When the loop got the frame; None: when it was taken. The others are those
+                of `Policy.propose`.
 
         Raises:
             CameraError: If the frame cannot be decoded; it then counts as not seen.

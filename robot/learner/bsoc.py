@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector
-from robot.learner.clusters import SHARED, Clusters, Merge
+from robot.learner.clusters import SHARED, Clusters
 from robot.learner.images import Images, IntegerImages
 from robot.learner.part import MOST_DISTANCE, Array, Stateful, Value
 from robot.learner.values import number
@@ -151,7 +151,7 @@ class BSOC(Clusters):
             self._groups[kept] = self._groups[removed]
         self._touched[kept] = max(self._touched[kept], self._touched[removed])
         self._set_row(kept, row)
-        self.last_merge_ = Merge(kept=kept, removed=removed)
+        self.last_merge_ = kept, removed
 
     def _blended(self, one: Floats, two: Floats, share: float, between: float) -> Floats:
         """Lance-Williams: d(k, ij) = wi d(k, i) + wj d(k, j) - wi wj d(i, j)."""

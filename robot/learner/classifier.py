@@ -154,10 +154,11 @@ class BSOCClassifier(Stateful, Learner):
             distances, taught = cluster.last_distances_, cluster.last_touched_
             owners = self._histograms[: len(distances)].argmax(axis=1)
             self._mind.note(column, distances, owners, taught, cluster.n_trained_)
-        if (merge := cluster.last_merge_) is not None:
+        if cluster.last_merge_ is not None:
+            kept, removed = cluster.last_merge_
             for sums in self._sums():
-                sums[merge.kept] += sums[merge.removed]
-                sums[merge.removed] = 0
+                sums[kept] += sums[removed]
+                sums[removed] = 0
         self._histograms[node, column] += 1
         self.n_seen_ += 1
         self.last_node_ = int(cluster.names[node])

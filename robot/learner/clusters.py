@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,16 +84,6 @@ MOST_FRAMES = 10**9
 """More than a pilot teaches in three years."""
 
 
-class Merge(NamedTuple):
-    """Node `removed` was merged into node `kept`, and its index given to the newest frame.
-
-    A plain tuple, because it is made often and is three times as fast as a dataclass.
-    """
-
-    kept: int
-    removed: int
-
-
 SHARED: tuple[Value | Array, ...] = (
     Value("max_nodes", count(), "max_nodes", is_fixed=True),
     Value("size", count(), "n_nodes_"),
@@ -113,8 +103,9 @@ class Clusters(Stateful, ABC):
         n_nodes_: How many there are.
         n_trained_: How many frames there were.
         names: Of each row: a merged node keeps that of its heavier parent.
-        last_merge_: What the latest `train` merged; None if the frame became a node without a
-            merge, or was itself merged into the node that `train` returned.
+        last_merge_: Into which node the latest `train` merged which other, whose index the newest
+            frame got; None if the frame became a node without a merge, or was itself merged into
+            the node that `train` returned.
         last_distance_: Squared distance of the latest frame from the nearest node before it that
             none of the `HELD_OUT` frames before it went into (of all, if there is no such node);
             None for the first frames, and if it is not measured.
@@ -128,7 +119,7 @@ class Clusters(Stateful, ABC):
         if max_nodes < 1:
             raise ValueError(f"max_nodes must be at least 1, not {max_nodes}")
         self.max_nodes, self.n_rows = max_nodes, n_rows
-        self.last_merge_: Merge | None = None
+        self.last_merge_: tuple[int, int] | None = None
         self.last_distance_: float | None = None
         self.last_distances_: Distances = np.zeros(0, np.float32)
         self.last_touched_ = np.zeros(0, np.int64)

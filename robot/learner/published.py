@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
-from robot.learner.clusters import SHARED, Clusters, Merge
+from robot.learner.clusters import SHARED, Clusters
 from robot.learner.images import checked_bytes
 from robot.learner.part import MOST_VALUES, Array, Value
 
@@ -98,7 +98,7 @@ class PublishedBSOC(Clusters):
         self.n_nodes_ = last
         self._insert(kept, merged, sum(counts), name)
         if removed != last:
-            self.last_merge_ = Merge(kept=kept, removed=removed)
+            self.last_merge_ = kept, removed
 
     def _merged(self, one: int, two: int, count_one: int, count_two: int) -> NDArray[Any]:
         total = count_one + count_two
