@@ -11,6 +11,7 @@ flood so evicts itself. The owner, the pilot and the teacher give way to each ot
 from __future__ import annotations
 
 import ipaddress
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -45,7 +46,15 @@ class PlaceInUse:
     used_s: float
     close: Close
     came_s: float = 0.0
+    idle_s: float = math.inf
+    """Since when a connection has waited for the next request; infinite: it does not wait."""
     is_taken: bool = True
+    is_known: bool = False
+    """True of a pending connection whose session is known: it gives way, but has no time limit."""
+
+    @property
+    def is_idle(self) -> bool:
+        return self.idle_s < math.inf
 
 
 class Places:
@@ -55,10 +64,14 @@ class Places:
         in_all: How many there are.
         each: How many of them one person may have; a crowd may have all.
         keeps: True of persons who give way to each other alone.
+        answer_s: So long others leave a request time for its answer.
     """
 
-    def __init__(self, in_all: int, each: int, keeps: Callable[[str], bool]) -> None:
+    def __init__(
+        self, in_all: int, each: int, keeps: Callable[[str], bool], answer_s: float = 0.0
+    ) -> None:
         self._in_all, self._each, self._keeps = max(1, in_all), max(1, each), keeps
+        self._answer_s = answer_s
         self._of: dict[str, list[PlaceInUse]] = {}
         self.taken = self.evicted = 0
 
@@ -68,13 +81,10 @@ class Places:
         if not session.is_crowd and len(own) >= self._each:
             self._evict(own)
         elif self.is_full:
-            most = self._most(session.name)
-            # The newcomer must not have more than the other has left, or both would take turns.
-            if not most or not (
-                self._keeps(session.name) or most is own or len(most) > len(own) + 1
-            ):
+            giving = self._giving(session.name, now_s)
+            if not giving:
                 return None
-            self._evict(most)
+            self._evict(giving)
         place = PlaceInUse(session.name, now_s, close)
         self._of.setdefault(session.name, []).append(place)
         self.taken += 1
@@ -107,15 +117,29 @@ class Places:
         self.evicted += 1
         place.close()
 
-    def _most(self, newcomer: str) -> list[PlaceInUse]:
+    def _giving(self, newcomer: str, now_s: float) -> list[PlaceInUse]:
         """Return the places of who has most, of those who have to give way to the newcomer."""
-        yielding = [own for person, own in self._of.items() if not self._keeps(person)]
-        if not yielding and self._keeps(newcomer):
-            yielding = list(self._of.values())
-        return max(yielding, key=len, default=[])
+        own = self._of.get(newcomer, [])
+        yielding = [places for person, places in self._of.items() if not self._keeps(person)]
+        if self._keeps(newcomer):
+            return max(yielding or self._of.values(), key=len, default=[])
+        most = max(map(len, yielding), default=0)
+
+        def gives(places: list[PlaceInUse]) -> bool:
+            # The newcomer must not have more than the other has left, or both would take turns.
+            has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
+            return any(
+                (places is own and place.is_idle) or (has_more and self._is_spare(place, now_s))
+                for place in places
+            )
+
+        return max(filter(gives, yielding), key=len, default=[])
+
+    def _is_spare(self, place: PlaceInUse, now_s: float) -> bool:
+        return place.is_idle or now_s - place.used_s >= self._answer_s
 
     def _evict(self, own: list[PlaceInUse]) -> None:
-        self.end(min(own, key=lambda place: place.used_s))
+        self.end(min(own, key=lambda place: (place.idle_s, place.used_s)))
 
 
 class Door:
@@ -131,7 +155,10 @@ class Door:
         # Newcomers have nothing but an address: none of them goes before another.
         self.pending = Places(n_pending, limits.pending_per_address, lambda address: True)
         self.admitted = Places(
-            capacity - n_pending, limits.connections_each, lambda person: self.keeps(person)
+            capacity - n_pending,
+            limits.connections_each,
+            lambda person: self.keeps(person),
+            limits.idle_s,
         )
         self.sockets = Places(
             limits.clients, limits.clients_each, lambda person: self.keeps(person)
@@ -183,17 +210,25 @@ class Door:
         place = self._connections.get(peer)
         if place is None:
             return
-        place.used_s = now_s
+        place.used_s, place.idle_s = now_s, math.inf
         if session is not None and place.person != session.name:
-            self.pending.give_back(place)
             self.admitted.give_back(place)
             admitted = self.admitted.take(session, now_s, place.close)
-            if admitted is None:  # crowded out by people who come before it
+            if admitted is None and not place.is_taken:  # whose place it had
                 place.close()
                 return
-            self._connections[peer] = place = admitted
+            if admitted is not None:
+                self.pending.give_back(place)
+                self._connections[peer] = place = admitted
+            else:  # nobody can give way: the connection is answered all the same
+                place.is_known = True
         if lasts:
             place.used_s = float("inf")
+
+    def answered(self, peer: Peer, now_s: float) -> None:
+        """Record that a request has its answer: who needs a place takes an idle connection's."""
+        if peer in self._connections:
+            self._connections[peer].idle_s = now_s
 
     def left(self, peer: Peer) -> None:
         place = self._connections.pop(peer, None)
@@ -210,7 +245,7 @@ class Door:
         self._expired_s = now_s
         for place in self.pending:
             place.used_s += held_up_s
-            if now_s - place.used_s >= self.limits.pending_s:
+            if now_s - place.used_s >= self.limits.pending_s and not place.is_known:
                 self.pending.end(place)
 
     def close_all(self) -> None:

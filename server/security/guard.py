@@ -21,7 +21,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from robot.clock import Clock
 from server.security.access import Access, Refusal, Role, Session
-from server.security.door import Door, PlaceInUse, address_key
+from server.security.door import Door, Peer, PlaceInUse, address_key
 from server.security.proxies import PEER, PREFIX, Proxies
 
 log = logging.getLogger(__name__)
@@ -98,8 +98,8 @@ class Guard:
 
     def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
         access, method, now_s = self.access, scope.get("method"), self.clock.now_s()
-        address, _ = client = tuple(scope.get("client") or ("", 0))
-        peer = scope.get(PEER, client)
+        address, _ = tuple(scope.get("client") or ("", 0))
+        peer = _peer(scope)
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
         is_lasting = scope["type"] == "websocket" or scope["path"] == _LASTING
         refusal = access.check_host(headers) or access.check_origin(headers, scheme, method)
@@ -159,6 +159,8 @@ class Guard:
                 for name, value in extra.items():
                     headers.setdefault(name, value)
             await send(message)
+            if message["type"] == "http.response.body" and not message.get("more_body", False):
+                self.door.answered(_peer(scope), self.clock.now_s())
 
         with contextlib.suppress(ClientDisconnect):  # gone in the middle of its body
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
@@ -177,6 +179,12 @@ def _limited(receive: Receive, most: int) -> Receive:
         return message
 
     return receive_limited
+
+
+def _peer(scope: Scope) -> Peer:
+    """Return who is at the other end of the connection: the client, or its proxy."""
+    peer: Peer = scope.get(PEER) or tuple(scope.get("client") or ("", 0))
+    return peer
 
 
 def _headers(scope: Scope) -> dict[str, str]:

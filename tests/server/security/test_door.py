@@ -52,9 +52,15 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
             person = person or self.connections[peer]
             role = Role.PILOT if person in KEPT else Role.VIEWER
             session = None if person is None else Session(role=role, name=person)
+            waiting = self.door.pending.taken
             self.door.asked(peer, session, self.now_s, lasts=lasts)
-            if peer in self.connections:
+            if self.door.pending.taken < waiting or self.connections.get(peer) is not None:
                 self.connections[peer] = person
+
+    @rule(pick=st.integers(0, 50))
+    def answer(self, pick: int) -> None:
+        if self.connections:
+            self.door.answered(list(self.connections)[pick % len(self.connections)], self.now_s)
 
     @rule(pick=st.integers(0, 50))
     def leave(self, pick: int) -> None:
