@@ -14,7 +14,7 @@ import ipaddress
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from server.config import Limits, as_address
 from server.security.access import Role, Session
@@ -64,24 +64,25 @@ class Places:
         in_all: How many there are.
         each: How many of them one person may have; a crowd may have all.
         keeps: True of persons who give way to each other alone.
-        answer_s: So long others leave a request time for its answer.
     """
 
-    def __init__(
-        self, in_all: int, each: int, keeps: Callable[[str], bool], answer_s: float = 0.0
-    ) -> None:
+    def __init__(self, in_all: int, each: int, keeps: Callable[[str], bool]) -> None:
         self._in_all, self._each, self._keeps = max(1, in_all), max(1, each), keeps
-        self._answer_s = answer_s
         self._of: dict[str, list[PlaceInUse]] = {}
         self.taken = self.evicted = 0
 
-    def take(self, session: Session, now_s: float, close: Close) -> PlaceInUse | None:
-        """Take a place, until `close` ends it for who needs it more; None if none is to be had."""
+    def take(
+        self, session: Session, now_s: float, close: Close, answer_s: float = 0.0
+    ) -> PlaceInUse | None:
+        """Take a place, until `close` ends it for who needs it more; None if none is to be had.
+
+        A request that was read less than `answer_s` ago is not cut short for the newcomer.
+        """
         own = self._of.get(session.name, [])
         if not session.is_crowd and len(own) >= self._each:
             self._evict(own)
         elif self.is_full:
-            giving = self._giving(session.name, now_s)
+            giving = self._giving(session.name, now_s - answer_s if answer_s else math.inf)
             if not giving:
                 return None
             self._evict(giving)
@@ -117,26 +118,24 @@ class Places:
         self.evicted += 1
         place.close()
 
-    def _giving(self, newcomer: str, now_s: float) -> list[PlaceInUse]:
+    def _giving(self, newcomer: str, before_s: float) -> list[PlaceInUse]:
         """Return the places of who has most, of those who have to give way to the newcomer."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._keeps(person)]
         if self._keeps(newcomer):
-            return max(yielding or self._of.values(), key=len, default=[])
+            yielding = yielding or list(self._of.values())
         most = max(map(len, yielding), default=0)
 
         def gives(places: list[PlaceInUse]) -> bool:
+            if places is own and any(one.is_idle for one in own):
+                return True
             # The newcomer must not have more than the other has left, or both would take turns.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
-            return any(
-                (places is own and place.is_idle) or (has_more and self._is_spare(place, now_s))
-                for place in places
+            return (has_more or self._keeps(newcomer)) and any(
+                one.is_idle or one.used_s <= before_s for one in places
             )
 
         return max(filter(gives, yielding), key=len, default=[])
-
-    def _is_spare(self, place: PlaceInUse, now_s: float) -> bool:
-        return place.is_idle or now_s - place.used_s >= self._answer_s
 
     def _evict(self, own: list[PlaceInUse]) -> None:
         self.end(min(own, key=lambda place: (place.idle_s, place.used_s)))
@@ -155,10 +154,7 @@ class Door:
         # Newcomers have nothing but an address: none of them goes before another.
         self.pending = Places(n_pending, limits.pending_per_address, lambda address: True)
         self.admitted = Places(
-            capacity - n_pending,
-            limits.connections_each,
-            lambda person: self.keeps(person),
-            limits.idle_s,
+            capacity - n_pending, limits.connections_each, lambda person: self.keeps(person)
         )
         self.sockets = Places(
             limits.clients, limits.clients_each, lambda person: self.keeps(person)
@@ -213,7 +209,10 @@ class Door:
         place.used_s, place.idle_s = now_s, math.inf
         if session is not None and place.person != session.name:
             self.admitted.give_back(place)
-            admitted = self.admitted.take(session, now_s, place.close)
+            take = partial(self.admitted.take, session, now_s, place.close)
+            admitted = take(answer_s=self.limits.idle_s)
+            if admitted is None and lasts and self.keeps(session.name):
+                admitted = take()
             if admitted is None and not place.is_taken:  # whose place it had
                 place.close()
                 return

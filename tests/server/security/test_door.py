@@ -50,12 +50,15 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
         if self.connections:
             peer = list(self.connections)[pick % len(self.connections)]
             person = person or self.connections[peer]
-            role = Role.PILOT if person in KEPT else Role.VIEWER
-            session = None if person is None else Session(role=role, name=person)
-            waiting = self.door.pending.taken
-            self.door.asked(peer, session, self.now_s, lasts=lasts)
-            if self.door.pending.taken < waiting or self.connections.get(peer) is not None:
-                self.connections[peer] = person
+            self._ask(peer, person, lasts=lasts)
+
+    def _ask(self, peer: Peer, person: str | None, *, lasts: bool) -> None:
+        role = Role.PILOT if person in KEPT else Role.VIEWER
+        session = None if person is None else Session(role=role, name=person)
+        waiting = self.door.pending.taken
+        self.door.asked(peer, session, self.now_s, lasts=lasts)
+        if self.door.pending.taken < waiting or self.connections.get(peer) is not None:
+            self.connections[peer] = person
 
     @rule(pick=st.integers(0, 50))
     def answer(self, pick: int) -> None:
@@ -79,9 +82,15 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
         """Whatever came before: the connection is accepted, and still there when it was read."""
         self.arrive(address, 1)
         peer = (address, self.port)
-        self.door.asked(peer, Session(role=Role.PILOT, name=person), self.now_s, lasts=False)
+        self._ask(peer, person, lasts=False)
         assert peer in self.connections
-        self.connections[peer] = person
+
+    @rule(address=st.sampled_from(ADDRESSES), person=st.sampled_from(KEPT))
+    def who_drives_comes_back(self, address: str, person: str) -> None:
+        self.arrive(address, 1)
+        peer = (address, self.port)
+        self._ask(peer, person, lasts=True)
+        assert self.connections[peer] == person, "it need not wait for anybody's answer"
 
     @invariant()
     def the_books_agree(self) -> None:
