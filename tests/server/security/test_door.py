@@ -149,6 +149,37 @@ def test_where_nobody_is_paired_an_answer_may_take_long(address: str) -> None:
     assert not gone and door.open == 8
 
 
+def test_nobody_s_answer_is_cut_short_for_another_s_request() -> None:
+    """Pages that load together open more connections than there are places for admitted ones."""
+    door, gone = Door(Limits(pending=6, connections_each=6), 16), list[Peer]()
+    people = [Session(role=Role.PILOT, name=name) for name in ("one", "other", "third")]
+    busy = [(f"10.0.0.{n}", port) for port in range(5) for n in range(3)]
+    for peer in busy:
+        door.arrive(peer, 0.0, lambda peer=peer: gone.append(peer))
+        door.asked(peer, people[int(peer[0][-1])], 0.0, lasts=False)
+    for second in range(int(LIMITS.idle_s)):
+        door.expire(float(second))
+    assert not gone and door.admitted.taken == 10 and door.pending.taken == 5
+
+    door.answered(busy[4], 29.0)
+    door.asked(busy[-2], people[1], 29.5, lasts=False)
+    assert gone == [busy[4]], "the connection that waits for a request gives way"
+    door.asked(busy[-1], people[2], 30.5, lasts=False)
+    assert gone == [busy[4]], "nobody has more than this one"
+
+
+def test_a_request_that_hangs_gives_way_in_the_end() -> None:
+    door, gone = Door(Limits(pending=6, connections_each=20), 16), list[int]()
+    for port in range(10):
+        door.arrive(("10.0.0.1", port), 0.0, lambda port=port: gone.append(port))
+        door.asked(("10.0.0.1", port), Session(Role.VIEWER, "greedy"), 0.0, lasts=False)
+    for port, now_s in enumerate((1.0, LIMITS.idle_s + 1.0), 10):
+        assert not gone
+        door.arrive(("10.0.0.2", port), now_s, lambda port=port: gone.append(port))
+        door.asked(("10.0.0.2", port), Session(Role.VIEWER, "other"), now_s, lasts=False)
+    assert gone == [0] and door.admitted.has("other")
+
+
 def test_who_comes_often_enough_is_never_at_the_expense_of_who_has_less() -> None:
     places = Places(8, 6, KEPT.__contains__)
     gone = list[str]()
