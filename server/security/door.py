@@ -4,8 +4,10 @@ Who has a session is counted by it, and only who has none by address. A connecti
 until the guard has read a session on it; pending ones have little time, and places of their own.
 So whoever has filled all other places, a new connection is accepted and read: it may be a STOP.
 
-Where no place is left, the person who has most gives up the one that was used longest ago. A
-flood so evicts itself. The owner, the pilot and the teacher give way to each other alone.
+Where no place is left, the person who has most gives up one: an idle connection, or the one that
+was used longest ago. A flood so evicts itself. The owner, the pilot and the teacher give way to each
+other alone. Nobody's answer is cut short for a request: where all are busy, it is answered on a
+pending connection.
 """
 
 from __future__ import annotations
