@@ -5,9 +5,9 @@ until the guard has read a session on it; pending ones have little time, and pla
 So whoever has filled all other places, a new connection is accepted and read: it may be a STOP.
 
 Where no place is left, the person who has most gives up one: an idle connection, or the one that
-was used longest ago. A flood so evicts itself. The owner, the pilot and the teacher give way to each
-other alone. Nobody's answer is cut short for a request: where all are busy, it is answered on a
-pending connection.
+was used longest ago. A flood so evicts itself. The owner, the pilot and the teacher give way to
+each other alone. Nobody's answer is cut short for a request: where all are busy, it is answered on
+a pending connection.
 """
 
 from __future__ import annotations
