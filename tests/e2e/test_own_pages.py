@@ -20,6 +20,7 @@ from .boxes import drive_faults
 from .hand import Fingers, choose, hold_until, pad, press_until, turning, wait_until_standing
 from .world import (
     DESKTOP,
+    LANDSCAPE,
     PHONE,
     World,
     new_context,
@@ -156,4 +157,33 @@ def test_where_there_is_no_map_the_pad_takes_its_place(
     page.locator("drive-map").wait_for(state="hidden")
     assert page.evaluate(height) > beside_the_map + 100
     assert drive_faults(page) == []
+    context.close()
+
+
+WRONGLY_HIT = """(n) => {
+  const moves = Array.from({ length: n }, (_, i) => `wave_${i}`);
+  const { page } = document.querySelector('app-bar');
+  page.follow = () => {};
+  const rest = { icon: '', does: '', steering: null, throttle: null };
+  page.greet({ role: 'pilot', robot: 'Rover', moves, declared_moves: moves.map((name, i) => (
+    { name, label: { en: `Wave with both hands ${i}` }, ...rest })) });
+  const buttons = [...document.querySelectorAll('drive-pad .move')];
+  return buttons.flatMap((button) => {
+    const { left, top, width, height } = button.getBoundingClientRect();
+    return [0.2, 0.5, 0.8]
+      .flatMap((u) => [0.05, 0.5, 0.95].map((v) => [left + u * width, top + v * height]))
+      .filter(([x, y]) => document.elementFromPoint(x, y)?.closest('.move, .stop') !== button)
+      .map(() => button.textContent);
+  });
+}"""
+
+
+@pytest.mark.parametrize("size", [PHONE, LANDSCAPE, {"width": 320, "height": 568}])
+def test_no_word_of_a_move_lies_over_another_move(
+    chromium: Any, world: World, size: dict[str, int]
+) -> None:
+    """A finger on it would drive that one."""
+    context = new_context(chromium, size)
+    page = open_page(context, world.address)
+    assert [move for n in (5, 12) for move in page.evaluate(WRONGLY_HIT, n)] == []
     context.close()
