@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 
 from robot.store.table import Cell, Table
 from robot.study.plan import StudyPlan
-from robot.study.questions import SCORES, questionnaires
+from robot.study.questions import SCORES
 from robot.study.rows import QUESTIONS, Row
 
 _DIGITS = 6
@@ -30,11 +30,7 @@ def measures(plan: StudyPlan) -> list[Measure]:
         for column in _OF_KIND[phase.kind]
     ]
     asked = {question.name for question in plan.questions}
-    scored = [
-        (QUESTIONS, column)
-        for column, name in SCORES.items()
-        if asked.issuperset(question.name for question in questionnaires()[name])
-    ]
+    scored = [(QUESTIONS, name) for name in SCORES if any(q.startswith(name[:3]) for q in asked)]
     scales = [(QUESTIONS, q.name) for q in plan.questions if q.kind == "scale"]
     return [*driven, *scored, *scales]
 

@@ -15,7 +15,6 @@ import pytest
 from robot.errors import ConfigurationError
 from robot.study.archive import pack, rebuild, report
 from robot.study.rows import columns
-from robot.study.tables import measures
 
 from .scripted import SMALL_PLAN, Participant, logs_of, small_plan
 
@@ -83,11 +82,6 @@ def test_of_a_condition_begun_anew_the_last_attempt_counts() -> None:
     person.drive(1.0)
     rows = table(rebuild(SMALL_PLAN, {"P05": person.log})["phases.csv"])
     assert [(r["phase"], r["attempt"], r["is_complete"]) for r in rows] == [("teach", "2", "0")]
-
-
-def test_each_score_stands_in_the_tables_as_its_questions_do() -> None:
-    found = [column for phase, column in measures(small_plan()) if phase == "questions"]
-    assert found[:3] == ["nasa_tlx", "trust", "tlx_mental"]
 
 
 def test_without_anybody_the_tables_are_empty_and_there() -> None:
