@@ -26,9 +26,8 @@ FOLDER = Path(__file__).parents[2] / "docs/results"
 PAGE = FOLDER / "README.md"
 _TOP = """# Results
 
-Made from the JSON files here by `make docs`; do not edit by hand. Before you quote a figure:
-[how it is measured](../reference/experiments.md). What was before: [lab](../lab/earlier.md).
-Two cores of an AMD EPYC, of an Intel Xeon on 21 November; Python 3.11.7, numpy 2.4.6. Seeds from 0.
+Made from the JSON files here by `make docs`. Before you quote a figure: [how it is measured](../reference/experiments.md).
+Before: [lab](../lab/earlier.md). Two cores of an AMD EPYC, of an Intel Xeon on 21 November; Python 3.11.7, numpy 2.4.6. Seeds from 0.
 """
 
 
@@ -50,7 +49,7 @@ def _section(question: dict[str, Any]) -> str:
     runs = [f"`{run['command']}` ({run['commit']}, {run['date']})" for run in question["runs"]]
     unit = question["unit"]
     about = f"{unit[0].upper()}{unit[1:]}. {question['note']}".strip()
-    about += f"\nMeasured by {', '.join(runs)}."
+    about += f" Measured by {', '.join(runs)}."
     table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     return f"## {question['question']}\n\n{about}\n\n{table}\n"
 
