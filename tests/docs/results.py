@@ -26,8 +26,9 @@ FOLDER = Path(__file__).parents[2] / "docs/results"
 PAGE = FOLDER / "README.md"
 _TOP = """# Results
 
-Made from the JSON files here by `make docs`. Before you quote a figure: [how it is measured](../reference/experiments.md).
-Before: [lab](../lab/earlier.md). Two cores of an AMD EPYC, of an Intel Xeon on 21 November; Python 3.11.7, numpy 2.4.6. Seeds from 0.
+Made from the JSON files here by `make docs`. Before you quote a figure: [how it is \
+measured](../reference/experiments.md). Before: [lab](../lab/earlier.md). Two cores of an AMD \
+EPYC, of an Intel Xeon on 21 November; Python 3.11.7, numpy 2.4.6. Seeds from 0.
 """
 
 
