@@ -27,10 +27,7 @@ class DeadReckoning:
     def locate(self, sensors: Sensors, last: Tick, now_s: float) -> Sensors:
         """Return the readings with an estimated pose, unless they have one or nothing is known.
 
-        Args:
-            sensors: What the driver read now.
-            last: The tick before, in which the motors were told what they did since.
-            now_s: The loop's clock.
+        The tick before, `last`, says what the motors did since.
         """
         track_m = self._driver.track_m
         if sensors.pose is not None or track_m is None:

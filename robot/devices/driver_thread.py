@@ -46,10 +46,6 @@ class DriverThread(Driver):
 
     A fault of the body is raised by the next call, and by every one until a request succeeds.
     `step` does one request and is what the thread repeats.
-
-    Args:
-        driver: The driver that may block.
-        clock: The loop's.
     """
 
     def __init__(self, driver: Driver, clock: Clock) -> None:

@@ -11,11 +11,8 @@ from numpy.typing import NDArray
 
 
 def encode_png(picture: NDArray[Any], *, level: int = 6) -> bytes:
-    """Return a PNG file of a picture, shape (height, width) or (height, width, 3), uint8.
-
-    Raises:
-        ValueError: If the shape or type is another.
-    """
+    """Return a PNG file of a picture, shape (height, width) or (height, width, 3), uint8;
+    ValueError if the shape or type is another."""
     if (
         picture.dtype != np.uint8
         or picture.ndim not in (2, 3)

@@ -43,11 +43,8 @@ class Rig(StartStop):
             self.loop.subscribe(self._advise)
 
     def start(self) -> None:
-        """Connect the body, start the camera, and run the loop.
-
-        Raises:
-            RobotError: If the hardware is not there; whatever was started is stopped again.
-        """
+        """Connect the body, start the camera, and run the loop; RobotError if the hardware is not
+        there; whatever was started is stopped again."""
         try:
             self.driver.connect()
             self.camera.start()

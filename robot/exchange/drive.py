@@ -87,7 +87,6 @@ def drive_of(
         found: Where each stands, and what was found there.
         read: Makes a shot of it; raises ValueError if it cannot.
         what: What they were found in, for a person.
-        report: What was skipped so far.
         **about: Further fields of the drive.
 
     Raises:

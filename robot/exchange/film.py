@@ -75,11 +75,8 @@ def write_film(
 
 
 def to_jpeg(pixels: Pixels) -> Picture:
-    """Encode pixels, shape (height, width, 3), at a quality at which nobody sees a difference.
-
-    Raises:
-        RecordingError: If they are larger than 4096 pixels a side.
-    """
+    """Encode pixels, shape (height, width, 3), at a quality at which nobody sees a difference;
+    RecordingError if they are larger than 4096 pixels a side."""
     import cv2
 
     height, width = pixels.shape[:2]
@@ -91,12 +88,8 @@ def to_jpeg(pixels: Pixels) -> Picture:
 
 
 class FilmReader:
-    """Gives the pictures of a film by their times, best one after the other.
-
-    Args:
-        path: The film.
-        fps: Its pictures a second, which say how near a picture must be.
-    """
+    """Gives the pictures of a film by their times, best one after the other; its pictures a second
+    say how near one must be."""
 
     def __init__(self, path: Path, fps: float) -> None:
         self._path, self._fps = path, fps
@@ -134,11 +127,8 @@ class FilmReader:
 
 
 def check_suffix(path: Path) -> None:
-    """Refuse a name without a supported suffix.
-
-    Raises:
-        ConfigurationError: If the suffix is not supported; lists those that are.
-    """
+    """Refuse a name without a supported suffix; ConfigurationError if the suffix is not supported;
+    lists those that are."""
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
             f"a film's name must end in {' or '.join(SUFFIXES)}, not in {path.suffix!r}: {path}"

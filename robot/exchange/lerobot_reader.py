@@ -47,11 +47,7 @@ class _Info(Outside):
 
 
 class LerobotDataset:
-    """A dataset that was opened.
-
-    Raises:
-        RecordingError: If its description is lost or is none.
-    """
+    """A dataset that was opened; RecordingError if its description is lost or is none."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

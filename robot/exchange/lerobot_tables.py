@@ -22,11 +22,8 @@ _MOST_TABLE_BYTES = 2**30
 def read_table(
     path: Path, columns: list[str] | None = None, episode: int | None = None
 ) -> list[dict[str, Any]]:
-    """Read rows, of one episode or all, with those of the columns that are there.
-
-    Raises:
-        RecordingError: If it is damaged, or unpacks to more than 1 GB.
-    """
+    """Read rows, of one episode or all, with those of the columns that are there; RecordingError if
+    it is damaged, or unpacks to more than 1 GB."""
     pa, pq = need(*PYARROW), need(*_PARQUET)
     try:
         with pq.ParquetFile(path) as file:

@@ -15,12 +15,8 @@ _MOST_BYTES = 32 * 2**20
 
 
 def read_picture_file(folder: Path, name: str) -> Picture:
-    """Read a picture of a folder, by an untrusted name.
-
-    Raises:
-        RecordingError: If the name leads out of the folder, there is no such file, or it is no
-            picture of a sensible size.
-    """
+    """Read a picture of a folder, by an untrusted name; RecordingError if the name leads out of the
+    folder, there is no such file, or it is no picture of a sensible size."""
     try:
         path = (folder / name).resolve()
         if not path.is_relative_to(folder.resolve()):

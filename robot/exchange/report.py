@@ -6,11 +6,7 @@ from robot.errors import RecordingError
 
 
 class ImportReport:
-    """Collects what was skipped while a drive is read.
-
-    Args:
-        is_strict: Refuse the drive at the first thing that would be skipped.
-    """
+    """Collects what was skipped while a drive is read; a strict one refuses it at the first."""
 
     def __init__(self, *, is_strict: bool = False) -> None:
         self.is_strict = is_strict

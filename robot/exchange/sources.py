@@ -43,11 +43,8 @@ class Source(NamedTuple):
 
 
 def find_drives(path: Path) -> list[Source]:
-    """Return the drives at a path, or in its folders.
-
-    Raises:
-        RecordingError: If there is none that is known, or a dataset without a readable description.
-    """
+    """Return the drives at a path, or in its folders; RecordingError if there is none that is
+    known, or a dataset without a readable description."""
     if not path.is_dir() and path.suffix == ".npz":
         return [Source(path.name, lambda _, report: load_recording(path, report))]
     if path.is_file() and path.suffix == ".csv":

@@ -60,11 +60,8 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
 
 
 def read_share(value: object, name: str) -> float:
-    """Return a steering angle or a throttle as a program wrote it, as a number or its text.
-
-    Raises:
-        ValueError: If it is not a number from -1 to 1: nothing is put in its place.
-    """
+    """Return a steering angle or a throttle as a program wrote it, as a number or its text;
+    ValueError if it is not a number from -1 to 1: nothing is put in its place."""
     try:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError

@@ -12,11 +12,8 @@ _MOST_BYTES = 64 * 2**20
 
 
 def read_text(path: Path) -> str:
-    """Read a file; bytes that are no UTF-8 become question marks.
-
-    Raises:
-        RecordingError: If it cannot be read, or is larger than 64 MB.
-    """
+    """Read a file; bytes that are no UTF-8 become question marks. RecordingError if it cannot be
+    read, or is larger than 64 MB."""
     try:
         if path.stat().st_size > _MOST_BYTES:
             raise RecordingError(f"{path} is too large")

@@ -41,11 +41,8 @@ class Pair(NamedTuple):
 
 
 def load_pairs(folder: Path | str) -> list[Pair]:
-    """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`.
-
-    Raises:
-        RecordingError: If there is no such folder or pair, or a recording is broken.
-    """
+    """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`;
+    RecordingError if there is no such folder or pair, or a recording is broken."""
     from robot.exchange.npz import load_recording  # of another house, asked for when needed
 
     folder = Path(folder)
@@ -78,8 +75,6 @@ def evaluate(
     """Yield what `judge` finds of each learner on each pair, and of which it is.
 
     Args:
-        pairs: The drives.
-        learners: Their names.
         light: How much of the light is left when the learner is tested.
         examples: How many frames of a drive are learned, spread evenly over it; None: all.
         tick: Called after every one.

@@ -56,11 +56,8 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
 
 
 def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
-    """Return a teacher: a built-in one such as `sonar`, an entry point, or `path.py:Name`.
-
-    Raises:
-        ConfigurationError: If it is unknown, or is not a teacher.
-    """
+    """Return a teacher: a built-in one such as `sonar`, an entry point, or `path.py:Name`;
+    ConfigurationError if it is unknown, or is not a teacher."""
     made = _make_idea(name, "drivelesson.teachers")
     if made is not None:
         if not (hasattr(made, "choose") and hasattr(made, "tolerates")):

@@ -68,14 +68,7 @@ def run_lesson(params: Params) -> Result:
 def _figures(
     drive: DriveLog, teacher: DriveLog, taught: Profile, moves: tuple[Action, ...]
 ) -> dict[str, Any]:
-    """Return all figures of one drive.
-
-    Args:
-        drive: The drive to measure.
-        teacher: All of the teacher's driving.
-        taught: The same from the minutes of teaching only, as in the paper.
-        moves: The possible moves.
-    """
+    """Return all figures of one drive; `taught` is the teaching alone, as in the paper."""
     return {
         **metrics.against(drive, teacher, moves),
         "ssd_against_lesson": compare(taught, drive.profile(), moves).ssd,

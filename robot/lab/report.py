@@ -95,11 +95,8 @@ def _of_columns(table: Table, columns: Sequence[str]) -> Plot:
 
 
 def draw_svg(plot: Plot) -> str:
-    """Return one plot as an SVG element; lines over numbers, points beside names.
-
-    Raises:
-        MissingExtraError: If matplotlib is not installed.
-    """
+    """Return one plot as an SVG element; lines over numbers, points beside names. MissingExtraError
+    if matplotlib is not installed."""
     matplotlib = need("matplotlib", "plots", "experiments")
     matplotlib.use("Agg")
     matplotlib.rcParams["svg.hashsalt"] = "drivelesson"  # the same plot, the same bytes

@@ -58,11 +58,8 @@ def default_root() -> Path:
 
 
 def check_name(name: str) -> str:
-    """Return a person's name for a thing in the form in which it can also name a file.
-
-    Raises:
-        ConfigurationError: If it could lead elsewhere, or some system could not store it.
-    """
+    """Return a person's name for a thing in the form in which it can also name a file;
+    ConfigurationError if it could lead elsewhere, or some system could not store it."""
     tidy = unicodedata.normalize("NFC", name).strip().rstrip(". ")
     if not _NAME.fullmatch(tidy) or _RESERVED.fullmatch(tidy) or len(tidy.encode()) > 200:
         raise ConfigurationError(

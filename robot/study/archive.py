@@ -131,11 +131,8 @@ def pack(plan_text: str, logs: Mapping[str, bytes]) -> bytes:
 
 
 def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
-    """Return the plan, the logs by participant, and the packed tables and figures by path.
-
-    Raises:
-        ConfigurationError: If the file is not such a zip.
-    """
+    """Return the plan, the logs by participant, and the packed tables and figures by path;
+    ConfigurationError if the file is not such a zip."""
     try:
         with zipfile.ZipFile(path) as archive:
             if sum(info.file_size for info in archive.infolist()) > _LARGEST_ZIP_MB * 1_000_000:

@@ -75,11 +75,8 @@ def paper_plan(trial: int = 1) -> str:
 
 
 def trial_plan(trial: int, teach_s: int, learner: str = "default-32") -> str:
-    """Return the guided trial of one person, with one teaching time and the closing question.
-
-    Raises:
-        ConfigurationError: If the trial or the teaching time is unknown.
-    """
+    """Return the guided trial of one person, with one teaching time and the closing question;
+    ConfigurationError if the trial or the teaching time is unknown."""
     if repr(trial) not in map(repr, TRIALS):  # True is no trial, though it equals 1
         raise ConfigurationError(f"there is no trial {trial!r}; choose 1, 2 or 3")
     if repr(teach_s) not in map(repr, TIMES_S):

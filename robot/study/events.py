@@ -80,11 +80,8 @@ def recordings_in(log: bytes) -> list[str]:
 
 
 def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
-    """Read a session's log; a last line that was cut short is left out.
-
-    Raises:
-        RecordingError: If it is not such a log, or not from its beginning; says which line.
-    """
+    """Read a session's log; a last line that was cut short is left out. RecordingError if it is not
+    such a log, or not from its beginning; says which line."""
     try:
         text = whole_lines(data).decode()
     except UnicodeDecodeError as error:

@@ -66,10 +66,7 @@ def profile_of(frames: Sequence[StudyEvent]) -> Profile:
 
 def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[ConditionLog]:
     """Sort a session's events by condition; of a condition begun anew, the last attempt counts.
-
-    Raises:
-        RecordingError: If the log cannot be read.
-    """
+    RecordingError if the log cannot be read."""
     where = f"events/{participant}.csv"
     events = read_events(log, where)
     slot = check_begun(events, where)

@@ -144,7 +144,6 @@ class StudySession:
         """Return the events of one tick of the loop.
 
         Args:
-            tick: What the loop did.
             wall_s: Seconds since 1970.
             measure: Called at the end of a phase for what is noted then.
         """

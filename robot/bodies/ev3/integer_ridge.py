@@ -43,8 +43,6 @@ class IntegerRidge(LinearPart):
     `moments - weights @ products`, where products are the sums of z z' (with the penalty on the
     diagonal), and moments those of target z.
 
-    It learns no angles: on a brick the images steer alone.
-
     A frame costs n_features ** 2 additions and multiplications, and each step a few times
     n_features. No angle is learned: on a brick the images steer alone.
 

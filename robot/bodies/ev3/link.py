@@ -122,10 +122,7 @@ class BrickLink:
 
     def send(self, do: str, **rest: Any) -> None:
         """Send one command. A brick that is silent is asked, too: it may just have been held up.
-
-        Raises:
-            DriveError: If the line is lost; the brick stops by itself then.
-        """
+        DriveError if the line is lost; the brick stops by itself then."""
         lost = self._lost  # the thread may join anew meanwhile
         if lost is not None:
             raise DriveError(self._say_lost(lost))
@@ -136,11 +133,8 @@ class BrickLink:
             raise DriveError(self._say_lost(error)) from error
 
     def answer(self, name: str) -> Any:
-        """Wait for the answer to a question just asked.
-
-        Raises:
-            DriveError: If the agent reports a failure, or nothing.
-        """
+        """Wait for the answer to a question just asked; DriveError if the agent reports a failure,
+        or nothing."""
         deadline_s = self.clock.now_s() + PATIENCE_S
         while True:
             if not self._answers:

@@ -26,10 +26,7 @@ class RemoteBody:
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
         """Turn the wheels for at most `time_ms`. The brick refuses an order that comes late.
-
-        Raises:
-            DriveError: If the line is lost or the brick silent; it stops by itself then.
-        """
+        DriveError if the line is lost or the brick silent; it stops by itself then."""
         after_s, fault = self._link.report.get("t"), self._link.fault
         if after_s is None or fault is not None:
             raise DriveError(fault or "the brick has not reported yet")

@@ -45,11 +45,8 @@ class GpioOptions(Options):
         self.settings()
 
     def settings(self) -> dict[str, Any]:
-        """Return what the process that holds the pins needs.
-
-        Raises:
-            ConfigurationError: If a pin is none, or named twice.
-        """
+        """Return what the process that holds the pins needs; ConfigurationError if a pin is none,
+        or named twice."""
         names = ("esc_pin", "servo_pin") if self.is_car else ("left_pins", "right_pins")
         motors = [self._pins(name, 1 if self.is_car else 2) for name in names]
         bumper = self._pins("bumper_pin", 1) if self.bumper_pin else []

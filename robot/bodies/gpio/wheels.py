@@ -55,7 +55,6 @@ class TimedMotors:
 
     Args:
         motors: The left and the right motor, or the ESC and the servo.
-        build: What they are set to.
         bumped: Reads the bumper; None if there is none.
     """
 

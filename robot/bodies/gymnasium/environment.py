@@ -40,11 +40,8 @@ _HELP = (
 
 
 def read_options(text: str) -> dict[str, Any]:
-    """Return what `obs_width=160,domain_rand=true` says, for the environment's maker.
-
-    Raises:
-        ConfigurationError: If it says nothing of the kind.
-    """
+    """Return what `obs_width=160,domain_rand=true` says, for the environment's maker;
+    ConfigurationError if it says nothing of the kind."""
     options: dict[str, Any] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, equals, value = part.partition("=")
@@ -89,8 +86,6 @@ class Environment:
     """An environment as a world to drive in, and the `game` under way. Time passes only by `step`.
 
     Args:
-        name: As for `make`.
-        options: As for `make`.
         picture: `observed`, `rendered`, or `auto`: observed if 160x120 or more.
         seed: Of the first game; each further game has the next.
     """
@@ -122,11 +117,8 @@ class Environment:
         )
 
     def picture(self) -> Pixels:
-        """Return what there is to see, RGB, shape (height, width, 3).
-
-        Raises:
-            CameraError: If the environment gives no picture.
-        """
+        """Return what there is to see, RGB, shape (height, width, 3); CameraError if the
+        environment gives no picture."""
         found = None if self._picture == "rendered" else _picture_in(self._seen)
         is_small = found is None or found.shape[0] < 120 or found.shape[1] < 160
         if is_small and self._picture != "observed":

@@ -33,10 +33,7 @@ _ADVICE = {
 
 class CameraLine:
     """One connection at a time; `close` may be called from any thread, and wakes who reads.
-
-    Raises:
-        ValueError: If `url` is no address of a camera.
-    """
+    ValueError if `url` is no address of a camera."""
 
     def __init__(self, url: SplitResult) -> None:
         self._address = quote(_checked(url), safe=string.punctuation)

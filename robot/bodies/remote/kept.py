@@ -22,10 +22,6 @@ class KeptConnection(ABC):
 
     What was being sent then is not sent again: what comes later is no order any more.
 
-    Args:
-        name: The thread's.
-        clock: Where the time comes from.
-
     Attributes:
         trouble: Why it was lost the last time; empty if it never was.
 

@@ -126,11 +126,7 @@ def parse_moves(text: str) -> tuple[Move, ...]:
 
 
 def split_address(address: str, default_port: int, flag: str = "--address") -> tuple[str, int]:
-    """Return host and port of HOST or HOST:PORT.
-
-    Raises:
-        ConfigurationError: If it is neither.
-    """
+    """Return host and port of HOST or HOST:PORT; ConfigurationError if it is neither."""
     host, _, port = address.strip().rpartition(":") if ":" in address else (address.strip(), "", "")
     number = port or str(default_port)
     if not host or "/" in host or not number.isdecimal() or not 0 < int(number) < 65536:

@@ -36,7 +36,6 @@ class RosBridge(KeptConnection):
 
     Args:
         address: Where rosbridge runs, as HOST or HOST:PORT.
-        clock: Where the time comes from.
         advertised: The type of each topic that will be published.
         subscribed: The type of each topic to listen to.
         on_message: Called with topic and message, on the bridge's thread; must return at once.
@@ -77,11 +76,8 @@ class RosBridge(KeptConnection):
         return self._clock.now_s() - self._heard_s
 
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message, and wait until it is sent; then what ends it.
-
-        Raises:
-            OSError: If it cannot be sent now; it is not sent later.
-        """
+        """Publish one message, and wait until it is sent; then what ends it. OSError if it cannot
+        be sent now; it is not sent later."""
         self._send_one(self._publish(topic, message, ends), topic).result(SEND_S)
 
     def publish_soon(self, topic: str, message: Message) -> None:

@@ -157,11 +157,8 @@ class Video:
         return self._fd
 
     def read(self) -> Optional[VideoFrame]:
-        """Return the newest waiting picture and drop older ones; None if none waits.
-
-        Raises:
-            OSError: If the camera is gone.
-        """
+        """Return the newest waiting picture and drop older ones; None if none waits. OSError if the
+        camera is gone."""
         newest = None
         while True:
             buffer = self._buffer(0)

@@ -51,10 +51,7 @@ class SimDriver(ConnectedDriver[Simulation]):
 
     def enter(self, name: str) -> None:
         """Carry the robot to the start of one of its `worlds`; the caller has stopped it.
-
-        Raises:
-            ConfigurationError: If there is none of this name.
-        """
+        ConfigurationError if there is none of this name."""
         if name not in self.worlds:
             raise ConfigurationError(
                 f"unknown world {name!r}; there are: {', '.join(sorted(self.worlds))}"

@@ -83,11 +83,8 @@ RIVALS = {
 
 
 def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a rival by its learner's name; a `Maker`.
-
-    Raises:
-        MissingExtraError: If its library is not installed.
-    """
+    """Return a rival by its learner's name; a `Maker`. MissingExtraError if its library is not
+    installed."""
     kind = split_name(name)[0]
     rival, make = RIVALS[kind], None
     if rival.library is not None:

@@ -49,11 +49,8 @@ def load_weights() -> Weights:
 
 
 def read_tensors(data: bytes) -> Weights:
-    """Return the tensors of a file of that form.
-
-    Raises:
-        pickle.UnpicklingError: If it names anything that is not part of a table of tensors.
-    """
+    """Return the tensors of a file of that form; pickle.UnpicklingError if it names anything that
+    is not part of a table of tensors."""
     stream = io.BytesIO(data)
     *_, table, keys = [_TablePickle(stream).load() for _ in range(5)]
     types = {key: kind for (kind, key), *_ in table.values()}

@@ -33,7 +33,6 @@ class Person(Wanderer):
 
     Args:
         turns: The turns it uses.
-        seed: Of its random numbers.
         params: What it aims at.
         irregularity: Deviation of each turn's beginning and end, as a share of its distance.
         overshoot_s: How long it goes on turning when the way is free: mean of an exponential.

@@ -43,13 +43,7 @@ STEADY = HumanDelayConfig(
 
 
 class HumanDelayModel:
-    """Turns decisions into commands, with human delays and errors.
-
-    Args:
-        config: Delays and errors.
-        buttons: The moves that a slipping finger may hit.
-        seed: Of tremor and lapses.
-    """
+    """Turns decisions into commands, with human delays and errors: a finger slips to `buttons`."""
 
     def __init__(self, config: HumanDelayConfig, buttons: Sequence[Action], seed: str) -> None:
         self.config = config

@@ -31,15 +31,7 @@ LENIENT = TakeoverPolicy()
 
 
 class SimulatedPilot:
-    """Drives as a phone does: sees frames, holds directions, sends ten heartbeats a second.
-
-    Args:
-        teacher: Chooses the moves.
-        moves: The buttons of the pad.
-        hand: Its delays and errors.
-        takeover: When it corrects the robot.
-        seed: Of its random numbers.
-    """
+    """Drives as a phone does: sees frames, holds directions, sends ten heartbeats a second."""
 
     def __init__(
         self,

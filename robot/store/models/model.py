@@ -125,11 +125,8 @@ def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
 
 
 def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
-    """Read a model from the bytes of its file, whose arrays are read-only views of them.
-
-    Raises:
-        RecordingError: If it is damaged, hostile, too large, or of a newer format; says which.
-    """
+    """Read a model from the bytes of its file, whose arrays are read-only views of them;
+    RecordingError if it is damaged, hostile, too large, or of a newer format; says which."""
     arrays = _unpack(data, max_bytes)
     meta = _read_meta(arrays.pop("meta", None))
     if meta.get("sha256") != _checksum(meta, arrays):

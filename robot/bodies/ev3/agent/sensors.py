@@ -53,11 +53,8 @@ class SensorGroup:
             self.find()
 
     def read(self) -> List[float]:
-        """Return what each measures, in its mode's unit.
-
-        Raises:
-            DriveError: If one that was there does not answer; it is looked for again.
-        """
+        """Return what each measures, in its mode's unit; DriveError if one that was there does not
+        answer; it is looked for again."""
         if not self._expected:
             return []
         try:
@@ -126,10 +123,7 @@ class RobotSensors:
 
     def read(self) -> Dict[str, Any]:
         """Return distance_m, bumped, bumpers and battery_share; None for what is not there.
-
-        Raises:
-            DriveError: If a sensor that was there does not answer.
-        """
+        DriveError if a sensor that was there does not answer."""
         now_s = self._clock.monotonic()
         if now_s - self._searched_s >= SEARCH_S:
             self._searched_s = now_s

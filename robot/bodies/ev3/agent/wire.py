@@ -74,8 +74,7 @@ def pack_json(message: Dict[str, Any], seal: Optional[Seal] = None) -> bytes:
 class Unpacker:
     """Cuts a stream of bytes into messages. ValueError on what cannot be one.
 
-    Args:
-        largest: The kinds that may come, and how many bytes of each.
+    The kinds that may come, and how many bytes of each, are in `largest`.
     """
 
     def __init__(self, largest: Dict[bytes, int]) -> None:

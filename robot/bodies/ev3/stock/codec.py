@@ -22,11 +22,7 @@ OUTPUTS = 0x10
 
 
 def number(value: int) -> bytes:
-    """Encode a constant in as few bytes as it takes.
-
-    Raises:
-        ValueError: If it has more than 32 bits.
-    """
+    """Encode a constant in as few bytes as it takes; ValueError if it has more than 32 bits."""
     if -32 <= value < 32:
         return bytes([value & 0x3F])
     for kind, n_bits, form in ((0x81, 8, "<Bb"), (0x82, 16, "<Bh"), (0x83, 32, "<Bi")):
@@ -41,11 +37,8 @@ def result(index: int) -> bytes:
 
 
 def command(count: int, codes: bytes, results: int = 0) -> bytes:
-    """Wrap bytecodes as a direct command that is answered, with `results` bytes of variables.
-
-    Raises:
-        ValueError: If it is longer than the firmware takes.
-    """
+    """Wrap bytecodes as a direct command that is answered, with `results` bytes of variables;
+    ValueError if it is longer than the firmware takes."""
     body = _HEAD.pack(_HEAD.size - 2 + len(codes), count, 0x00, results) + codes
     if len(body) > MAX_MESSAGE:
         raise ValueError(f"a direct command has {MAX_MESSAGE} bytes at most")
@@ -53,11 +46,8 @@ def command(count: int, codes: bytes, results: int = 0) -> bytes:
 
 
 def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
-    """Return the global variables of the answer to question number `asked`.
-
-    Raises:
-        DriveError: If it is none, says that the command failed, or has less than `results` bytes.
-    """
+    """Return the global variables of the answer to question number `asked`; DriveError if it is
+    none, says that the command failed, or has less than `results` bytes."""
     length, count, kind = _ANSWER.unpack(message[: _ANSWER.size].ljust(_ANSWER.size, b"\0"))
     if kind == _ERROR:
         raise DriveError("the brick refused a command")
