@@ -30,7 +30,9 @@ _PATIENCE_S = 60.0
 
 
 @pytest.mark.realtime
-def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(tmp_path: Path) -> None:
+def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     a_pilot_drives_and_the_robot_stands_when_it_vanishes()
     tls_with_an_authority_of_our_own(tmp_path)
     (tmp_path / "browsers").mkdir()
@@ -38,13 +40,7 @@ def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(tmp_path: Pat
     # A page has six connections and two websockets, and opens more: 32 pages on Windows.
     count = min(60, connection_capacity() // 12)
     check_nobody_s_page_is_dead(tmp_path / "browsers", certificates, count)
-
-
-@pytest.mark.realtime
-def test_pages_load_where_there_are_fewer_connections_than_they_open(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Windows has 384, and a class of 30 opens 240 at once: half of its pages lost a file."""
+    # Windows has 384, and a class of 30 opens 240 at once: half of its pages lost a file.
     monkeypatch.setattr(services, "connection_capacity", lambda: 100)
     check_nobody_s_page_is_dead(tmp_path, None, 8, ["http"])
 
