@@ -15,7 +15,6 @@ from .hand import (
     hold_until,
     pad,
     press_until,
-    steer_by,
     turning,
     wait_until_standing,
 )
@@ -24,23 +23,6 @@ from .world import LANDSCAPE, World, release_stop, wait_for
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 BLUR = "void dispatchEvent(new Event('blur'))"
-
-
-@pytest.fixture
-def world(rover: World) -> World:
-    return rover
-
-
-@pytest.fixture
-def phone(rovers_phone: Any) -> Any:
-    steer_by(rovers_phone, "moves")
-    return rovers_phone
-
-
-@pytest.fixture
-def desktop(rovers_desktop: Any) -> Any:
-    steer_by(rovers_desktop, "moves")
-    return rovers_desktop
 
 
 def _stop(page: Any, fingers: Fingers) -> None:
@@ -59,24 +41,25 @@ TAKEN: dict[str, Callable[[Any, Fingers], object]] = {
 
 @pytest.mark.parametrize("how", TAKEN)
 def test_a_finger_that_lies_on_and_trembles_does_not_drive_again(
-    phone: Any, world: World, how: str
+    rovers_phone: Any, rover: World, how: str
 ) -> None:
-    choose(phone, world, Mode.TRAIN)
-    fingers = Fingers(phone)
-    hold_until(world, fingers, "left", turning(world))
-    TAKEN[how](phone, fingers)
-    wait_until_standing(world)
-    release_stop(phone, world)
-    if world.mode is Mode.STOPPED:
+    choose(rovers_phone, rover, Mode.TRAIN)
+    fingers = Fingers(rovers_phone)
+    hold_until(rover, fingers, "left", turning(rover))
+    TAKEN[how](rovers_phone, fingers)
+    wait_until_standing(rover)
+    release_stop(rovers_phone, rover)
+    if rover.mode is Mode.STOPPED:
         page = "document.querySelector('app-bar').page"
-        phone.evaluate(f"{page}.choose('train')")  # a finger on the glass takes the place of a tap
-        wait_for(lambda: world.mode is Mode.TRAIN, "taught again")
+        # A finger on the glass takes the place of a tap.
+        rovers_phone.evaluate(f"{page}.choose('train')")
+        wait_for(lambda: rover.mode is Mode.TRAIN, "taught again")
     for away in (0.1, 0.0, 0.1):
         fingers.slide(pad("left"), at=(away, away))
-    wait_until_standing(world)
-    assert phone.evaluate("document.querySelector('app-bar').page.helm.held") is None
+    wait_until_standing(rover)
+    assert rovers_phone.evaluate("document.querySelector('app-bar').page.helm.held") is None
     fingers.lift()
-    hold_until(world, fingers, "left", turning(world))
+    hold_until(rover, fingers, "left", turning(rover))
     fingers.lift()
 
 
@@ -85,64 +68,66 @@ def _tap_mode(fingers: Fingers, mode: str) -> None:
     fingers.lift(finger=2)
 
 
-def test_modes_are_chosen_while_another_finger_holds(phone: Any, world: World) -> None:
-    choose(phone, world, Mode.TRAIN)
-    fingers = Fingers(phone)
-    wanted = world.lessons + 20
-    hold_until(world, fingers, "left", lambda: world.lessons > wanted)
+def test_modes_are_chosen_while_another_finger_holds(rovers_phone: Any, rover: World) -> None:
+    choose(rovers_phone, rover, Mode.TRAIN)
+    fingers = Fingers(rovers_phone)
+    wanted = rover.lessons + 20
+    hold_until(rover, fingers, "left", lambda: rover.lessons > wanted)
     _tap_mode(fingers, "autonomous")
-    wait_for(lambda: world.mode is Mode.AUTONOMOUS, "it drives itself")
+    wait_for(lambda: rover.mode is Mode.AUTONOMOUS, "it drives itself")
     fingers.press("mode-bar [data-mode=stopped]", finger=2)
     fingers.slide("video-view", finger=2)
     fingers.lift(finger=2)
-    phone.wait_for_timeout(300)
-    assert world.mode is not Mode.STOPPED, "a finger that slides off a button does not tap it"
+    rovers_phone.wait_for_timeout(300)
+    assert rover.mode is not Mode.STOPPED, "a finger that slides off a button does not tap it"
     _tap_mode(fingers, "stopped")
-    wait_for(lambda: world.mode is Mode.STOPPED, "Stop stops")
+    wait_for(lambda: rover.mode is Mode.STOPPED, "Stop stops")
     fingers.lift()
 
 
-def test_a_mouse_lets_go_though_its_other_button_is_down(desktop: Any, world: World) -> None:
-    choose(desktop, world, Mode.TRAIN)
-    desktop.locator(pad("left")).hover()
-    press_until(desktop, world, desktop.mouse.down, desktop.mouse.up, turning(world))
-    desktop.mouse.down(button="right")
-    desktop.mouse.up(button="left")
-    wait_until_standing(world)
-    assert world.mode is Mode.TRAIN
-    desktop.mouse.up(button="right")
-
-
-def test_a_key_is_let_go_of_when_a_mac_will_not_tell(desktop: Any, world: World) -> None:
-    choose(desktop, world, Mode.TRAIN)
+def test_a_mouse_lets_go_though_its_other_button_is_down(rovers_desktop: Any, rover: World) -> None:
+    choose(rovers_desktop, rover, Mode.TRAIN)
+    rovers_desktop.locator(pad("left")).hover()
     press_until(
-        desktop,
-        world,
-        lambda: desktop.keyboard.down("ArrowLeft"),
-        lambda: desktop.keyboard.up("ArrowLeft"),
-        turning(world),
+        rovers_desktop, rover, rovers_desktop.mouse.down, rovers_desktop.mouse.up, turning(rover)
     )
-    desktop.keyboard.down("Meta")
-    wait_until_standing(world)
-    assert world.mode is Mode.TRAIN
-    desktop.keyboard.up("Meta")
-    desktop.keyboard.up("ArrowLeft")
+    rovers_desktop.mouse.down(button="right")
+    rovers_desktop.mouse.up(button="left")
+    wait_until_standing(rover)
+    assert rover.mode is Mode.TRAIN
+    rovers_desktop.mouse.up(button="right")
 
 
-def test_enter_holds_a_button_for_as_long_as_it_is_down(desktop: Any, world: World) -> None:
-    choose(desktop, world, Mode.TRAIN)
-    desktop.locator(pad("left")).focus()
+def test_a_key_is_let_go_of_when_a_mac_will_not_tell(rovers_desktop: Any, rover: World) -> None:
+    choose(rovers_desktop, rover, Mode.TRAIN)
+    press_until(
+        rovers_desktop,
+        rover,
+        lambda: rovers_desktop.keyboard.down("ArrowLeft"),
+        lambda: rovers_desktop.keyboard.up("ArrowLeft"),
+        turning(rover),
+    )
+    rovers_desktop.keyboard.down("Meta")
+    wait_until_standing(rover)
+    assert rover.mode is Mode.TRAIN
+    rovers_desktop.keyboard.up("Meta")
+    rovers_desktop.keyboard.up("ArrowLeft")
+
+
+def test_enter_holds_a_button_for_as_long_as_it_is_down(rovers_desktop: Any, rover: World) -> None:
+    choose(rovers_desktop, rover, Mode.TRAIN)
+    rovers_desktop.locator(pad("left")).focus()
     changes = """() => {
       window.changes = [];
       const { helm } = document.querySelector('app-bar').page;
       helm.addEventListener('held', () => window.changes.push(helm.held));
     }"""
-    desktop.evaluate(changes)
+    rovers_desktop.evaluate(changes)
     for _ in range(30):  # as a keyboard repeats it
-        desktop.keyboard.down("Enter")
-        desktop.wait_for_timeout(40)
-    assert desktop.evaluate("changes") == ["left"]
-    desktop.keyboard.up("Enter")
-    wait_until_standing(world)
-    desktop.wait_for_timeout(600)
-    assert desktop.evaluate("changes") == ["left", None]
+        rovers_desktop.keyboard.down("Enter")
+        rovers_desktop.wait_for_timeout(40)
+    assert rovers_desktop.evaluate("changes") == ["left"]
+    rovers_desktop.keyboard.up("Enter")
+    wait_until_standing(rover)
+    rovers_desktop.wait_for_timeout(600)
+    assert rovers_desktop.evaluate("changes") == ["left", None]

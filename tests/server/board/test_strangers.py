@@ -114,12 +114,14 @@ def test_a_robot_is_asked_where_its_announcement_came_from_and_nowhere_else() ->
             assert found.host == "10.0.0.7"
 
 
-def test_one_whose_name_is_looked_up_for_ever_is_shown_with_a_reason() -> None:
+def test_one_whose_name_is_looked_up_for_ever_is_shown_with_a_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     async def scenario(world: ClassWorld) -> dict[str, Any]:
         async def locate(address: RobotAddress) -> Any:
-            await asyncio.sleep(3600.0)
+            await asyncio.Event().wait()
 
-        world.network.locate = locate  # type: ignore[method-assign]
+        monkeypatch.setattr(world.network, "locate", locate)
         world.board.announce(RobotAddress("lost.local", 8000))
         await world.clock.pause(10.0)
         return world.board.strangers.describe()
