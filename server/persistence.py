@@ -10,13 +10,13 @@ from typing import Any
 from robot.devices.rig import Rig
 from robot.driver import describe
 from robot.errors import ConfigurationError, RobotError
-from robot.store.disk import DiskThread
+from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.episodes.queue import RecorderConfig
 from robot.store.episodes.recorder import Recorder
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.lock import FolderLock
-from robot.store.models.autosave import Announce, Autosave
+from robot.store.models.autosave import Autosave
 from robot.store.models.journal import Journal
 from robot.store.models.replay import newest_boot, recover
 from robot.store.models.store import ModelStore
@@ -36,7 +36,7 @@ class Persistence(StartStop):
         *,
         name: str = "robot",
         options: Mapping[str, Any] | None = None,
-        announce: Announce = lambda name, **fields: None,
+        announce: Announce = no_announcement,
         keeps_drives: bool = True,
     ) -> None:
         self.storage = storage

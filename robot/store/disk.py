@@ -8,8 +8,14 @@ from collections.abc import Callable
 from robot.clock import Clock, Worker
 from robot.types import StartStop
 
+Announce = Callable[..., None]
+"""Called with what befell the disk or a file: the name of the event, and fields of its own."""
 FLUSH_EVERY_S = 0.2
 """A kill or a power cut loses at most so much, while the disk keeps up."""
+
+
+def no_announcement(name: str, **fields: object) -> None:
+    """Announce nothing."""
 
 
 class DiskThread(StartStop):

@@ -54,10 +54,6 @@ class PlaceInUse:
     is_known: bool = False
     """True of a pending connection whose session is known: it gives way, but has no time limit."""
 
-    @property
-    def is_idle(self) -> bool:
-        return self.idle_s < math.inf
-
 
 class Places:
     """Places of one kind.
@@ -129,12 +125,12 @@ class Places:
         most = max(map(len, yielding), default=0)
 
         def gives(places: list[PlaceInUse]) -> bool:
-            if places is own and any(one.is_idle for one in own):
+            if places is own and any(one.idle_s < math.inf for one in own):
                 return True
             # The newcomer must not have more than the other has left, or both would take turns.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
             return (has_more or self._keeps(newcomer)) and any(
-                one.is_idle or one.used_s <= before_s for one in places
+                one.idle_s < math.inf or one.used_s <= before_s for one in places
             )
 
         return max(filter(gives, yielding), key=len, default=[])

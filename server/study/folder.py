@@ -58,7 +58,7 @@ class StudyFolder:
         self._storage = storage
         self.root = storage.root / "studies"
         self._parse = lru_cache(_PLANS)(parse_plan)
-        self._summary = lru_cache(_SESSIONS)(lambda name, code, *state: self._summarize(name, code))
+        self._summary = lru_cache(_SESSIONS)(self._summarize)
 
     # Studies ----------------------------------------------------------------------------------
 
@@ -147,8 +147,8 @@ class StudyFolder:
         """List the places of the plan that no participant has, in order."""
         return sorted(set(range(plan.participants)) - {s.slot for s in self.summaries(name)})
 
-    def _summarize(self, name: str, code: str) -> SessionSummary:
-        plan = self.plan(name)
+    def _summarize(self, name: str, code: str, plan_text: str, _size: int) -> SessionSummary:
+        plan = self._parse(plan_text, f"{name}/{_PLAN}")
         try:
             events = self.events(name, code)
             session = follow_log(plan, code, events)

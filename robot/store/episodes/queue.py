@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from robot.clock import Clock
+from robot.store.disk import Announce
 from robot.store.episodes.messages import Fields, Topic
 from robot.store.episodes.writer import EpisodeWriter
-from robot.store.models.autosave import Announce
 from robot.store.models.model import Model, encode_model
 from robot.types import Frame
 

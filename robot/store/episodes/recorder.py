@@ -20,7 +20,7 @@ from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.errors import MissingExtraError
 from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
-from robot.store.disk import DiskThread
+from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.episodes.ending import end_cut_recordings
 from robot.store.episodes.messages import (
     Topic,
@@ -31,7 +31,6 @@ from robot.store.episodes.messages import (
 from robot.store.episodes.queue import RecorderConfig, RecordingQueue
 from robot.store.episodes.reader import require_mcap
 from robot.store.episodes.writer import describe_run
-from robot.store.models.autosave import Announce
 from robot.store.models.events import describe_event, describe_point
 from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
@@ -54,7 +53,7 @@ class Recorder:
         loop: ControlLoop,
         folder: Path,
         *,
-        announce: Announce = lambda name, **fields: None,
+        announce: Announce = no_announcement,
         config: RecorderConfig | None = None,
         open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
         disk: DiskThread | None = None,

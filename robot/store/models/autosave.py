@@ -17,6 +17,7 @@ from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RobotError
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
+from robot.store.disk import Announce, no_announcement
 from robot.store.models.journal import Journal
 from robot.store.models.model import Model, take_model
 from robot.store.models.replay import Recovered
@@ -26,8 +27,6 @@ from robot.types import Action, Mode
 log = logging.getLogger(__name__)
 
 SAVE_EVERY_S = 10.0
-Announce = Callable[..., None]
-"""Called with an event: a name, and fields of its own."""
 
 
 class Autosave:
@@ -45,7 +44,7 @@ class Autosave:
         *,
         name: str = "robot",
         moves: Collection[Action] = tuple(CLASSIC),
-        announce: Announce = lambda name, **fields: None,
+        announce: Announce = no_announcement,
     ) -> None:
         self._loop = loop
         self._clock = loop.clock

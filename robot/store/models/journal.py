@@ -33,7 +33,7 @@ from typing import Any, BinaryIO, NamedTuple
 from robot.clock import Clock, RealClock
 from robot.control.state import Tick
 from robot.policy.history import Edited, HistoryEvent, Taught, TrainingHistory
-from robot.store.disk import DiskThread
+from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.folder import paths_in
 from robot.store.models.events import describe_event, to_json
 from robot.store.models.model import JournalPosition, Model, encode_model, take_model
@@ -81,7 +81,7 @@ class Journal:
     def __init__(
         self,
         folder: Path,
-        announce: Callable[..., None] = lambda name, **fields: None,
+        announce: Announce = no_announcement,
         open_file: Callable[[Path], BinaryIO] = open_new,
         clock: Clock | None = None,
     ) -> None:

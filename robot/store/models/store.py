@@ -13,6 +13,7 @@ from typing import TypeVar
 
 from robot.clock import RealClock
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
+from robot.store.disk import Announce, no_announcement
 from robot.store.folder import (
     Storage,
     check_name,
@@ -65,7 +66,7 @@ class ModelStore:
         self,
         storage: Storage,
         wall_s: Callable[[], float] = _MACHINE.wall_s,
-        announce: Callable[..., None] = lambda name, **fields: None,
+        announce: Announce = no_announcement,
     ) -> None:
         self._storage = storage
         self._announce = announce
