@@ -13,7 +13,7 @@ from pathlib import Path
 from . import rules
 
 ROOT = Path(__file__).parents[2]
-HOUSES = ("bodies", "lab", "study", "board", "exchange")
+HOUSES = ("bodies", "lab", "study", "board", "exchange", "testing")
 KINDS = ("code", "docstring", "comment", "blank")
 
 
