@@ -49,7 +49,8 @@ test-windows: $(VENV)/.dev ## Test it on Windows' Python under Wine, and teach a
 # runs in virtual time past the framework is the same code as in `make test`, and runs there alone.
 OLD_TESTS := $(addprefix tests/server/,board cli hosting security test_drive.py test_episodes.py \
   bodies/test_eye.py test_hostile_values.py test_identity.py test_models.py test_protocol.py \
-  test_real_server.py test_security.py study/test_study_sessions.py test_teaching_routes.py \
+  test_real_server.py test_security.py study/test_interrupted_sessions.py \
+  study/test_study_folder.py study/test_study_sessions.py test_teaching_routes.py \
   test_why_route.py test_world_routes.py) tests/contract/test_cameras.py \
   tests/robot/bodies/pybricks tests/robot/bodies/remote tests/robot/bodies/ros \
   tests/robot/bodies/lego_education tests/robot/bodies/mjpeg \

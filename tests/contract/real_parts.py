@@ -23,7 +23,7 @@ from robot.driver import Driver
 from robot.testing.camera_contract import CameraContract
 from robot.testing.cases import CameraCase, DriverCase
 from robot.testing.driver_contract import DriverContract
-from tests.contract.builders import DRIVERS
+from tests.contract.driver_cases import DRIVERS
 from tests.standins.ev3_stock import StockBrick
 from tests.standins.firmware import SECRET as SECRET_OF_FIRMWARE
 from tests.standins.firmware import FirmwareRobot, Relay

@@ -9,13 +9,13 @@ import pytest
 from robot.devices.plugins import CAMERAS as GROUP
 from robot.testing.camera_contract import CameraContract
 from robot.testing.cases import CameraCase
-from tests.contract.builders import CAMERAS
+from tests.contract.camera_cases import CAMERAS
 from tests.own_plugins import own_plugins
 
 
 @pytest.fixture(params=own_plugins(GROUP))
 def camera_case(request: pytest.FixtureRequest) -> Iterator[CameraCase]:
-    assert request.param in CAMERAS, f"say in builders.py how to build {request.param!r}"
+    assert request.param in CAMERAS, f"say in camera_cases.py how to build {request.param!r}"
     with CAMERAS[request.param]() as built:
         yield built
         built.camera.stop()

@@ -9,7 +9,7 @@ import pytest
 from robot.devices.plugins import DRIVERS as GROUP
 from robot.testing.cases import DriverCase
 from robot.testing.driver_contract import DriverContract
-from tests.contract.builders import DRIVERS
+from tests.contract.driver_cases import DRIVERS
 from tests.own_plugins import own_plugins
 
 OVER_REAL_LINES = {"lego-education"}
@@ -18,7 +18,7 @@ OVER_REAL_LINES = {"lego-education"}
 
 def test_no_driver_is_left_out() -> None:
     missing = set(own_plugins(GROUP)) - OVER_REAL_LINES - set(DRIVERS)
-    assert not missing, f"say in builders.py how to build {missing}"
+    assert not missing, f"say in driver_cases.py how to build {missing}"
 
 
 @pytest.fixture(params=sorted(DRIVERS))

@@ -24,7 +24,7 @@ from server.identity import IdentityFile
 from server.security.pairing import Pairing
 from tests.robot.store.episodes.drives import record_drive
 
-from .study.test_study_sessions import PLAN, answer, begin, drive, post, session, take_part
+from .study.sessions import PLAN, answer, begin, drive, post, session, take_part
 from .virtual_server import WEB, VirtualServer
 
 SEEDS = int(os.environ.get("DRIVELESSON_DAMAGE", "25"))

@@ -14,7 +14,7 @@ from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
 from robot.errors import CameraError
 from robot.testing import VirtualClock
 from robot.types import Encoding
-from tests.contract.builders import write_film
+from tests.contract.camera_cases import write_film
 
 
 class BreakableCapture:

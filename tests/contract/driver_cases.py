@@ -1,4 +1,4 @@
-"""How the contract suites build each driver and camera that is installed here.
+"""How the contract suite builds each driver that is installed here.
 
 An entry maps a plugin's name to a context manager that yields a case, or skips with a reason.
 A plugin without an entry fails the suite: nothing joins the registry untested.
@@ -6,52 +6,38 @@ A plugin without an entry fails the suite: nothing joins the registry untested.
 
 from __future__ import annotations
 
-import base64
-import itertools
 import math
 import os
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
-import cv2
-import numpy as np
 import pytest
 
 from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import FakeBrick
-from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.gpio.driver import GpioOptions
-from robot.bodies.gymnasium.camera import GymnasiumCamera, GymnasiumCameraOptions
 from robot.bodies.gymnasium.driver import GymnasiumDriver, GymnasiumOptions
-from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
-from robot.bodies.phone.camera import PhoneCamera, PhoneOptions
-from robot.bodies.picamera2.camera import Picamera2Camera, Picamera2Options
-from robot.bodies.ros.camera import RosCamera, RosCameraOptions
-from robot.bodies.v4l2.camera import UsbCameraOptions, V4l2Camera
-from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
-from robot.clock import Clock, RealClock
-from robot.devices.pictures import read_jpeg
-from robot.devices.simulation.camera import SimCamera, SimCameraOptions
+from robot.clock import Clock
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.errors import DriveError, NotConnectedError
-from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
 from robot.exchange.replay_driver import ReplayDriver
 from robot.testing import VirtualClock
-from robot.testing.cases import CameraCase, DriverCase
+from robot.testing.cases import DriverCase
 from robot.types import Action, Point
 from tests.faults.bodies import BODIES, TimedBody
-from tests.robot.bodies.ev3.fake_video import DEVICE
-from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
-from tests.robot.footage import write_footage
-from tests.standins import picamera2
+from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
+
+
+def as_point(wheels: tuple[float, float]) -> Point:
+    """Return how a body turns and drives whose left and right wheel do this."""
+    left, right = wheels
+    return Point(left - right, left + right)
 
 
 @contextmanager
@@ -74,18 +60,6 @@ def sim_driver() -> Iterator[DriverCase]:
         return Point(before.heading_rad - after.heading_rad, way)
 
     yield DriverCase(driver, driver.advance, is_moving, budget_s=5.0, drives=drives)
-
-
-def as_point(wheels: tuple[float, float]) -> Point:
-    """Return how a body turns and drives whose left and right wheel do this."""
-    left, right = wheels
-    return Point(left - right, left + right)
-
-
-@contextmanager
-def sim_camera() -> Iterator[CameraCase]:
-    driver = SimDriver(SimOptions(world="office"))
-    yield CameraCase(SimCamera(driver, SimCameraOptions(), VirtualClock()))
 
 
 BOX = "left=-0.6,0.1; right=0.6,0.1; forward=0,0.3; backward=0,-0.5"
@@ -120,12 +94,7 @@ def gymnasium_driver(moves: str = "") -> Iterator[DriverCase]:
 
 
 @contextmanager
-def gymnasium_camera() -> Iterator[CameraCase]:
-    yield CameraCase(GymnasiumCamera(line_of_pixels(), GymnasiumCameraOptions(), VirtualClock()))
-
-
-@contextmanager
-def fake_brick(clock: Clock | None = None) -> Iterator[tuple[FakeBrick, Path]]:
+def fake_brick(clock: Clock | None = None) -> Iterator[FakeBrick]:
     with (
         tempfile.TemporaryDirectory() as folder,
         FakeBrick(Path(folder, "brick"), clock=clock) as brick,
@@ -133,7 +102,7 @@ def fake_brick(clock: Clock | None = None) -> Iterator[tuple[FakeBrick, Path]]:
         brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
         for bumper in ("in1", "in2"):
             brick.add_sensor(bumper, "lego-ev3-touch", 0)
-        yield brick, Path(folder)
+        yield brick
 
 
 def brick_case(
@@ -163,7 +132,7 @@ def brick_case(
 @contextmanager
 def ev3_driver() -> Iterator[DriverCase]:
     clock = VirtualClock()
-    with fake_brick(clock) as (brick, _):
+    with fake_brick(clock) as brick:
         driver = Ev3Driver(Ev3Options(brick_root=str(brick.root)), clock)
 
         def unplug_motors() -> None:  # its line is the motors' cables
@@ -198,75 +167,9 @@ def ev3_remote_driver() -> Iterator[DriverCase]:
     if address := os.environ.get("DRIVELESSON_EV3"):
         yield real_brick_case(address)
         return
-    with fake_brick(VirtualClock(100.0)) as (brick, _), VirtualAgent(brick) as agent:
+    with fake_brick(VirtualClock(100.0)) as brick, VirtualAgent(brick) as agent:
         driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
         yield brick_case(driver, brick, agent.cut, agent.mend)
-
-
-@contextmanager
-def ev3_remote_camera() -> Iterator[CameraCase]:
-    if address := os.environ.get("DRIVELESSON_EV3"):
-        driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address))
-        yield CameraCase(Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), RealClock()))
-        return
-    source = MadeUpCamera()
-    with (
-        fake_brick(VirtualClock(100.0)) as (brick, _),
-        VirtualAgent(brick, open_camera=source.open) as agent,
-    ):
-        driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
-        camera = Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), brick.clock)
-        yield CameraCase(
-            camera,
-            lambda: setattr(source, "is_frozen", True),
-            lambda: setattr(source, "is_frozen", False),
-        )
-
-
-@contextmanager
-def v4l2_camera() -> Iterator[CameraCase]:
-    if "FAKE_VIDEO" not in os.environ:
-        pytest.skip(
-            "tests/robot/bodies/ev3/test_v4l2.py runs it in a process that sees a made-up camera"
-        )
-    yield CameraCase(V4l2Camera(UsbCameraOptions(device=DEVICE), RealClock()))
-
-
-@contextmanager
-def opencv_camera() -> Iterator[CameraCase]:
-    with tempfile.TemporaryDirectory() as folder:
-        film = Path(folder, "film.avi")
-        write_film(film)
-        yield CameraCase(OpencvCamera(OpencvOptions(source=str(film)), VirtualClock()))
-
-
-def write_film(path: Path, frames: int = 30) -> None:
-    """Write a film in which no two frames are alike."""
-    fourcc = cv2.VideoWriter.fourcc(*"MJPG")
-    writer = cv2.VideoWriter(str(path), fourcc, 30.0, (320, 240))
-    for index in range(frames):
-        writer.write(np.full((240, 320, 3), 5 * index, np.uint8))
-    writer.release()
-
-
-@contextmanager
-def phone_camera() -> Iterator[CameraCase]:
-    """A phone whose pictures come on a thread, each another grey, as from its socket."""
-    clock = VirtualClock()
-    camera = PhoneCamera(PhoneOptions(), clock)
-    ending, frozen = threading.Event(), threading.Event()
-
-    def send() -> None:
-        for index in itertools.count():
-            if clock.wait(ending, 0.03):
-                return
-            if not frozen.is_set():
-                camera.offer(read_jpeg(grey_jpeg(index)), clock.now_s())
-
-    phone = clock.start_thread(send, "phone")
-    yield CameraCase(camera, frozen.set, frozen.clear)
-    ending.set()
-    phone.join()
 
 
 def case_of(body: TimedBody, is_moving: Callable[[], bool]) -> DriverCase:
@@ -329,90 +232,11 @@ def gpio_driver(motor_board: str = "two-pwm") -> Iterator[DriverCase]:
 
 
 @contextmanager
-def picamera2_camera() -> Iterator[CameraCase]:
-    clock, library = VirtualClock(), picamera2.Picamera2
-    library.clock = clock
-    library.is_frozen.clear()
-    camera = Picamera2Camera(Picamera2Options(), clock, picamera2)
-    yield CameraCase(camera, library.is_frozen.set, library.is_frozen.clear)
-    library.is_frozen.clear()
-
-
-@contextmanager
-def ros_camera() -> Iterator[CameraCase]:
-    """Pictures of a topic, on a bridge without a socket."""
-    clock, frozen = VirtualClock(), threading.Event()
-
-    class Bridge:
-        def __init__(self, address: str, clock: Clock, **options: Any) -> None:
-            self._ending, self._tell = threading.Event(), options["on_message"]
-            self._thread = clock.start_thread(self._run, "rosbridge")
-
-        def close(self) -> None:
-            self._ending.set()
-            self._thread.join()
-
-        def _run(self) -> None:
-            for index in itertools.count():
-                if clock.wait(self._ending, 0.03):
-                    return
-                if not frozen.is_set():
-                    jpeg = base64.b64encode(grey_jpeg(index)).decode()
-                    self._tell("/camera/image_raw/compressed", {"format": "jpeg", "data": jpeg})
-
-    with mock.patch("robot.bodies.ros.camera.RosBridge", Bridge):
-        yield CameraCase(
-            RosCamera(RosCameraOptions(address="base"), clock), frozen.set, frozen.clear
-        )
-
-
-@contextmanager
-def mjpeg_camera() -> Iterator[CameraCase]:
-    """A stream without a socket: its parts come one after the other."""
-    clock, frozen = VirtualClock(), threading.Event()
-    camera = MjpegCamera(MjpegOptions(source="http://camera/stream"), clock)
-
-    class Line:
-        host = "camera"
-
-        def __init__(self) -> None:
-            self._indices = itertools.count()
-
-        def open(self) -> None: ...
-
-        def close(self) -> None: ...
-
-        def read1(self, size: int) -> bytes:
-            while not clock.wait(camera._ending, 0.03):
-                if not frozen.is_set():
-                    jpeg = grey_jpeg(next(self._indices))
-                    head = f"--frame\r\nContent-Length: {len(jpeg)}\r\n\r\n"
-                    return head.encode() + jpeg + b"\r\n"
-            raise OSError("the stream was closed")
-
-    camera._line = Line()  # type: ignore[assignment]
-    yield CameraCase(camera, frozen.set, frozen.clear)
-
-
-def grey_jpeg(index: int) -> bytes:
-    """Return a picture of another grey for each index."""
-    grey = np.full((24, 32, 3), 7 * index % 256, np.uint8)
-    return cv2.imencode(".jpg", grey)[1].tobytes()
-
-
-@contextmanager
 def replay_driver() -> Iterator[DriverCase]:
     clock = VirtualClock()
     driver = ReplayDriver(clock=clock)
     is_moving = lambda: driver.action is not Action.STOP  # noqa: E731
     yield DriverCase(driver, clock.advance, is_moving, now_s=clock.now_s)
-
-
-@contextmanager
-def replay_camera() -> Iterator[CameraCase]:
-    with tempfile.TemporaryDirectory() as folder:
-        path = write_footage(Path(folder) / "hall_A.npz", n_frames=8)
-        yield CameraCase(ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock()))
 
 
 DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
@@ -429,16 +253,4 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "gymnasium": gymnasium_driver,
     "gymnasium, a box": partial(gymnasium_driver, BOX),
     "ros": ros_driver,
-}
-CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
-    "sim": sim_camera,
-    "replay": replay_camera,
-    "ev3-remote": ev3_remote_camera,
-    "v4l2": v4l2_camera,
-    "opencv": opencv_camera,
-    "phone": phone_camera,
-    "mjpeg": mjpeg_camera,
-    "picamera2": picamera2_camera,
-    "ros": ros_camera,
-    "gymnasium": gymnasium_camera,
 }

@@ -1,0 +1,214 @@
+"""How the contract suite builds each camera that is installed here.
+
+An entry maps a plugin's name to a context manager that yields a case, or skips with a reason.
+A camera on a body gets the body from `driver_cases.py`.
+"""
+
+from __future__ import annotations
+
+import base64
+import itertools
+import os
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import cv2
+import numpy as np
+import pytest
+
+from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
+from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
+from robot.bodies.gymnasium.camera import GymnasiumCamera, GymnasiumCameraOptions
+from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
+from robot.bodies.phone.camera import PhoneCamera, PhoneOptions
+from robot.bodies.picamera2.camera import Picamera2Camera, Picamera2Options
+from robot.bodies.ros.camera import RosCamera, RosCameraOptions
+from robot.bodies.v4l2.camera import UsbCameraOptions, V4l2Camera
+from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
+from robot.clock import Clock, RealClock
+from robot.devices.pictures import read_jpeg
+from robot.devices.simulation.camera import SimCamera, SimCameraOptions
+from robot.devices.simulation.driver import SimDriver, SimOptions
+from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
+from robot.testing import VirtualClock
+from robot.testing.cases import CameraCase
+from tests.contract.driver_cases import fake_brick, line_of_pixels
+from tests.robot.bodies.ev3.fake_video import DEVICE
+from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
+from tests.robot.footage import write_footage
+from tests.standins import picamera2
+
+
+@contextmanager
+def sim_camera() -> Iterator[CameraCase]:
+    driver = SimDriver(SimOptions(world="office"))
+    yield CameraCase(SimCamera(driver, SimCameraOptions(), VirtualClock()))
+
+
+@contextmanager
+def gymnasium_camera() -> Iterator[CameraCase]:
+    yield CameraCase(GymnasiumCamera(line_of_pixels(), GymnasiumCameraOptions(), VirtualClock()))
+
+
+@contextmanager
+def ev3_remote_camera() -> Iterator[CameraCase]:
+    if address := os.environ.get("DRIVELESSON_EV3"):
+        driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address))
+        yield CameraCase(Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), RealClock()))
+        return
+    source = MadeUpCamera()
+    with (
+        fake_brick(VirtualClock(100.0)) as brick,
+        VirtualAgent(brick, open_camera=source.open) as agent,
+    ):
+        driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=agent.address), agent.link())
+        camera = Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), brick.clock)
+        yield CameraCase(
+            camera,
+            lambda: setattr(source, "is_frozen", True),
+            lambda: setattr(source, "is_frozen", False),
+        )
+
+
+@contextmanager
+def v4l2_camera() -> Iterator[CameraCase]:
+    if "FAKE_VIDEO" not in os.environ:
+        pytest.skip(
+            "tests/robot/bodies/ev3/test_v4l2.py runs it in a process that sees a made-up camera"
+        )
+    yield CameraCase(V4l2Camera(UsbCameraOptions(device=DEVICE), RealClock()))
+
+
+@contextmanager
+def opencv_camera() -> Iterator[CameraCase]:
+    with tempfile.TemporaryDirectory() as folder:
+        film = Path(folder, "film.avi")
+        write_film(film)
+        yield CameraCase(OpencvCamera(OpencvOptions(source=str(film)), VirtualClock()))
+
+
+def write_film(path: Path, frames: int = 30) -> None:
+    """Write a film in which no two frames are alike."""
+    fourcc = cv2.VideoWriter.fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), fourcc, 30.0, (320, 240))
+    for index in range(frames):
+        writer.write(np.full((240, 320, 3), 5 * index, np.uint8))
+    writer.release()
+
+
+@contextmanager
+def phone_camera() -> Iterator[CameraCase]:
+    """A phone whose pictures come on a thread, each another grey, as from its socket."""
+    clock = VirtualClock()
+    camera = PhoneCamera(PhoneOptions(), clock)
+    ending, frozen = threading.Event(), threading.Event()
+
+    def send() -> None:
+        for index in itertools.count():
+            if clock.wait(ending, 0.03):
+                return
+            if not frozen.is_set():
+                camera.offer(read_jpeg(grey_jpeg(index)), clock.now_s())
+
+    phone = clock.start_thread(send, "phone")
+    yield CameraCase(camera, frozen.set, frozen.clear)
+    ending.set()
+    phone.join()
+
+
+@contextmanager
+def picamera2_camera() -> Iterator[CameraCase]:
+    clock, library = VirtualClock(), picamera2.Picamera2
+    library.clock = clock
+    library.is_frozen.clear()
+    camera = Picamera2Camera(Picamera2Options(), clock, picamera2)
+    yield CameraCase(camera, library.is_frozen.set, library.is_frozen.clear)
+    library.is_frozen.clear()
+
+
+@contextmanager
+def ros_camera() -> Iterator[CameraCase]:
+    """Pictures of a topic, on a bridge without a socket."""
+    clock, frozen = VirtualClock(), threading.Event()
+
+    class Bridge:
+        def __init__(self, address: str, clock: Clock, **options: Any) -> None:
+            self._ending, self._tell = threading.Event(), options["on_message"]
+            self._thread = clock.start_thread(self._run, "rosbridge")
+
+        def close(self) -> None:
+            self._ending.set()
+            self._thread.join()
+
+        def _run(self) -> None:
+            for index in itertools.count():
+                if clock.wait(self._ending, 0.03):
+                    return
+                if not frozen.is_set():
+                    jpeg = base64.b64encode(grey_jpeg(index)).decode()
+                    self._tell("/camera/image_raw/compressed", {"format": "jpeg", "data": jpeg})
+
+    with mock.patch("robot.bodies.ros.camera.RosBridge", Bridge):
+        yield CameraCase(
+            RosCamera(RosCameraOptions(address="base"), clock), frozen.set, frozen.clear
+        )
+
+
+@contextmanager
+def mjpeg_camera() -> Iterator[CameraCase]:
+    """A stream without a socket: its parts come one after the other."""
+    clock, frozen = VirtualClock(), threading.Event()
+    camera = MjpegCamera(MjpegOptions(source="http://camera/stream"), clock)
+
+    class Line:
+        host = "camera"
+
+        def __init__(self) -> None:
+            self._indices = itertools.count()
+
+        def open(self) -> None: ...
+
+        def close(self) -> None: ...
+
+        def read1(self, size: int) -> bytes:
+            while not clock.wait(camera._ending, 0.03):
+                if not frozen.is_set():
+                    jpeg = grey_jpeg(next(self._indices))
+                    head = f"--frame\r\nContent-Length: {len(jpeg)}\r\n\r\n"
+                    return head.encode() + jpeg + b"\r\n"
+            raise OSError("the stream was closed")
+
+    camera._line = Line()  # type: ignore[assignment]
+    yield CameraCase(camera, frozen.set, frozen.clear)
+
+
+def grey_jpeg(index: int) -> bytes:
+    """Return a picture of another grey for each index."""
+    grey = np.full((24, 32, 3), 7 * index % 256, np.uint8)
+    return cv2.imencode(".jpg", grey)[1].tobytes()
+
+
+@contextmanager
+def replay_camera() -> Iterator[CameraCase]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = write_footage(Path(folder) / "hall_A.npz", n_frames=8)
+        yield CameraCase(ReplayCamera(ReplayCameraOptions(recording=str(path)), VirtualClock()))
+
+
+CAMERAS: dict[str, Callable[[], AbstractContextManager[CameraCase]]] = {
+    "sim": sim_camera,
+    "replay": replay_camera,
+    "ev3-remote": ev3_remote_camera,
+    "v4l2": v4l2_camera,
+    "opencv": opencv_camera,
+    "phone": phone_camera,
+    "mjpeg": mjpeg_camera,
+    "picamera2": picamera2_camera,
+    "ros": ros_camera,
+    "gymnasium": gymnasium_camera,
+}

@@ -1,0 +1,110 @@
+"""What is kept of sessions: results of before, damaged logs, and a participant who withdraws."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot.errors import ConfigurationError
+from server.study.extension import StudyExtension
+from tests.server.study.sessions import begin, drive, post, refused, rows, session, take_part
+from tests.server.test_teaching_routes import ask
+from tests.server.virtual_server import VirtualServer
+
+
+def files_with(folder: Path, words: set[bytes]) -> list[str]:
+    """What is called like one of these words, or holds one."""
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return [
+        str(path.relative_to(folder))
+        for path in found
+        if any(word in str(path).encode() or word in path.read_bytes() for word in words)
+    ]
+
+
+def test_a_withdrawn_participant_leaves_nothing_and_frees_the_place(tmp_path: Path) -> None:
+    with VirtualServer(data=tmp_path) as server:
+        pilot = server.pilot()
+        pilot.mode("train")
+        pilot.hold("forward")
+        server.forward(2.0)
+        pilot.close()
+        server.forward(12.0)
+        own = {e["id"] for e in ask(server, "GET", "/api/episodes").json()["episodes"]}
+        take_part(server, "P01")
+        server.forward(11.0)
+        begin(server, "P02")
+        ask(server, "DELETE", "/api/session")
+        assert "all 2 places" in refused(server, "/api/session", study="walk", participant="P03")
+        kept = list((tmp_path / "studies/walk").rglob("P01*"))
+        assert len(kept) == 3, "a log and two models"
+        driven = {id for row in rows(server) for id in row["recordings"].split()}
+        assert len(driven) >= 2 and own and not own & driven
+        gone = ask(server, "DELETE", f"/api/episodes/{min(driven)}")
+        assert gone.status_code == 200, "one of the recordings is in the trash by now"
+        answer = ask(server, "DELETE", "/api/studies/walk/sessions/P01")
+        assert answer.status_code == 200, answer.text
+        deleted = answer.json()["deleted"]
+        recordings = {Path(path).stem for path in deleted if path.endswith(".mcap")}
+        assert recordings == driven
+        assert any(path.startswith("trash/") and path.endswith(".mcap") for path in deleted)
+        assert {"studies/walk/P01.csv", "studies/walk/models/P01-1.npz"} < set(deleted)
+        assert not [path for path in deleted if (tmp_path / path).exists()]
+        assert not list(tmp_path.rglob("*P01*"))
+        assert files_with(tmp_path / "episodes", {id.encode() for id in driven}) == []
+        left = {e["id"] for e in ask(server, "GET", "/api/episodes").json()["episodes"]}
+        assert own <= left and not driven & left
+        begin(server, "P03")
+        assert session(server)["of"] == 2
+        listed = ask(server, "GET", "/api/studies/walk").json()["sessions"]
+        assert {s["participant"]: s["order"][0] for s in listed} == {"P02": "long", "P03": "short"}
+
+
+def test_a_session_that_is_still_recorded_is_not_withdrawn(tmp_path: Path) -> None:
+    with VirtualServer(data=tmp_path) as server:
+        begin(server)
+        post(server, "/api/session/drive", confirmed=True)
+        drive(server, 1.0)
+        ask(server, "DELETE", "/api/session")
+        conductor = server.services.extension(StudyExtension).conductor
+        assert conductor is not None
+        (recording,) = {
+            e.value for e in conductor.folder.events("walk", "P01") if e.event == "recording"
+        }
+        with pytest.raises(ConfigurationError, match="still being recorded"):
+            conductor.folder.withdraw("walk", "P01", recording)
+        assert (tmp_path / "studies/walk/P01.csv").exists()
+
+
+def test_results_of_older_trials_are_listed_and_downloaded_whatever_else_is_there(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "lessons"
+    folder.mkdir(parents=True)
+    names = ["20260101-140000-trial-2", "20260101-120000-trial-1"]
+    texts = {names[0]: '{"trial": 2, "ssd": null}', names[1]: "damaged", "list": "[1]"}
+    for name, text in texts.items():
+        (folder / f"{name}.json").write_text(text)
+    (folder / "20260101-130000-trial-1.json").mkdir()
+    with VirtualServer(data=tmp_path) as server:
+        listed = ask(server, "GET", "/api/studies")
+        assert listed.status_code == 200, listed.text
+        assert listed.json()["older"] == names
+        for name in names:
+            answer = ask(server, "GET", f"/api/studies/older/{name}.json")
+            assert answer.content == texts[name].encode()
+        for name in ("20260101-130000-trial-1", "..%2F..%2Fx", "list"):
+            assert ask(server, "GET", f"/api/studies/older/{name}.json").status_code == 404
+
+
+def test_a_damaged_log_is_named_and_stops_nobody_else(tmp_path: Path) -> None:
+    with VirtualServer(data=tmp_path) as server:
+        begin(server, "P01")
+        ask(server, "DELETE", "/api/session")
+        (tmp_path / "studies/walk/P02.csv").write_bytes(b"\xff\xfe\n\n")
+        listed = ask(server, "GET", "/api/studies/walk").json()["sessions"]
+        assert [bool(s["fault"]) for s in listed] == [False, True]
+        answer = ask(server, "POST", "/api/session", json={"study": "walk", "participant": "P02"})
+        assert answer.status_code == 422 and "P02.csv" in answer.json()["detail"]
+        begin(server, "P01")
