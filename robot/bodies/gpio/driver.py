@@ -106,13 +106,9 @@ class GpioDriver(ReportingDriver):
     no_obedience = "restart this program"
 
     def __init__(self, options: GpioOptions, clock: Clock | None = None) -> None:
-        super().__init__(options, clock)
+        super().__init__(options, "the process that holds the pins", clock)
         if options.is_car:
             self.declared_moves = tuple(move for move in CLASSIC.values() if move.throttle)
-
-    @property
-    def _where(self) -> str:
-        return "the process that holds the pins"
 
     def _open_line(self) -> MessageLine:
         if importlib.util.find_spec("gpiozero") is None:

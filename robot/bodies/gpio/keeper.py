@@ -3,13 +3,17 @@
 `python -m robot.bodies.gpio.keeper JSON` takes orders from the pipe that is its standard input, and
 answers each with a report there. A pin keeps what it was set to when the program that set it is
 killed or held up, so the one that holds it does nothing else: no camera, no learner, no network.
+It is a child of one that does still less, and waits to put another in its place.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import sys
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -58,19 +62,40 @@ def _ms(clock: Clock) -> int:
     return int(1000 * clock.now_s())
 
 
-def main() -> None:
-    # They are meant for the robot's program, after which this one ends with its motors at rest.
-    for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
-        signal.signal(quiet, signal.SIG_IGN)
+def hold(settings: dict[str, Any]) -> None:
+    """Take the pins, and keep them; whoever started this is told that it can, or why it cannot."""
     line = Connection(0)
     try:
-        motors = make_motors(json.loads(sys.argv[1]))
-    except Exception as error:  # a sentence for whoever started this, whatever the library says
+        motors = make_motors(settings)
+    except Exception as error:  # a sentence, whatever the library says
         reason = " ".join(f"{type(error).__name__}: {error}".split())
         line.send_bytes(FAILED + reason.encode())
         return
     line.send_bytes(READY)
     keep(motors, line, RealClock())
+
+
+def outlive(work: Callable[[], None]) -> None:
+    """Have a child do it, and another one if that is killed, until one has ended by itself.
+
+    SIGUSR1 kills one that hangs. The next has the pins within milliseconds, and stops the motors:
+    a program that has to be started first needs seconds, in which they go on.
+    """
+    while child := os.fork():
+        signal.signal(signal.SIGUSR1, lambda *_, pid=child: os.kill(pid, signal.SIGKILL))
+        _, status = os.waitpid(child, 0)
+        if os.WIFEXITED(status):
+            return
+    work()
+
+
+def main() -> None:
+    # They are meant for the robot's program, after which this one ends with its motors at rest.
+    for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+        signal.signal(quiet, signal.SIG_IGN)
+    with contextlib.suppress(ImportError):  # before there are children: each says what is missing
+        import gpiozero  # noqa: F401
+    outlive(lambda: hold(json.loads(sys.argv[1])))
 
 
 if __name__ == "__main__":

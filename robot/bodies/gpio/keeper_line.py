@@ -1,8 +1,10 @@
-"""The line to the process that holds the pins; it starts that process, and another if it hangs."""
+"""The line to the process that holds the pins; it has another one take over if that hangs."""
 
 from __future__ import annotations
 
 import contextlib
+import os
+import signal
 import subprocess
 from collections.abc import Sequence
 from multiprocessing import Pipe
@@ -21,10 +23,17 @@ class KeeperLine:
 
     def __init__(self, command: Sequence[str], clock: Clock) -> None:
         self._command, self._clock = command, clock
+        self._trouble = "the process that holds the pins did not start"
+        """Why nobody holds the pins now; empty if somebody does."""
         self._start()
+        self._next(START_S)
+        if self._trouble:
+            self._end()
+            raise ConnectionError(self._trouble)
 
     def _start(self) -> None:
         self._has_ended = False
+        self._waits_s: float | None = None
         self._pipe, theirs = Pipe()
         with theirs:
             self._process = subprocess.Popen(
@@ -32,30 +41,24 @@ class KeeperLine:
                 stdin=theirs.fileno(),
                 start_new_session=True,  # Ctrl+C ends the robot's program, which stops
             )
-        said = self._next(START_S)
-        if said != READY:
-            self._end()
-            raise ConnectionError(
-                said.decode(errors="replace").removeprefix(FAILED.decode())
-                if said
-                else "the process that holds the pins did not start"
-            )
-        self._waits_s: float | None = None
 
     def send(self, message: bytes) -> None:
-        """Send one message; a keeper that is gone or hangs is replaced, and the message dropped."""
+        """Send one message, without ever waiting; it is dropped while nobody holds the pins."""
         now_s = self._clock.now_s()
         if self._waits_s is None:
             self._waits_s = now_s
         if self._next(0.0) is not None:
             self._waits_s = now_s  # it answered, but later than anybody waited
-        if self._has_ended or now_s - self._waits_s > HANGS_S:
-            said = "ended" if self._has_ended else "hung"
+        silent_s = now_s - self._waits_s
+        if self._has_ended or silent_s > START_S:
+            self._trouble = self._trouble or "it ended, and another one starts"
             self._end()
             self._start()
-            raise ConnectionError(
-                f"the process that holds the pins {said}; another one has stopped the motors"
-            )
+        elif not self._trouble and silent_s > HANGS_S:
+            self._trouble = "it hung, and another one takes the pins"
+            self._process.send_signal(signal.SIGUSR1)
+        if self._trouble:
+            raise ConnectionError(self._trouble)
         self._pipe.send_bytes(message)
 
     def receive(self, timeout_s: float) -> bytes | None:
@@ -66,10 +69,15 @@ class KeeperLine:
 
     def _next(self, timeout_s: float) -> bytes | None:
         try:
-            return self._pipe.recv_bytes() if self._pipe.poll(timeout_s) else None
+            line = self._pipe.recv_bytes() if self._pipe.poll(timeout_s) else None
         except (EOFError, OSError):
             self._has_ended = True
             return None
+        if line == READY:
+            self._trouble = ""
+        elif line is not None and line.startswith(FAILED):
+            self._trouble = line.removeprefix(FAILED).decode(errors="replace")
+        return line
 
     def close(self) -> None:
         """End the keeper, which stops the motors first; see `MessageLine`."""
@@ -79,6 +87,7 @@ class KeeperLine:
         self._end()
 
     def _end(self) -> None:
+        """Kill whoever is left of them."""
         self._pipe.close()
-        with self._process:
-            self._process.kill()
+        with self._process, contextlib.suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)

@@ -30,12 +30,8 @@ class PybricksDriver(ReportingDriver):
     no_obedience = "does it run docs/examples/firmware/hub.py of this version?"
 
     def __init__(self, options: PybricksOptions, clock: Clock | None = None) -> None:
-        super().__init__(options, clock)
+        super().__init__(options, f"the hub {options.hub!r}" if options.hub else "the hub", clock)
         self.declared_moves = parse_moves(options.body_moves)
-
-    @property
-    def _where(self) -> str:
-        return f"the hub {self.options.hub!r}" if self.options.hub else "the hub"
 
     def _open_line(self) -> MessageLine:
         bluetooth = need("bleak", "the robot 'pybricks'", "pybricks")

@@ -55,18 +55,15 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     no_obedience: ClassVar[str]
     """Ends of the sentences about a robot that is silent at first, and about one that disobeys."""
 
-    def __init__(self, options: Any, clock: Clock | None = None) -> None:
+    def __init__(self, options: Any, where: str, clock: Clock | None = None) -> None:
+        """Keep the options; `where` is the robot in a sentence, as `the hub`."""
         super().__init__(options, clock)
+        self._where = where
         self._report: BodyReport | None = None
         self._heard_s = 0.0
         self._disobeyed = 0
         self._seq = 0
         self._trouble = ""
-
-    @property
-    @abstractmethod
-    def _where(self) -> str:
-        """The robot in a sentence, as `the robot at 192.168.4.1`."""
 
     @abstractmethod
     def _open_line(self) -> MessageLine:
@@ -186,12 +183,8 @@ class RemoteDriver(ReportingDriver):
     no_obedience: ClassVar[str] = "is --secret the one that it knows?"
 
     def __init__(self, options: RemoteOptions, clock: Clock | None = None) -> None:
-        super().__init__(options, clock)
+        super().__init__(options, f"the robot at {options.address}", clock)
         self.declared_moves = parse_moves(options.body_moves)
-
-    @property
-    def _where(self) -> str:
-        return f"the robot at {self.options.address}"
 
     def _open_line(self) -> MessageLine:
         line: MessageLine = self.line_type(*split_address(self.options.address, PORT))

@@ -68,9 +68,15 @@ def wait_until(is_so: Callable[[], bool], what: str) -> None:
     pytest.fail(f"it never came to this: {what}")
 
 
-def keeper_pid(driver: GpioDriver) -> int:
+def program_pid(driver: GpioDriver) -> int:
     assert isinstance(driver._connection, KeeperLine)
     return driver._connection._process.pid
+
+
+def keeper_pid(driver: GpioDriver) -> int:
+    """Return the program's child that holds the pins; 0 while there is none."""
+    pid = program_pid(driver)
+    return int((Path(f"/proc/{pid}/task/{pid}/children").read_text().split() or ["0"])[0])
 
 
 @pytest.mark.realtime
@@ -112,19 +118,54 @@ def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> N
             os.kill(stays, quiet)
         send_until(driver, Action.FORWARD, lambda: pins(notes)["GPIO17"] == 0.6)
         assert keeper_pid(driver) == stays
+        program = program_pid(driver)
         for how in (signal.SIGSTOP, signal.SIGKILL):
-            send_until(driver)
+            send_until(driver, Action.FORWARD, lambda: pins(notes)["GPIO17"] == 0.6)
             first = keeper_pid(driver)
             os.kill(first, how)
 
             def is_another(first: int = first) -> bool:
-                return keeper_pid(driver) != first and not driver._trouble
+                return keeper_pid(driver) not in (0, first) and not driver._trouble
 
             send_until(driver, Action.FORWARD, is_another)
             driver.stop()
-            assert not any(pins(notes).values())
+            wait_until(lambda: not any(pins(notes).values()), "it stands")
+            assert program_pid(driver) == program, "no other had to be started first"
+        os.killpg(program, signal.SIGKILL)
+        send_until(driver, Action.FORWARD, lambda: program_pid(driver) != program)
         last = keeper_pid(driver)
     assert _state(last) == b"Z", "nothing is left behind"
+
+
+STARTS_ONCE = """
+import sys, time
+from multiprocessing.connection import Connection
+from pathlib import Path
+started = Path(sys.argv[1])
+if started.exists():
+    time.sleep(600)
+started.touch()
+line = Connection(0)
+line.send_bytes(b"ready")
+line.recv_bytes()
+"""
+
+
+def test_nobody_waits_for_a_keeper_that_starts(tmp_path: Path) -> None:
+    """The next one starts slowly, and the driver's thread has a STOP to hand over meanwhile."""
+    started = tmp_path / "started"
+    line = KeeperLine([sys.executable, "-c", STARTS_ONCE, str(started)], VirtualClock())
+    try:
+        first = line._process
+        line.send(b"?")
+        first.wait()
+        for _ in range(3):
+            with pytest.raises(ConnectionError, match="it ended, and another one starts"):
+                line.send(b"?")
+        assert line._process is not first
+        assert line._process.poll() is None
+    finally:
+        line._end()
 
 
 class Burnt:
