@@ -22,6 +22,7 @@ from robot.errors import ConfigurationError
 from robot.store.folder import write_whole
 from robot.store.records import read_regular
 from server.board.class_key import ClassKey
+from server.security.pairing import hash_of
 
 log = logging.getLogger(__name__)
 
@@ -76,14 +77,14 @@ class Classroom:
             return None
         self._used.append(nonce)
         secret = secrets.token_urlsafe(32)
-        self._sessions.append(_hash(secret))
+        self._sessions.append(hash_of(secret))
         log.info("class joined")
         return secret
 
     def knows(self, authorization: str) -> bool:
         """True if the header `authorization` carries the secret of a session."""
         kind, _, secret = authorization.partition(" ")
-        return kind == "Bearer" and _hash(secret) in self._sessions
+        return kind == "Bearer" and hash_of(secret) in self._sessions
 
     def _is_ours(self, nonce: str, board_nonce: str, now_s: float) -> bool:
         opened, _, seal = nonce.rpartition(".")
@@ -128,7 +129,3 @@ def _load(file: Path | None) -> frozenset[str]:
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         log.warning("locks unreadable, all is locked file=%s error=%r", file, str(error))
         return frozenset(LOCKS)
-
-
-def _hash(secret: str) -> str:
-    return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()

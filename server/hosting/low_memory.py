@@ -20,14 +20,7 @@ from typing import Any
 LEFT_OUT = ("_hashlib", "_ssl")
 """The two modules that load OpenSSL. Importing them fails, and each importer has a fallback."""
 
-
-PUT_OFF = (
-    "logging.config",
-    "numpy.fft",
-    "numpy.ma",
-    "numpy.polynomial",
-    "numpy.random",
-)
+PUT_OFF = ("logging.config", "numpy.fft", "numpy.ma", "numpy.polynomial", "numpy.random")
 """Modules that numpy and uvicorn import, and that a lesson on a brick never touches."""
 
 

@@ -7,14 +7,13 @@ addresses: a browser that trusts it trusts it for no public site.
 from __future__ import annotations
 
 import datetime as dt
-import ipaddress
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.store.folder import write_whole
-from server.config import as_address
+from server.config import as_address, read_networks
 
 try:
     from cryptography import x509
@@ -23,15 +22,8 @@ try:
 except ImportError as error:
     raise MissingExtraError("--tls", "tls") from error
 
-_PRIVATE_NETWORKS = (
-    "10.0.0.0/8",
-    "172.16.0.0/12",
-    "192.168.0.0/16",
-    "127.0.0.0/8",
-    "169.254.0.0/16",
-    "::1/128",
-    "fc00::/7",
-    "fe80::/10",
+_PRIVATE = read_networks(
+    "10.0.0.0/8,172.16.0.0/12,192.168.0.0/16,127.0.0.0/8,169.254.0.0/16,::1/128,fc00::/7,fe80::/10"
 )
 _Authority = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
 _Extensions = list[tuple[x509.ExtensionType, bool]]
@@ -128,14 +120,8 @@ def _sign(
 
 def _only_private(names: Sequence[str]) -> x509.NameConstraints:
     domains = ["local", "localhost", *(n for n in names if "." not in n and ":" not in n)]
-    networks = [ipaddress.ip_network(network) for network in _PRIVATE_NETWORKS]
-    return x509.NameConstraints(
-        permitted_subtrees=[
-            *(x509.DNSName(domain) for domain in dict.fromkeys(domains)),
-            *(x509.IPAddress(network) for network in networks),
-        ],
-        excluded_subtrees=None,
-    )
+    named = [x509.DNSName(domain) for domain in dict.fromkeys(domains)]
+    return x509.NameConstraints([*named, *map(x509.IPAddress, _PRIVATE)], excluded_subtrees=None)
 
 
 def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:

@@ -15,8 +15,8 @@ import re
 import secrets
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from robot.errors import UNREADABLE
 from robot.store.records import read_regular
@@ -29,23 +29,22 @@ log = logging.getLogger(__name__)
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Without letters and digits that look alike."""
 TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
-_SESSIONS = 64
-"""Sessions of one kind: of one role, by the terminal or by invitation to a class."""
+_SESSIONS = 192
+"""Sessions of one kind: of one role, by the terminal or by invitation to a class. More than there
+are websockets, so nobody can hold all of them."""
 INVITATION_S = 300.0
 """A token shown on a class's board is valid so long, for any number of phones."""
 _INVITATIONS = 16
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Paired:
+class Paired(NamedTuple):
     """A paired browser: its role, and the secret in its cookie."""
 
     role: Role
     secret: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Kind:
+class _Kind(NamedTuple):
     """How a browser was paired."""
 
     role: Role
@@ -92,8 +91,9 @@ class Pairing:
         self._file = file
         self._on_token = on_token
         self._sessions: OrderedDict[str, _Kind] = _load(file) if file else OrderedDict()
-        """By the hash of their secrets; what was used last stands last, what never was first."""
-        self._unsaved = set(self._sessions)
+        """By the hash of their secrets; who came last in this run stands last."""
+        self._unused = set(self._sessions)
+        """Those that were not used in this run: they are the first to go."""
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in PAIRED}
         self._invitations: OrderedDict[str, float] = OrderedDict()
@@ -140,13 +140,13 @@ class Pairing:
 
     def find(self, secret: str) -> Session | None:
         """Return the session that this is the secret of; None if there is none."""
-        name = _hash(secret)
+        name = hash_of(secret)
         kind = self._sessions.get(name)
         if kind is None:
             return None
-        self._sessions.move_to_end(name)
-        if name in self._unsaved:  # once a run: who comes often outlives a restart, too
-            self._unsaved.discard(name)
+        if name in self._unused:  # once a run: who comes often outlives a restart, too
+            self._unused.discard(name)
+            self._sessions.move_to_end(name)
             self._save()
         return Session(kind.role, name)
 
@@ -155,26 +155,28 @@ class Pairing:
         return name in self._sessions and self._sessions[name].owner
 
     def forget(self, secret: str) -> None:
-        if self._sessions.pop(_hash(secret), None) is not None:
+        if self._sessions.pop(hash_of(secret), None) is not None:
             self._save()
 
     def _pair(self, kind: _Kind, before: str) -> Paired | Refusal:
-        known = self._sessions.get(_hash(before))
+        known = self._sessions.get(hash_of(before))
         if known is not None and known.role is kind.role and (kind.invited or not known.invited):
             return Paired(role=kind.role, secret=before)
         if not kind.invited and kind.role is Role.PILOT:
             has_owner = any(one.owner for one in self._sessions.values())
-            kind = replace(kind, owner=not has_owner)
+            kind = kind._replace(owner=not has_owner)
         same = [name for name, one in self._sessions.items() if one == kind]
         if len(same) >= _SESSIONS:
-            idle = next((name for name in same if not self.is_in_use(name)), None)
-            if idle is None:
+            idle = [name for name in same if not self.is_in_use(name)]
+            if not idle:
                 return Refusal(503, "sessions", "Too many browsers are connected.")
-            del self._sessions[idle]
-        self._sessions.pop(_hash(before), None)
+            # Of those that were used the newest: who redeems for ever pushes out himself.
+            del self._sessions[next((name for name in idle if name in self._unused), idle[-1])]
+        self._sessions.pop(hash_of(before), None)
         secret = secrets.token_urlsafe(32)
-        self._sessions[_hash(secret)] = kind
-        self._sessions.move_to_end(_hash(secret), last=False)  # one that is never used goes first
+        self._sessions[hash_of(secret)] = kind
+        self._unused = (self._unused & self._sessions.keys()) | {hash_of(secret)}
+        self._sessions.move_to_end(hash_of(secret), last=False)
         self._save()
         log.info("paired role=%s", kind.role.value)
         return Paired(role=kind.role, secret=secret)
@@ -183,12 +185,12 @@ class Pairing:
         """Write the sessions' hashes to a new file, which replaces the old one."""
         if self._file is None:
             return
-        rows = [{"sha256": name, **asdict(kind)} for name, kind in self._sessions.items()]
+        rows = [{"sha256": name, **kind._asdict()} for name, kind in self._sessions.items()]
         new = self._file.with_suffix(".new")
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)
             with os.fdopen(os.open(new, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "w") as out:
-                json.dump({"sessions": rows}, out)
+                out.write(json.dumps({"sessions": rows}))  # json.dump holds the loop up
             new.replace(self._file)
         except OSError as error:
             log.warning("pairing not saved file=%s error=%r", self._file, str(error))
@@ -210,7 +212,7 @@ def _load(file: Path) -> OrderedDict[str, _Kind]:
     return found
 
 
-def _hash(secret: str) -> str:
+def hash_of(secret: str) -> str:
     """Hash once: the secret has 256 random bits, so it cannot be guessed from its hash."""
     return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from server.security.access import Refusal, Role
-from server.security.pairing import Paired, Pairing
+from server.security.pairing import _SESSIONS, Paired, Pairing
 
 
 def redeem(pairing: Pairing, token: str, before: str = "") -> str:
@@ -30,16 +30,19 @@ def test_redeeming_again_renews_the_session_that_a_browser_has() -> None:
     assert redeem(pairing, pairing.tokens[Role.VIEWER], up) != up and pairing.find(up) is None
 
 
-@pytest.mark.parametrize("times", [66, 500])
-def test_nobody_who_was_there_is_pushed_out_by_who_redeems_again_and_again(times: int) -> None:
+@pytest.mark.parametrize("are_used", [False, True])
+@pytest.mark.parametrize("times", [_SESSIONS + 2, 500])
+def test_nobody_who_was_there_is_pushed_out_by_who_redeems_again_and_again(
+    times: int, are_used: bool
+) -> None:
     pairing = Pairing(10)
     owner, eye = (redeem(pairing, pairing.tokens[role]) for role in (Role.PILOT, Role.EYE))
     second, pupil = redeem(pairing, pairing.tokens[Role.PILOT]), invited(pairing)
     assert pairing.find(pupil) and pairing.find(second), "they load the page"
     for _ in range(times):
-        invited(pairing)
-        for role in (Role.PILOT, Role.VIEWER):
-            redeem(pairing, pairing.tokens[role])
+        made = [invited(pairing)]
+        made += [redeem(pairing, pairing.tokens[role]) for role in (Role.PILOT, Role.VIEWER)]
+        assert not are_used or all(map(pairing.find, made))
     assert all(map(pairing.find, (owner, second, eye, pupil)))
 
 
@@ -50,7 +53,7 @@ def test_who_is_connected_stays_and_the_owner_does_for_ever(tmp_path: Path) -> N
     session = pairing.find(pilot)
     assert session is not None
     pairing.is_in_use = lambda name: name == session.name
-    for _ in range(100):  # all of them come and are used
+    for _ in range(_SESSIONS + 36):  # all of them come and are used
         assert pairing.find(redeem(pairing, pairing.tokens[Role.PILOT]))
     assert pairing.find(pilot)
     again = Pairing(10, file).find(owner)
@@ -64,7 +67,7 @@ def test_who_comes_often_stays_after_a_restart(tmp_path: Path) -> None:
     file = tmp_path / "paired.json"
     first = Pairing(10, file)
     redeem(first, first.tokens[Role.PILOT])  # the owner
-    daily, *others = (redeem(first, first.tokens[Role.PILOT]) for _ in range(64))
+    daily, *others = (redeem(first, first.tokens[Role.PILOT]) for _ in range(_SESSIONS))
     assert all(map(first.find, others)) and first.find(daily)
     second = Pairing(10, file)
     assert second.find(daily)
