@@ -22,7 +22,7 @@ PEER = "drivelesson.peer"
 PREFIX = "drivelesson.prefix"
 """In a scope: the path under which a proxy serves the page, such as /robot; or nothing."""
 SPOKEN = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto")
-_PAIR = re.compile(r'([a-z]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)', re.I)
+_PAIR = re.compile(r'(?<![\w-])([\w-]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)')
 
 
 class _Hop(NamedTuple):
@@ -114,7 +114,9 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
     kinds = []
     if "forwarded" in said:
         elements: list[dict[str, str]] = [{}]
-        for name, value, comma in _PAIR.findall(said["forwarded"]):
+        # A client's open quote hides what a proxy has added: then none of it is believed.
+        is_whole = not _PAIR.sub("", said["forwarded"]).strip("; \t")
+        for name, value, comma in _PAIR.findall(said["forwarded"]) if is_whole else ():
             if comma:
                 elements.append({})
             else:

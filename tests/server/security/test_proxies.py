@@ -68,6 +68,20 @@ def test_the_client_is_the_first_that_is_no_proxy(peer: str, forwarded: str, cou
     assert seen(peer=peer, forwarded=elements)["client"][0] == counted
 
 
+@pytest.mark.parametrize("begun", ['for=6.6.6.6;by="', 'for=6.6.6.6;by="a', 'for="6.6.6.6', '"'])
+def test_no_open_quote_of_a_client_hides_what_the_proxy_adds(begun: str) -> None:
+    added = 'for="10.0.0.1";host=robot'
+    assert seen(forwarded=f"{begun}, {added}")["client"][0] == "127.0.0.1"
+    assert seen(forwarded=f"x-id=1; for=6.6.6.6, {added}")["client"][0] == "10.0.0.1"
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("letters", ["a", "a-", "a ", 'a="', "a=,", '"', "\\"])
+def test_no_header_takes_long_to_read(letters: str) -> None:
+    """8,000 letters, which nginx passes on, held up the robot for a second and more."""
+    seen(forwarded=letters * (100_000 // len(letters)))
+
+
 def test_lines_of_one_name_are_one_list() -> None:
     """A client's own line stands before the proxy's."""
     asked = scope(x_forwarded_for="6.6.6.6")
