@@ -82,6 +82,8 @@ class Limits:
     """The largest body of a request that has no limit of its own."""
     upload_bytes: int = 64_000_000
     """The largest model that may be uploaded."""
+    uploads: int = 2
+    """So many are uploaded at a time, and one by each paired browser."""
     idle_s: float = 30.0
     """Idle timeout: a silent client is disconnected."""
     pairing_failures: int = 10

@@ -7,6 +7,7 @@ sans-I/O websockets, frames go through ASGI: the same behaviour at a higher cost
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 EXTENSION = "drivelesson.direct"
 """Where a route finds the protocol in `scope["extensions"]`, if there is the fast path."""
+FRAME_S, BURST_S = 0.004, 3.0
+"""Frames that come faster than one in so long, for so long, are left to wait in the network."""
 
 
 def make_protocol() -> type[Any] | None:
@@ -33,6 +36,9 @@ def make_protocol() -> type[Any] | None:
         on_text: Callable[[str], None] | None = None
         """The same with each text, when its bytes are read: no queue holds up what stands behind a
         burst; after the server's close, too."""
+        _read_s = -math.inf
+        """When all frames that were read would have come, one in `FRAME_S`."""
+        _is_held = False
 
         def handle_connect(self, event: Request) -> None:
             super().handle_connect(event)
@@ -51,6 +57,31 @@ def make_protocol() -> type[Any] | None:
                 self.on_text(bytes(event.data).decode("utf-8", "replace"))
             else:
                 super().handle_text(event)
+
+        def handle_cont(self, event: Frame) -> None:
+            super().handle_cont(event)
+            self.frames = [b"".join(self.frames)]  # empty ones for ever take no memory
+
+        def handle_events(self) -> None:
+            n_frames = len(self.conn.events)
+            super().handle_events()
+            now_s = self.loop.time()
+            self._read_s = max(self._read_s, now_s - BURST_S) + n_frames * FRAME_S
+            if self._read_s > now_s:
+                self._is_held = True
+                self.transport.pause_reading()
+                self.loop.call_later(self._read_s - now_s, self._read_on)
+
+        def _read_on(self) -> None:
+            self._is_held = False
+            if not self.read_paused:
+                self.transport.resume_reading()
+
+        async def receive(self) -> Any:
+            message = await super().receive()
+            if self._is_held:  # whatever uvicorn says
+                self.transport.pause_reading()
+            return message
 
         def shutdown(self) -> None:
             # Uvicorn raises for a client that is just leaving, and the app is then not shut down.

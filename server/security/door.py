@@ -157,18 +157,11 @@ class Door:
         self.sockets = Places(
             limits.clients, limits.clients_each, lambda person: self.keeps(person)
         )
-        self._connections: dict[Peer, PlaceInUse] = {}
+        # Each takes as much memory as a model's file.
+        self.uploads = Places(limits.uploads, 1, lambda person: self.keeps(person))
+        self.connections: dict[Peer, PlaceInUse] = {}
         self._paces = Paces()
         self._read_until_s = self._asked_s = self._expired_s = 0.0
-
-    @property
-    def open(self) -> int:
-        return len(self._connections)
-
-    @property
-    def evicted(self) -> int:
-        """How many connections were closed, because they were too many or too slow."""
-        return self.pending.evicted + self.admitted.evicted
 
     def has_room(self, now_s: float) -> bool:
         """True if a new connection need push out none that has had no time to be read."""
@@ -187,7 +180,7 @@ class Door:
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
         assert place is not None, "a newcomer always finds a place"
         place.came_s = self._read_until_s
-        self._connections[peer] = place
+        self.connections[peer] = place
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
         """Count a new connection by what waits on it; False if this person opened too many: it is
@@ -201,7 +194,7 @@ class Door:
 
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> None:
         """Record a complete request; one of a session admits the connection. A socket `lasts`."""
-        place = self._connections.get(peer)
+        place = self.connections.get(peer)
         if place is None:
             return
         place.used_s, place.idle_s = now_s, math.inf
@@ -216,7 +209,7 @@ class Door:
                 return
             if admitted is not None:
                 self.pending.give_back(place)
-                self._connections[peer] = place = admitted
+                self.connections[peer] = place = admitted
             else:  # nobody can give way: the connection is answered all the same
                 place.is_known = True
         if lasts:
@@ -224,11 +217,11 @@ class Door:
 
     def answered(self, peer: Peer, now_s: float) -> None:
         """Record that a request has its answer: who needs a place takes an idle connection's."""
-        if peer in self._connections:
-            self._connections[peer].idle_s = now_s
+        if peer in self.connections:
+            self.connections[peer].idle_s = now_s
 
     def left(self, peer: Peer) -> None:
-        place = self._connections.pop(peer, None)
+        place = self.connections.pop(peer, None)
         if place is not None:
             self.pending.give_back(place)
             self.admitted.give_back(place)
@@ -246,7 +239,7 @@ class Door:
                 self.pending.end(place)
 
     def close_all(self) -> None:
-        for place in list(self._connections.values()):
+        for place in list(self.connections.values()):
             place.close()
 
     def may_ask(self, session: Session, now_s: float) -> bool:
@@ -256,5 +249,5 @@ class Door:
         return self._paces.allows(session.name, now_s, per_second=share * rate, burst=share * burst)
 
     def _close(self, peer: Peer, close: Callable[[], None]) -> None:
-        self._connections.pop(peer, None)
+        self.connections.pop(peer, None)
         close()

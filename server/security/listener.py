@@ -46,7 +46,7 @@ def connection_capacity() -> int:
 class DoorListener(socket.socket):
     """Accepts only connections that its `Door` has room for; `listener` is used up."""
 
-    def __init__(self, door: Door, listener: socket.socket, clock: Clock) -> None:
+    def __init__(self, door: Door, clock: Clock, listener: socket.socket) -> None:
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
         self.door, self.clock = door, clock
         self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
@@ -125,6 +125,13 @@ class _Connection(socket.socket):
             return None
         except OSError:
             return b""
+
+    def recv(self, size: int, flags: int = 0) -> bytes:
+        """Read so little that what one sends holds up no other for long."""
+        return super().recv(min(size, _HEAD), flags)
+
+    def recv_into(self, buffer: Any, size: int = 0, flags: int = 0) -> int:
+        return super().recv_into(buffer, min(size or len(buffer), _HEAD), flags)
 
     def abort(self) -> None:
         """Reset the connection, so that both sides see the end; its owner then closes it."""

@@ -106,8 +106,8 @@ def main(web: str) -> None:
                 json.dumps(
                     {
                         "tokens": tokens,
-                        "open": services.door.open,
-                        "evicted": services.door.evicted,
+                        "open": len(services.door.connections),
+                        "evicted": services.door.pending.evicted + services.door.admitted.evicted,
                         "longest_stand_s": max(stood_s[1:], default=0.0),
                         "moves": sum(one.value != "stop" for _, one in driver.changes),
                         "mode": rig.loop.state.decision.mode.value,

@@ -19,7 +19,7 @@ from server.security.listener import DoorListener
 
 
 def _listener(door: Door) -> DoorListener:
-    listener = DoorListener(door, open_socket("127.0.0.1", 0), VirtualClock())
+    listener = DoorListener(door, VirtualClock(), open_socket("127.0.0.1", 0))
     listener.setblocking(False)
     return listener
 
@@ -50,11 +50,14 @@ def a_connection_is_counted_from_accept_to_close() -> None:
 
     async def scenario() -> None:
         listener = _listener(door)
-        with socket.create_connection(listener.getsockname()):
+        with socket.create_connection(listener.getsockname()) as client:
             (connection,) = await _accept_all(listener)
-            assert door.open == 1
+            assert len(door.connections) == 1
+            client.sendall(bytes(100_000))
+            assert len(connection.recv(262_144)) <= 4096, "who sends much leaves time to others"
+            assert connection.recv_into(bytearray(262_144)) <= 4096, "over TLS, too"
             connection.close()
-            assert door.open == 0
+            assert len(door.connections) == 0
         listener.close()
 
     asyncio.run(scenario())
@@ -76,7 +79,12 @@ def an_evicted_connection_sees_the_end() -> None:
             for connection in accepted:
                 connection.close()
         listener.close()
-        assert len(accepted) == 2 and end == b"" and door.evicted == 1 and door.open == 0
+        assert (
+            len(accepted) == 2
+            and end == b""
+            and door.pending.evicted == 1
+            and len(door.connections) == 0
+        )
 
     asyncio.run(scenario())
 
@@ -123,7 +131,7 @@ def what_has_come_is_read_before_it_is_pushed_out() -> None:
             one.close()
         listener.close()
         assert [len(accepted) for accepted in rounds] == [40, *7 * [0], 40]
-        assert door.open == 0 and door.evicted == 40
+        assert len(door.connections) == 0 and door.pending.evicted == 40
 
     asyncio.run(scenario())
 
@@ -150,6 +158,6 @@ def of_all_that_wait_a_stop_is_handed_on_first_and_of_one_person_a_share() -> No
         for one in itertools.chain(clients, accepted):
             one.close()
         listener.close()
-        assert door.open == 0
+        assert len(door.connections) == 0
 
     asyncio.run(scenario())

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import uvicorn
 from uvicorn.server import ServerState
 
-from server.hosting.uvicorn_fastpath import make_protocol
+from server.hosting.uvicorn_fastpath import BURST_S, FRAME_S, make_protocol
 
 
 async def accept_and_wait(scope: Any, receive: Any, send: Any) -> None:
@@ -54,3 +55,81 @@ async def end_while_a_client_is_there(leaves: bool) -> None:
     assert client.close_rcvd is not None
     assert client.close_rcvd.code == (1005 if leaves else 1012)
     theirs.close()
+
+
+class Line(asyncio.Transport):
+    """One end of a connection that lies in memory."""
+
+    is_read = True
+
+    def get_extra_info(self, name: str, default: Any = None) -> Any:
+        return default
+
+    def is_closing(self) -> bool:
+        return False
+
+    def write(self, data: Any) -> None:
+        pass
+
+    def pause_reading(self) -> None:
+        self.is_read = False
+
+    def resume_reading(self) -> None:
+        self.is_read = True
+
+
+PING, STOP_TEXT = bytes([0x89, 0x80, 0, 0, 0, 0]), '{"type":"stop"}'
+BEGUN, MORE, LAST = (bytes([first, 0x80, 0, 0, 0, 0]) for first in (0x01, 0x00, 0x80))
+FLOODS = {
+    "pings": (b"", PING),
+    "pongs": (b"", bytes([0x8A]) + PING[1:]),
+    "texts": (b"", bytes([0x81]) + PING[1:]),
+    "one message in parts for ever": (BEGUN, MORE),
+    "messages in two parts": (b"", BEGUN + LAST),
+}
+
+
+@pytest.mark.parametrize("flood", FLOODS)
+def test_who_floods_is_read_no_faster_than_anybody_needs(flood: str) -> None:
+    """A pupil with eight sockets held up the robot's pilot, and every STOP for a quarter minute."""
+    asyncio.run(flood_for_a_minute(*FLOODS[flood]))
+
+
+async def flood_for_a_minute(first: bytes, again: bytes) -> None:
+    protocol_type = make_protocol()
+    if protocol_type is None:
+        pytest.skip("this uvicorn has no fast path")
+    config, state, line = uvicorn.Config(accept_and_wait), ServerState(), Line()
+    config.load()
+    protocol = protocol_type(config=config, server_state=state, app_state={})
+    protocol.connection_made(line)
+    head = "GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+    protocol.data_received((head + key).encode())
+    while not protocol.handshake_complete:
+        await asyncio.sleep(0)
+    heard: list[str] = []
+    protocol.on_text = heard.append
+
+    stop = bytes([0x81, 0x80 | len(STOP_TEXT), 0, 0, 0, 0]) + STOP_TEXT.encode()
+    now_s = began_s = protocol.loop.time()
+    later: list[Any] = []
+    protocol.stop_keepalive()
+    protocol.loop = SimpleNamespace(
+        time=lambda: now_s, call_later=lambda wait_s, call: later.append((now_s + wait_s, call))
+    )
+    protocol.data_received(700 * PING + stop)
+    assert heard == [STOP_TEXT], "a burst is read whole"
+
+    n_frames, piece = 0, again * 300
+    protocol.data_received(first)
+    while now_s < began_s + 60.0:
+        while line.is_read:
+            protocol.data_received(piece)
+            n_frames += len(piece) // len(PING)
+            await asyncio.sleep(0)  # the application takes what has come
+            await asyncio.sleep(0)
+            assert n_frames < (now_s - began_s + BURST_S) / FRAME_S + 1000
+        now_s, call = later.pop(0)
+        call()
+    assert sum(map(len, protocol.frames)) + len(protocol.frames) < 10, "parts without an end"
