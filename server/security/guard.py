@@ -21,7 +21,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from robot.clock import Clock
 from server.security.access import Access, Refusal, Role, Session
-from server.security.door import Door, Peer, PlaceInUse, address_key
+from server.security.door import Door, Peer, PlaceInUse, Places, address_key
 from server.security.proxies import PEER, PREFIX, Proxies
 
 log = logging.getLogger(__name__)
@@ -95,6 +95,7 @@ class Guard:
         finally:
             if _PLACE in scope:
                 self.door.sockets.give_back(scope[_PLACE])
+                self.door.uploads.give_back(scope[_PLACE])
 
     def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
         access, method, now_s = self.access, scope.get("method"), self.clock.now_s()
@@ -116,9 +117,11 @@ class Guard:
         scope[_PERSON] = person.name
         refusal = self._check_limits(scope, headers, person)
         verdict = refusal or access.admit(scope["path"], method, headers, session)
-        if is_lasting and not isinstance(verdict, Refusal):
-            return self._seat(scope, person, now_s) or verdict
-        return verdict
+        is_upload = method == "PUT" and _UPLOADS.fullmatch(scope["path"])
+        places = self.door.sockets if is_lasting else self.door.uploads if is_upload else None
+        if places is None or isinstance(verdict, Refusal):
+            return verdict
+        return self._seat(places, scope, person) or verdict
 
     def _check_limits(
         self, scope: Scope, headers: dict[str, str], person: Session
@@ -132,13 +135,13 @@ class Guard:
             return Refusal(413, "size", "That is too large.")
         return None
 
-    def _seat(self, scope: Scope, person: Session, now_s: float) -> Refusal | None:
+    def _seat(self, places: Places, scope: Scope, person: Session) -> Refusal | None:
         """Take a place for what lasts; it ends when it has to give the place up."""
         task = asyncio.current_task()
         assert task is not None
-        place = self.door.sockets.take(person, now_s, task.cancel)
+        place = places.take(person, self.clock.now_s(), task.cancel)
         if place is None:
-            return Refusal(503, "clients", "Too many pages are open.")
+            return Refusal(503, "clients", "Too many pages are open, or models on their way.")
         scope[_PLACE] = place
         return None
 

@@ -19,7 +19,7 @@ from server.security.certificates import make_certificates
 from server.security.pairing import Pairing, cookie_name
 
 from .live_robot import WEB
-from .virtual_connections import VirtualSocket
+from .virtual_connections import Exchange, VirtualSocket
 from .virtual_pilot import VirtualPilot
 from .virtual_server import VirtualServer, connect
 
@@ -199,6 +199,34 @@ def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
             stack.enter_context(VirtualPilot(server, headers=owner))
             server.forward(0.1)
             assert many[3].close_code == 1013, "the owner comes in whoever wants a place"
+
+
+def test_uploads_that_never_end_take_the_memory_of_two(tmp_path: Path) -> None:
+    """One pupil could have as many as connections, each of 64 MB, for as long as it liked."""
+    config = Config(port=0, web=WEB, lan=True, data=tmp_path)
+    with VirtualServer(config, pairing=Pairing(3), data=tmp_path) as server:
+        owner, *pupils = (_pair(server, Role.PILOT) for _ in range(4))
+
+        def begin(cookie: dict[str, str]) -> Exchange:
+            async def ask() -> Exchange:
+                path = f"{server.address}/api/models/mine/file"
+                request = httpx.Request("PUT", path, content=b"x", headers=cookie)
+                exchange = Exchange(server, request, None)
+                exchange._incoming.get_nowait()  # the end does not come
+                return exchange
+
+            exchange = server.run(ask())
+            server.forward(0.1)
+            return exchange
+
+        first, again, other = begin(pupils[0]), begin(pupils[0]), begin(pupils[1])
+        assert first.task.done() and not again.task.done() and not other.task.done()
+        assert begin(pupils[2]).status == 503
+        third = begin(owner)
+        assert not third.task.done() and again.task.done() != other.task.done()
+        for exchange in (again, other, third):
+            exchange.hang_up()
+        server.wait_until(lambda: server.services.door.uploads.taken == 0)
 
 
 def test_too_many_requests_are_refused(tmp_path: Path) -> None:
