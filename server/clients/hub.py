@@ -164,9 +164,7 @@ class Hub:
         elif message is BareMessage.TAKE:
             self._handle_take(client, now_s)
         elif message in (BareMessage.IDLE, BareMessage.WATCH):
-            client.is_idle = message is BareMessage.IDLE
-            if not client.is_idle:
-                self.publish_state()  # with a fresh nonce
+            client.is_idle = message is BareMessage.IDLE  # the next state comes soon to all
         elif self.lease.give_up(client.id, now_s):
             self._pilot_changed()
 

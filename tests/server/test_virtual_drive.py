@@ -55,3 +55,20 @@ def test_a_robot_with_a_slow_camera_is_driven_slowly_and_stands_when_it_freezes(
             assert (clock.now_s() - last_s) * scale <= 0.5
 
     clock.run(scenario())
+
+
+def test_who_comes_and_goes_for_ever_has_nobody_else_told_more_often() -> None:
+    """A pupil with eight pages had the state sent to everybody five hundred times a second."""
+
+    async def scenario(world: ServedWorld) -> None:
+        pilot, pupil = await world.pilot(), await world.pilot()
+        before = len(pilot.messages)
+        for _ in range(50):
+            pupil.send(type="idle")
+            pupil.send(type="watch")
+            await world.forward(0.02)
+        told = [one for one in pilot.messages[before:] if one["type"] == "state"]
+        assert 5 <= len(told) <= 15
+        assert pupil.state["frame"] == pilot.state["frame"], "it is told when it is back"
+
+    virtually(scenario)
