@@ -45,14 +45,9 @@ def pytest_configure(config: pytest.Config) -> None:
         os.environ["DRIVELESSON_EV3"] = address
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.Item]) -> None:
     """Mark what runs real parts, hold the number of the others to the limit, and put in order."""
-    by_hand = [item.nodeid for item in items if wall_clock.is_marked(item)]
-    if len(by_hand) > wall_clock.MOST:
-        raise pytest.UsageError(
-            f"{len(by_hand)} tests are marked realtime; at most {wall_clock.MOST} may be:\n"
-            + "\n".join(by_hand)
-        )
+    wall_clock.hold_to_the_limit(session, items)
     here = Path(__file__).parent
     for item in items:
         if wall_clock.is_exempt(item.path.relative_to(here).as_posix(), item.name):

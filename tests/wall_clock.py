@@ -51,6 +51,22 @@ def is_marked(item: pytest.Item) -> bool:
     return item.get_closest_marker("realtime") is not None
 
 
+def hold_to_the_limit(session: pytest.Session, items: list[pytest.Item]) -> None:
+    """End the run where more tests are marked by hand than may be.
+
+    A worker's `shouldfail` is said by the process that started it; of any other error in a worker
+    only the traceback of a broken run comes through.
+    """
+    by_hand = [item.nodeid for item in items if is_marked(item)]
+    if len(by_hand) > MOST:
+        session.shouldfail = (
+            f"{len(by_hand)} tests are marked `realtime`, and at most {MOST} may be: give one a "
+            "VirtualClock (CONTRIBUTING.md) and take its mark away, or make two of them one\n"
+            + "\n".join(by_hand)
+        )
+        raise session.Failed(session.shouldfail)
+
+
 @pytest.fixture(autouse=True)
 def _off_the_wall_clock(
     request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
