@@ -39,7 +39,6 @@ class Client:
         self.is_idle = self.is_answer_due = False
         self._sent: object = None
         self._sent_s = now_s
-        self.last_message_s = now_s
         self._answers: deque[str] = deque(maxlen=_OUTBOX)
         self._state: str | None = None
         self._waiting = asyncio.Event()

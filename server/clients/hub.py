@@ -131,7 +131,6 @@ class Hub:
     def receive(self, client: Client, text: str) -> None:
         """Handle one message of a client; refused messages are answered and counted."""
         now_s = self.clock.now_s()
-        client.last_message_s = now_s
         is_within = client.pace.allows(now_s) and not client.shut_out.is_set()
         try:
             if not is_within and not protocol.is_stop(text):

@@ -40,6 +40,8 @@ class FaultWorld(ServedWorld):
     """A robot that has learned to drive forward, and the page that pilots it."""
 
     page: Pilot
+    received_s = 0.0
+    """When the server last received a message of the pilot."""
 
     def __init__(self, clock: VirtualClock, *, by_degrees: bool = False) -> None:
         camera = FakeCamera(clock, pictures=[_PICTURE])
@@ -137,21 +139,17 @@ class FaultWorld(ServedWorld):
 
     async def _stands_after_last_message(self, what: str) -> float:
         """Wait until the robot stands; return how long after the last message it then received."""
-        received_s = self.last_message_s()
+        received_s = self.received_s
 
         def stands() -> bool:
             nonlocal received_s
             if self.stands():
                 return True
-            received_s = self.last_message_s()
+            received_s = self.received_s
             return False
 
         await self.until(stands, 10.0, what)
         return max(0.0, self.clock.now_s() - received_s)
-
-    def last_message_s(self) -> float:
-        """When the server last received a message of the pilot."""
-        return max((client.last_message_s for client in self.hub.clients.values()), default=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,7 +171,7 @@ class HubSocket:
         if path == "/ws/drive":
             client = hub.join(Role.PILOT)
             self._up: Line = world.link.line(
-                lambda text: hub.receive(client, text), throttled=False
+                lambda text: self._receive(client, text), throttled=False
             )
             self._leave: Callable[[], None] = lambda: hub.leave(client)
             self.task: asyncio.Future[None] = asyncio.ensure_future(self._pass_on(client))
@@ -206,6 +204,10 @@ class HubSocket:
             text = await client.next_text()
             self._down.send(text, len(text))
             await self._down.has_room()
+
+    def _receive(self, client: Client, text: str) -> None:
+        self._world.received_s = self._world.clock.now_s()
+        self._world.hub.receive(client, text)
 
     def _draw(self, viewer: Viewer, data: bytes) -> None:
         hub = self._world.hub
