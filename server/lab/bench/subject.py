@@ -85,6 +85,9 @@ class ServerUnderTest:
     def __exit__(self, *exc: object) -> None:
         self._line.close()
         self._process.join(60)
+        if self._process.is_alive():
+            self._process.kill()
+            raise ConfigurationError("the measured server had not ended after 60 s and was killed")
 
 
 def _serve(line: Connection, kind: str, rate_hz: float) -> None:
@@ -149,6 +152,5 @@ def _memory() -> dict[str, int]:
     blocks = sys.getallocatedblocks()
     with contextlib.suppress(AttributeError):  # the C library of some systems has it not
         ctypes.CDLL(None).malloc_trim(0)
-    with Path("/proc/self/statm").open(encoding="ascii") as file:
-        pages = int(file.read().split()[1])
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return {"blocks": blocks, "resident_bytes": pages * os.sysconf("SC_PAGE_SIZE")}
