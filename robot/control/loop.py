@@ -338,13 +338,13 @@ class ControlLoop:
 
     def _stop(self, reason: StopReason, fault: str) -> None:
         """Stop the motors at once, and say what is wrong."""
-        with contextlib.suppress(DriveError):  # a body that is out of reach ends its move itself
+        with contextlib.suppress(Exception):  # a body that is out of reach ends its move itself
             self._driver.stop()
         self._gate.trip(reason)
         self._fault = fault
 
     def _break_down(self, error: Exception) -> None:
-        fault = f"Something went wrong inside: {error}"
-        if fault != self._fault:  # once, not thirty times a second
-            log.exception("the loop stopped the robot")
+        before, fault = self._fault, f"Something went wrong inside: {error}"
         self._stop(StopReason.LOOP_FAULT, fault)
+        if fault != before:  # once, not thirty times a second
+            log.exception("the loop stopped the robot")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import logging
 import time
 from collections import OrderedDict
+from logging.handlers import QueueHandler, QueueListener
+from queue import SimpleQueue
 
 _MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
@@ -51,10 +54,16 @@ class RepeatFilter(logging.Filter):
 
 
 def start_logging(*, verbose: bool) -> None:
-    """Log to standard error, so that standard output is for the user."""
-    handler = logging.StreamHandler()
+    """Log to standard error, so that standard output is for the user.
+
+    A thread of its own writes: a terminal that is held (Ctrl+S), or a full pipe, holds no other.
+    """
+    handler = QueueHandler(SimpleQueue())
     handler.setFormatter(OneLine("%(asctime)sZ %(levelname)s %(name)s %(message)s"))
     handler.addFilter(RepeatFilter())
+    writer = QueueListener(handler.queue, logging.StreamHandler())
+    writer.start()
+    atexit.register(writer.stop)
     logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[handler])
     for noisy in ("asyncio", "zeroconf", "websockets", "uvicorn"):
         logging.getLogger(noisy).setLevel(logging.WARNING)

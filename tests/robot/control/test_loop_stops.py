@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import pytest
@@ -11,6 +12,10 @@ from robot.types import Action, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+
+
+def explode(*_: object, **__: object) -> None:
+    raise ArithmeticError("boom")
 
 
 @pytest.mark.parametrize("where", ["propose", "send_action"])
@@ -129,10 +134,6 @@ def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
 ) -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
-
-    def explode(*_: object, **__: object) -> None:
-        raise ArithmeticError("boom")
-
     robot.driver.sense = explode  # type: ignore[method-assign,assignment]
     robot.camera.show(1)
     tick = robot.tick()
@@ -143,6 +144,34 @@ def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
     for scene in range(5):
         robot.step(scene, F)
     assert sum("the loop stopped the robot" in line for line in caplog.messages) == 1
+
+
+def test_it_is_stopped_before_it_is_logged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A log goes to a terminal, which may be held."""
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    before, stops = robot.driver.stops, []
+    monkeypatch.setattr(
+        logging.getLogger("robot.control.loop"),
+        "exception",
+        lambda *_: stops.append(robot.driver.stops),
+    )
+    robot.driver.sense = explode  # type: ignore[method-assign,assignment]
+    robot.tick()
+    assert stops == [before + 1]
+
+
+@pytest.mark.parametrize("what_fails", ["sense", "send_action"])
+def test_a_body_that_raises_anything_when_it_is_told_to_stop_does_not_end_the_loop(
+    what_fails: str,
+) -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    for name in (what_fails, "stop"):
+        setattr(robot.driver, name, explode)
+    tick = robot.step(1, F)
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.LOOP_FAULT)
+    assert tick.fault == "Something went wrong inside: boom"
 
 
 def test_an_emergency_latches() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import io
+import logging
 import sys
 import threading
 
@@ -11,7 +13,7 @@ import pytest
 from server.board.discovery import browsing
 from server.board.transport import RobotAddress
 from server.hosting.banner import draw_qr, greet_phones
-from server.hosting.logs import OneLine
+from server.hosting.logs import OneLine, start_logging
 from server.hosting.network import announced
 from server.security.access import Role
 
@@ -63,8 +65,39 @@ def test_two_robots_announce_themselves_and_the_board_finds_both() -> None:
     assert info.parsed_addresses() == here
 
 
-def test_what_a_client_sends_cannot_forge_a_line_of_the_log() -> None:
-    import logging
+def test_nobody_but_the_logs_own_thread_waits_for_the_terminal(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One that is held would hold the control loop, which logs each stop."""
+    terminal, writers, at_exit = io.StringIO(), set[str](), []
+    write = terminal.write
 
+    def note(text: str) -> int:
+        writers.add(threading.current_thread().name)
+        return write(text)
+
+    monkeypatch.setattr(terminal, "write", note)
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(logging.root, "handlers", [])
+    monkeypatch.setattr(logging.root, "level", logging.INFO)
+    monkeypatch.setattr("atexit.register", at_exit.append)
+    start_logging(verbose=False)
+    for number in range(7):
+        logging.getLogger("robot.control").warning("stop reason=%s", number)
+    try:
+        raise ValueError("two\nlines")
+    except ValueError:
+        logging.getLogger("robot.control").exception("it failed")
+    for end in at_exit:
+        end()
+    assert threading.current_thread().name not in writers
+    lines = terminal.getvalue().splitlines()
+    assert len(lines) == 5 + 1, "the sixth of a kind is left out, and a traceback is one line"
+    assert " WARNING robot.control stop reason=4" in lines[4]
+    assert "it failed" in lines[5]
+    assert "two\\nlines" in lines[5]
+
+
+def test_what_a_client_sends_cannot_forge_a_line_of_the_log() -> None:
     record = logging.LogRecord("x", logging.INFO, "", 0, "path=%s", ("a\nb\rc",), None)
     assert OneLine("%(message)s").format(record) == "path=a\\nb\\rc"
