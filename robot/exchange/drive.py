@@ -7,7 +7,7 @@ and listed, times become a time line, and pictures are read one at a time.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -48,15 +48,7 @@ class Shot:
 
     def frame(self, frame_id: int, captured_s: float) -> Frame:
         """Read its picture as that of a camera; raises RecordingError if it is damaged."""
-        picture = self.picture()
-        return Frame(
-            frame_id=frame_id,
-            captured_s=captured_s,
-            width=picture.width,
-            height=picture.height,
-            encoding=picture.encoding,
-            data=picture.data,
-        )
+        return Frame(frame_id=frame_id, captured_s=captured_s, **asdict(self.picture()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ from robot.policy.image import Pixels, to_rgb
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
-from robot.types import Encoding
+from robot.types import Encoding, Frame
 
 _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56
@@ -72,6 +72,18 @@ def write_film(
         if stream is not None:
             container.mux(stream.encode())
     return count
+
+
+def of_size(frame: Frame, size: tuple[int, int]) -> Pixels:
+    """Return a frame's pixels, scaled if it has not this width and height: while it is recorded a
+    camera may change its resolution, be turned, or be replaced."""
+    pixels = to_rgb(frame)
+    if (frame.width, frame.height) == size:
+        return pixels
+    import cv2
+
+    scaled: Pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
+    return scaled
 
 
 def to_jpeg(pixels: Pixels) -> Picture:
@@ -146,7 +158,8 @@ def write_look(
     """Write an episode as a film to look at: large, with label and prediction below the picture.
 
     It lasts as long as the drive without what was deleted. Where the camera gave no picture for a
-    moment, the nearest one stays; longer gaps are cut. Returns how many pictures the film has.
+    moment, the nearest one stays; longer gaps are cut. All are brought to the first one's size.
+    Returns how many pictures the film has.
 
     Raises:
         MissingExtraError: If `av` or OpenCV is not installed.
@@ -156,10 +169,13 @@ def write_look(
     rate = fps or line.fps
 
     def pictures() -> Iterable[Pixels]:
+        size: tuple[int, int] | None = None
         for index, same in groupby(chain.from_iterable(line.evenly(rate))):
             on_frame()
             if not found[index].is_deleted:
-                picture = _caption(to_rgb(episode.frame(found[index].frame_id)), found[index])
+                frame = episode.frame(found[index].frame_id)
+                size = size or (frame.width, frame.height)
+                picture = _caption(of_size(frame, size), found[index])
                 for _ in same:
                     yield picture
 

@@ -8,8 +8,8 @@
     videos/observation.images.front/chunk-000/file-NNN.mp4
 
 Timestamps are frame_index / fps exactly, so pictures are resampled to one rate, and a recording is
-split where pictures are missing for longer than a second. Source: lerobot, datasets/utils.py,
-datasets/dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
+split where pictures are missing for longer than a second. All are scaled to the size of the first.
+Source: lerobot, datasets/utils.py, dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.errors import RecordingError, need
-from robot.exchange.film import AV, write_film
+from robot.exchange.film import AV, of_size, write_film
 from robot.exchange.lerobot_stats import (
     Columns,
     Stats,
@@ -41,7 +41,7 @@ from robot.exchange.lerobot_tables import (
 )
 from robot.exchange.steering import done_at
 from robot.exchange.timeline import make_timeline
-from robot.policy.image import Pixels, to_rgb
+from robot.policy.image import Pixels
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -93,11 +93,13 @@ def write_lerobot(
     columns, features = _table(parts, rate)
     folder.mkdir(parents=True)
     rows, seen = [], np.zeros((3, 256), np.int64)
+    shown = parts[0][0].frame(parts[0][1][0].frame_id)
+    size = shown.width, shown.height
     for index, part in enumerate(parts):
         chunk, file = divmod(index, _FILES_A_CHUNK)
         name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
         counts = np.zeros_like(seen)
-        pictures = count_brightness(_pictures(part, on_frame), counts)
+        pictures = count_brightness(_pictures(part, size, on_frame), counts)
         write_film(pictures, folder / name, rate, key_every=_KEY_EVERY)
         seen += counts
         own = columns["episode_index"] == index
@@ -119,7 +121,7 @@ def write_lerobot(
         "splits": {"train": f"0:{len(rows)}"},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": _FILMS,
-        "features": {CAMERA: _film_feature(parts[0], rate), **features},
+        "features": {CAMERA: _film_feature(size, rate), **features},
     }
     write_json(folder / "meta/info.json", info)
     write_json(folder / "meta/stats.json", _stats(columns, seen))
@@ -132,11 +134,11 @@ def _split(episode: Episode, notes: Notes, fps: int) -> list[Part]:
     return [(episode, [kept[i] for i in stretch]) for stretch in stretches]
 
 
-def _pictures(part: Part, on_frame: Callable[[], None]) -> Iterator[Pixels]:
+def _pictures(part: Part, size: tuple[int, int], on_frame: Callable[[], None]) -> Iterator[Pixels]:
     episode, taken = part
     for moment in taken:
         on_frame()
-        yield to_rgb(episode.frame(moment.frame_id))
+        yield of_size(episode.frame(moment.frame_id), size)
 
 
 def _table(parts: list[Part], fps: int) -> tuple[Columns, dict[str, Any]]:
@@ -233,9 +235,8 @@ def _episode_row(
     }
 
 
-def _film_feature(part: Part, fps: int) -> dict[str, Any]:
-    height, width, _ = next(_pictures(part, lambda: None)).shape
-    shape = [height // 2 * 2, width // 2 * 2, 3]  # as `write_film` leaves them
+def _film_feature(size: tuple[int, int], fps: int) -> dict[str, Any]:
+    shape = [size[1] // 2 * 2, size[0] // 2 * 2, 3]  # as `write_film` leaves them
     video = {
         "video.height": shape[0],
         "video.width": shape[1],

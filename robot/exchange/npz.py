@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 from robot.devices.pictures import read_picture
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, drive_of
-from robot.exchange.film import to_jpeg
+from robot.exchange.film import of_size, to_jpeg
 from robot.exchange.report import ImportReport
 from robot.exchange.timeline import make_timeline
-from robot.policy.image import to_rgb
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -96,10 +95,7 @@ def write_npz(
 def _small_jpeg(frame: Frame) -> bytes:
     if frame.encoding is Encoding.JPEG and (frame.width, frame.height) == (WIDTH, HEIGHT):
         return frame.data
-    pixels = to_rgb(frame)
-    import cv2
-
-    return to_jpeg(cv2.resize(pixels, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)).data
+    return to_jpeg(of_size(frame, (WIDTH, HEIGHT))).data
 
 
 def _checked(path: Path, arrays: dict[str, NDArray[Any]], report: ImportReport) -> Drive:

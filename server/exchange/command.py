@@ -121,6 +121,9 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
     except OSError as error:
         raise ConfigurationError(f"cannot write {out}: {error}") from error
     print(f"{out}: {made}")
+    sizes = {frame.size for episode, _ in episodes for frame in episode.frames.values()}
+    if len(sizes) > 1 and args.form in ("film", "lerobot"):
+        print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
     for episode, notes in episodes if args.form in ("film", "lerobot", "npz") else ():
         remark = make_timeline([moment.at_s for moment in moments(episode, notes)]).remark
         if remark:

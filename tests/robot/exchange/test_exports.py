@@ -11,13 +11,22 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
+from robot.devices.pictures import Picture
+from robot.devices.simulation.camera import SimCamera
 from robot.errors import RecordingError
-from robot.exchange.film import write_film, write_look
+from robot.exchange.drive import write_episode
+from robot.exchange.film import to_jpeg, write_film, write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
+from robot.exchange.npz import write_npz
+from robot.exchange.report import ImportReport
+from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.policy.image import to_rgb
+from robot.policy.registry import make_policy
 from robot.store.episodes.edits import Edit, Notes
 from robot.store.episodes.episode import Episode, open_episode, taught_frames
+from robot.store.episodes.teaching import learn_again
+from robot.types import Encoding, Frame
 
 from .sim_drive import drive_in_simulator
 
@@ -101,6 +110,52 @@ def test_deleted_ranges_split_a_dataset(episode: Episode, tmp_path: Path) -> Non
     rows = pq.read_table(tmp_path / "dataset/meta/episodes/chunk-000/file-000.parquet").to_pylist()
     assert [row["length"] for row in rows] == [60, len(ids) - 121]
     assert rows[1]["dataset_from_index"] == rows[0]["dataset_to_index"] == 60
+
+
+def test_pictures_of_several_sizes_are_all_kept_and_every_reader_takes_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A camera changes its resolution, and is turned, while it is recorded."""
+
+    def capture(camera: SimCamera) -> Frame:
+        picture = camera._body.simulation.render()
+        if camera._last_frame_id >= 140:
+            picture = np.ascontiguousarray(np.rot90(picture))
+        height, width = picture.shape[:2]
+        shot = Picture(encoding=Encoding.RGB, width=width, height=height, data=picture.tobytes())
+        if 70 <= camera._last_frame_id < 140:
+            shot = to_jpeg(picture.repeat(2, axis=0).repeat(2, axis=1))
+        camera._show_picture(shot, camera.clock.now_s())
+        frame = camera.latest()
+        assert frame is not None
+        return frame
+
+    monkeypatch.setattr(SimCamera, "capture", capture)
+    driven = drive_in_simulator(tmp_path, "default-8")
+    several = open_episode(driven.path)
+    taught, ids = taught_frames(several), list(several.frames)
+    assert {entry.size for entry in several.frames.values()} == {(160, 120), (320, 240), (120, 160)}
+    again = make_policy("default-8")
+    assert learn_again(again, [(several, Notes())]).missing_frames == 0
+    state = again.get_state()
+    assert all(np.array_equal(state.arrays[k], of) for k, of in driven.state.arrays.items())
+
+    assert write_tub(several, Notes(), tmp_path / "tub") == len(taught)
+    assert write_npz(several, Notes(), tmp_path / "x.npz") == len(taught)
+    assert write_look(several, Notes(), tmp_path / "film.mp4") == len(ids)
+    turned = Notes(edits=(Edit(verb="delete", ranges=((ids[0], ids[150]),)),))
+    write_lerobot([(several, Notes()), (several, turned)], tmp_path / "set")
+    info = json.loads((tmp_path / "set/meta/info.json").read_text())
+    assert info["features"][CAMERA]["shape"] == [120, 160, 3]
+    for number in range(2):
+        shown = decoded(tmp_path / f"set/videos/{CAMERA}/chunk-000/file-00{number}.mp4")
+        assert {picture.shape for picture in shown} == {(120, 160, 3)}
+    for name in ("tub", "set"):
+        for source in find_drives(tmp_path / name):
+            report = ImportReport()
+            drive = source.read(0.1, report)
+            assert write_episode(drive, tmp_path / f"{source.name}.mcap") > 0
+            assert report.skipped == []
 
 
 def test_a_film_to_look_at_plays(episode: Episode, tmp_path: Path) -> None:
