@@ -87,19 +87,17 @@ def install_command(extra: str) -> str:
     wanted = f"drivelesson[{extra}]"
     clone = _clone()
     if clone is not None:
-        return f"{_pip_install()} --editable {_quoted(f'{clone}[{extra}]')}"
+        return f"{_pip_install()} --editable {quoted(f'{clone}[{extra}]')}"
     source = _source()
-    if source:
-        wanted = f"{wanted} @ {source}"
-    quoted = _quoted(wanted)
+    wanted = quoted(f"{wanted} @ {source}" if source else wanted)
     places = Path(sys.prefix).parts
     if "uv" in places and "tools" in places:
-        return f"uv tool install --force {quoted}"
+        return f"uv tool install --force {wanted}"
     if "uv" in places:  # uvx keeps its environments in uv's cache
-        return f"uvx --from {quoted} drivelesson"
+        return f"uvx --from {wanted} drivelesson"
     if "pipx" in places:
-        return f"pipx install --force {quoted}"
-    return f"{_pip_install()} {quoted}"
+        return f"pipx install --force {wanted}"
+    return f"{_pip_install()} {wanted}"
 
 
 def _clone() -> Path | None:
@@ -126,12 +124,14 @@ def _pip_install() -> str:
     try:
         importlib.metadata.version("pip")
     except importlib.metadata.PackageNotFoundError:
-        return f"uv pip install --python {_quoted(sys.executable)}"
-    return f"{_quoted(sys.executable)} -m pip install"
+        return f"uv pip install --python {quoted(sys.executable)}"
+    return f"{quoted(sys.executable)} -m pip install"
 
 
-def _quoted(word: str) -> str:
-    """Return a word as this system's shells read it back."""
+def quoted(word: str) -> str:
+    """Return a word as this system's shells read it back, also where it is the command: one that
+    begins with a quote is a text for PowerShell, and with a `&` before it an error for cmd."""
     if os.name != "nt":
         return shlex.quote(word)
-    return f'"{word}"' if " " in word else word  # no shell of Windows minds the brackets
+    parts = word.split("\\")
+    return "\\".join(f'"{part}"' if set(part) & set(" &(),;'") else part for part in parts)

@@ -27,7 +27,7 @@ from robot.bodies.ev3.rootfs import (
     userland_stamp,
 )
 from robot.bodies.ev3.scripts import AGENT_SCRIPT, INSTALL_SCRIPT, START_SCRIPT, UNIT
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, quoted
 from robot.store.folder import default_root, write_whole
 from server.cli.parser import whole
 from server.config import Config
@@ -147,7 +147,7 @@ def _pack(args: argparse.Namespace) -> int:
     installer.pack(file, _build(args, with_userland=True))
     print(
         f"packed {file} ({file.stat().st_size / 1e6:.0f} MB); install it, now or in years, with\n"
-        f"  drivelesson brick install root@ADDRESS --from {file}\n"
+        f"  drivelesson brick install root@ADDRESS --from {quoted(str(file))}\n"
         "or without Drivelesson:\n"
         f'  ssh root@ADDRESS "$(tar -xOf {file} install)" <{file}'
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 from robot.bodies.ev3.driver import ChassisDriver
 from robot.devices.options import make_options, options_of
 from robot.devices.plugins import load_driver
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, quoted
 from robot.store.folder import write_whole
 from robot.types import Action
 from server.cli.parser import declare, number
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     said = ", ".join(f"{name} = {value}" for name, value in measures.items())
     print(
         f"\nKept in {args.config}: {said}.\n"
-        f"Drive with: drivelesson serve --robot {args.robot} --config {args.config}"
+        f"Drive with: drivelesson serve --robot {args.robot} --config {quoted(str(args.config))}"
     )
     return 0
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import shlex
 import sys
 from dataclasses import fields
 from pathlib import Path
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, quoted
 from robot.lab.experiment import (
     EXPERIMENTS,
     Experiment,
@@ -95,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
             print(f"\n{table.as_text()}", flush=True)
         _print_speed(runs)
     report = args.report or args.folder / "report.html"
-    write_text(report, write_html(made, shlex.join(["drivelesson", *sys.argv[1:]])))
+    write_text(report, write_html(made, " ".join(map(quoted, ["drivelesson", *sys.argv[1:]]))))
     print(f"\nThe report is in {report}")
     write_json(args.json, everything)
     return 0

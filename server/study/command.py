@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, quoted
 from robot.study.builtin import TRIALS
 
 
@@ -44,7 +44,7 @@ def _new(args: argparse.Namespace) -> int:
     except OSError as error:
         raise ConfigurationError(f"cannot write {args.plan}: {error}") from error
     print(f"{args.plan} has the paper's protocol of trial {args.trial}. Change it, then check it:")
-    print(f"drivelesson study check {args.plan}")
+    print(f"drivelesson study check {quoted(str(args.plan))}")
     return 0
 
 

@@ -58,7 +58,8 @@ def test_on_windows_the_advice_has_the_quotes_that_both_its_shells_know(
     monkeypatch.setattr(errors, "_source", lambda: source)
     monkeypatch.setattr(sys, "executable", r"C:\Users\A B\python.exe")
     command = errors.install_command("ev3")
-    assert "'" not in command and r'"C:\Users\A B\python.exe"' in command
+    assert "'" not in command and r'C:\Users\"A B"\python.exe' in command
+    assert not command.startswith('"'), "PowerShell would print it"
     wanted = f'"drivelesson[ev3] @ {source}"' if source else "drivelesson[ev3]"
     assert command.endswith(f" {wanted}")
 
