@@ -52,8 +52,6 @@ class Classroom:
         self._used: deque[str] = deque(maxlen=_USED)
         self.locks = _load(file)
 
-    # The handshake -----------------------------------------------------------------------------
-
     def challenge(self, board_nonce: str, endpoint: str, now_s: float) -> tuple[str, str]:
         """Return a random number for the board, and the proof that this robot knows the key.
 
@@ -96,8 +94,6 @@ class Classroom:
     def _seal(self, opened: str, board_nonce: str) -> str:
         text = f"{opened} {board_nonce}".encode("utf-8", "replace")
         return hmac.new(self._own_secret, text, hashlib.sha256).hexdigest()[:32]
-
-    # Locks -------------------------------------------------------------------------------------
 
     def lock(self, names: Sequence[str]) -> None:
         """Lock these and unlock all others; where that raises, nothing is changed."""

@@ -87,8 +87,6 @@ class Hub:
             if self.event_loop is not None:
                 self.event_loop.call_soon_threadsafe(call, *args)
 
-    # Clients -----------------------------------------------------------------------------------
-
     def join(self, role: Role, person: str = "") -> Client:
         """Add a client of a person; it gets the wheel if it may drive and the wheel is free."""
         now_s = self.clock.now_s()
@@ -255,8 +253,6 @@ class Hub:
             self.pilot = self.clients[self.lease.owner].person
         log.info("wheel pilot=%s", self.lease.owner)
         self.publish_state()
-
-    # Publishing --------------------------------------------------------------------------------
 
     def announce(self, name: str, **fields: object) -> None:
         """Tell all clients of an event; of one of `LASTING` also each that joins later.

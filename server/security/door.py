@@ -3,6 +3,7 @@
 Who has a session is counted by it, and only who has none by address. A connection is *pending*
 until the guard has read a session on it; pending ones have little time, and places of their own.
 So whoever has filled all other places, a new connection is accepted and read: it may be a STOP.
+It takes the place of an idle one, else of one that has said nothing, else of an old request.
 
 Where no place is left, the person who has most gives up one: an idle connection, or the one that
 was used longest ago. A flood so evicts itself. The owner, the pilot and the teacher give way to
@@ -27,6 +28,8 @@ Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
 _READ_S = 0.25
 """By then the first request of a new connection has been read, whatever else goes on."""
+_ANSWER_S = 2.0
+"""So long newcomers wait for a request's answer, where nobody else can give way to them."""
 _SELDOM_S = 1.0
 """`expire` is called more often, unless the computer is busy."""
 
@@ -53,6 +56,10 @@ class PlaceInUse:
     is_taken: bool = True
     is_known: bool = False
     """True of a pending connection whose session is known: it gives way, but has no time limit."""
+
+    def rank(self) -> tuple[float, ...]:
+        """Return who gives way first: who is idle; a websocket last of all."""
+        return self.idle_s, self.used_s == math.inf, self.came_s, self.used_s
 
 
 class Places:
@@ -136,7 +143,7 @@ class Places:
         return max(filter(gives, yielding), key=len, default=[])
 
     def _evict(self, own: list[PlaceInUse]) -> None:
-        self.end(min(own, key=lambda place: (place.idle_s, place.used_s)))
+        self.end(min(own, key=PlaceInUse.rank))
 
 
 class Door:
@@ -170,7 +177,8 @@ class Door:
         self._asked_s = now_s
         if not self.pending.is_full:
             return True
-        return self._read_until_s - min(place.came_s for place in self.pending) >= _READ_S
+        first = min(self.pending, key=PlaceInUse.rank)
+        return first.idle_s < math.inf or self._read_until_s - first.came_s >= _READ_S
 
     def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
         """Add a new connection as pending; `close` ends it, maybe before `left` is called."""
@@ -212,8 +220,9 @@ class Door:
                 self.connections[peer] = place = admitted
             else:  # nobody can give way: the connection is answered all the same
                 place.is_known = True
+        place.came_s = self._read_until_s + _ANSWER_S * place.is_known
         if lasts:
-            place.used_s = float("inf")
+            place.used_s = math.inf
 
     def answered(self, peer: Peer, now_s: float) -> None:
         """Record that a request has its answer: who needs a place takes an idle connection's."""

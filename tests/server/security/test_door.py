@@ -168,6 +168,53 @@ def test_nobody_s_answer_is_cut_short_for_another_s_request() -> None:
     assert gone == [busy[4]], "nobody has more than this one"
 
 
+def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one() -> None:
+    """A class whose pages load at once: on few places newcomers cut off what others waited for."""
+    door, gone, now_s = Door(Limits(pending=6, connections_each=6), 16), list[Peer](), 0.0
+
+    def come(port: int) -> Peer:
+        peer = ("10.0.0.1", port)
+        door.arrive(peer, now_s, lambda: gone.append(peer))
+        return peer
+
+    def wait_s() -> float:
+        nonlocal now_s
+        start_s = now_s
+        while not door.has_room(now_s):
+            now_s += 0.02
+        return now_s - start_s
+
+    peers = []
+    for port in range(16):
+        peers.append(come(port))
+        door.asked(peers[-1], Session(Role.PILOT, f"page {port % 4}"), now_s, lasts=port == 10)
+    assert not gone and door.pending.taken == 6
+    for _ in range(20):
+        now_s += 0.02
+        assert not door.has_room(now_s), "nobody's answer is cut short as soon as it was read"
+    door.answered(peers[13], now_s)
+    assert door.has_room(now_s)
+    newcomer = come(16)
+    assert gone == [peers[13]], "an idle connection before all others"
+    assert 0.2 < wait_s() < 0.4
+    come(17)
+    assert gone[-1] == newcomer, "who has said nothing before who waits for an answer"
+    for port in range(18, 30):
+        door.asked(come(port), Session(Role.PILOT, "other"), now_s, lasts=False)
+        assert wait_s() < 2.5, "a STOP need not wait for who never gets an answer"
+    assert set(peers[11:]) < set(gone) and peers[10] not in gone, "a websocket stays"
+
+
+def test_websockets_in_all_places_keep_no_stop_out() -> None:
+    door, now_s = Door(Limits(pending=6), 16), 0.0
+    for port in range(16):
+        door.arrive(("10.0.0.1", port), now_s, lambda: None)
+        door.asked(("10.0.0.1", port), Session(Role.PILOT, f"page {port}"), now_s, lasts=True)
+    while not door.has_room(now_s):
+        now_s += 0.02
+    assert now_s < 2.5, "they were there before"
+
+
 def test_a_request_that_hangs_gives_way_in_the_end() -> None:
     door, gone = Door(Limits(pending=6, connections_each=20), 16), list[int]()
     for port in range(10):
