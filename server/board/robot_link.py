@@ -72,8 +72,6 @@ class RobotLink:
         self._was_there = False
         self._heard_s = 0.0
 
-    # What others ask ---------------------------------------------------------------------------
-
     def describe(self) -> dict[str, Any]:
         place = self._session.place.address if self._session.place is not None else self.address
         return {
@@ -111,8 +109,6 @@ class RobotLink:
         self.about = (await self.ask("GET", "/api/class")).json()
         self.name = str(self.about.get("name", self.name))
         self._on_news(self)
-
-    # The connection ----------------------------------------------------------------------------
 
     async def run(self) -> None:
         retry_s = _RETRY_S
@@ -166,8 +162,6 @@ class RobotLink:
     def _note_stop(self) -> None:
         self._hurry.set()
         self._on_news(self)
-
-    # While it is open --------------------------------------------------------------------------
 
     async def _hear(self, channel: Any) -> None:
         while True:

@@ -27,6 +27,7 @@ from server.clients.video import Encoder, VideoHub
 from server.config import Config
 from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_message
 from server.security.access import Role
+from server.security.pace import Pace
 
 log = logging.getLogger(__name__)
 LASTING = ("set_aside", "nothing_kept")
@@ -43,6 +44,7 @@ class Hub:
         self.name = name
         self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock, robot.camera.for_the_eye)
         self.lease = Lease()
+        self._asks = Pace(per_second=1.0, burst=3.0)
         self.nonces = NonceLedger()
         self.stopped_by_teacher = False  # the board of the class, which has not released it yet
         self.refused: Counter[ErrorCode] = Counter()
@@ -236,7 +238,8 @@ class Hub:
             raise ProtocolError(ErrorCode.NOT_PILOT, "this browser was paired as a viewer")
         before = self.lease.owner
         if not self.lease.take(client.id, now_s):
-            if owner := self.clients.get(before or ""):
+            owner = self.clients.get(before or "")
+            if owner and self._asks.allows(now_s):  # whoever asks, and how often
                 owner.send(encode_message("event", name="wheel_asked", client=client.id))
             client.send(encode_message("event", name="wheel_waiting", pilot=before))
         elif before != client.id:

@@ -72,8 +72,7 @@ def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
 
 
 def describe_body(driver: Driver) -> dict[str, Any]:
-    declared = describe(driver.moves, driver.declared_moves)
-    moves = [move.describe() for move in declared]
+    moves = [move.describe() for move in describe(driver.moves, driver.declared_moves)]
     return {"declared_moves": moves, "takes_points": driver.takes_points}
 
 

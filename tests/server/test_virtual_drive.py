@@ -72,3 +72,20 @@ def test_who_comes_and_goes_for_ever_has_nobody_else_told_more_often() -> None:
         assert pupil.state["frame"] == pilot.state["frame"], "it is told when it is back"
 
     virtually(scenario)
+
+
+def test_who_asks_for_the_wheel_for_ever_does_not_flood_the_pilot_s_page() -> None:
+    async def scenario(world: ServedWorld) -> list[float]:
+        pilot, *pupils = [await world.pilot() for _ in range(4)]
+        pilot.mode("train")
+        told_s: list[float] = []
+        for n in range(500):
+            pilot.hold("forward")
+            pupils[n % 3].send(type="take")
+            await world.forward(0.02)
+            asked = [one for one in pilot.messages if one.get("name") == "wheel_asked"]
+            told_s += [0.02 * n] * (len(asked) - len(told_s))
+        return told_s
+
+    told_s = virtually(scenario)
+    assert 5 <= len(told_s) <= 15 and told_s[0] < 0.1 and told_s[-1] > 8.0, "but it is told again"
