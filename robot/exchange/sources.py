@@ -51,10 +51,8 @@ def find_drives(path: Path) -> list[Source]:
         return [Source(path.name, partial(read_folder, path.parent, table=path))]
     found = _within(path, _DEEPEST) if path.is_dir() else []
     if not found:
-        raise RecordingError(
-            f"{path} is neither a donkeycar tub, nor a LeRobot dataset, nor a folder with a CSV "
-            "table, nor an .npz recording, nor a folder, .zip or .tar.gz of these"
-        )
+        what = "is neither a donkeycar tub, LeRobot dataset, CSV folder nor .npz, nor holds one"
+        raise RecordingError(f"{path} {what if path.exists() else 'does not exist'}")
     return found
 
 

@@ -51,7 +51,8 @@ def load_pairs(folder: Path | str) -> list[Pair]:
     pairs = recorded_pairs(folder)
     if not pairs:
         raise RecordingError(
-            f"the folder {folder} has no recordings named PLACE_A.npz, PLACE_B.npz"
+            f"{folder} has no recordings named PLACE_A.npz, PLACE_B.npz; write each with: "
+            "drivelesson episodes export NAME --as npz --out PLACE_A.npz"
         )
     loaded = {path: load_recording(path) for path, _ in pairs}
     return [Pair(loaded[train], loaded[test]) for train, test in pairs]

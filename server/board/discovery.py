@@ -30,7 +30,7 @@ _ASK_EVERY_S = 60.0
 def read_list(text: str) -> list[RobotAddress]:
     """Read `HOST:PORT,...`, or a file with one address a line; `#` begins a comment."""
     file = Path(text)
-    if "," not in text and file.is_file():
+    if "," not in text and (file.is_file() or file.suffix == ".txt"):
         try:
             lines = file.read_text("utf-8").splitlines()
         except (OSError, ValueError) as error:

@@ -108,7 +108,7 @@ def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storag
 def _remarks(summary: EpisodeSummary) -> str:
     remarks = [summary.title]
     remarks += ["protected"] if summary.is_protected else []
-    remarks += [f"{summary.edits} edits"] if summary.edits else []
+    remarks += [f"{summary.edits} edit{'s' * (summary.edits > 1)}"] if summary.edits else []
     remarks += [f"damaged: {summary.damage}"] if summary.damage else []
     return ", ".join(remark for remark in remarks if remark)
 
@@ -140,7 +140,7 @@ def _print_axis(shown: list[EpisodeFrame]) -> None:
         print(f"{name:7}" + "".join(letter(moment) for moment in shown))
     if shown:
         print(f"{shown[0].at_s:<7.1f}" + f"{shown[-1].at_s:.1f} s".rjust(len(shown)))
-        print("F forward, L left, R right, B backward, - nothing; x deleted; p pilot, r robot")
+        print("F forward, L left, R right, B backward; x deleted; p pilot, r robot; - or . nothing")
 
 
 def _letter(move: str | None) -> str:
@@ -177,7 +177,7 @@ def undo(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> Non
 
 
 def _print_edits(notes: Notes) -> None:
-    print(f"{len(notes.edits)} edits; the recording itself is not touched")
+    print(f"{len(notes.edits)} edit{'s' * (len(notes.edits) != 1)}; the recording is not touched")
 
 
 def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

@@ -92,7 +92,8 @@ def _compare(policy: Policy, episodes: list[EditedEpisode], args: argparse.Names
     comparable = after is not None and after.summary.learner == policy.name and not notes.edits
     if not comparable or after is None:
         if args.check:
-            raise ConfigurationError(f"{last.id} has no model of {policy.name} to compare with")
+            why = "it was edited" if notes.edits else f"driving it made no model of {policy.name}"
+            raise ConfigurationError(f"{last.id} has nothing to --check against: {why}")
         return False
     is_same = same_nodes(policy.get_state(), after.state)
     print("the same nodes as driving made" if is_same else "not the nodes that driving made")

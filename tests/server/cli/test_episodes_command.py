@@ -43,7 +43,8 @@ def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> N
 
 def test_mend_and_undo(episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store = EpisodeStore(Storage(data))
-    say("episodes trim last --from 0.5 --to 2.5", capsys)
+    assert "1 edit; " in say("episodes trim last --from 0.5 --to 2.5", capsys)
+    assert "it was edited" in say("learn last --check", capsys, status=1)
     say("episodes relabel last --from 1 --to 2 --label right", capsys)
     assert "3 edits" in say("episodes delete last --from 2", capsys)
     assert len(store.notes(episode_id).edits) == 3
@@ -164,7 +165,8 @@ def test_films_and_datasets_go_to_the_exports(
         ("episodes show nobody", "no episode of this name"),
         ("episodes trim last --from 90 --to 91", "no pictures between"),
         ("episodes export last --as tub --out /proc/x", "cannot write"),
-        ("episodes import /nowhere", "neither a donkeycar tub"),
+        ("episodes import /nowhere", "/nowhere does not exist"),
+        ("board --robots /nowhere/robots.txt", "cannot read /nowhere/robots.txt"),
         ("episodes import /nowhere --threshold 7", "--threshold"),
         ("learn last --learner oracle", "oracle"),
         ("learn nobody", "no episode of this name"),
