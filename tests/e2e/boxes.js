@@ -19,22 +19,29 @@
   const said = once((e) => e.closest('noscript, script, option') === null);
   // Every run of text, by its ink's box; every control; every picture.
   const leaves = [];
+  const found = [];
+  const isBroken = (node) => !window.isMadeUp && [...node.data.matchAll(/[a-z\u00c0-\u024f]+/gi)].some(({ 0: word, index }) => {
+    const range = document.createRange();
+    range.setStart(node, index);
+    range.setEnd(node, index + word.length);
+    return new Set([...range.getClientRects()].map((box) => Math.round(box.top))).size > 1;
+  });
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
     const node = walker.currentNode;
     const e = node.parentElement;
     if (!node.data.trim() || !visible(e) || unseen(e) || !said(e)) continue;
     const range = document.createRange();
+    if (e.closest('.move') && isBroken(node)) found.push(`broken within a word: ${name(e)}`);
     range.selectNodeContents(node);
     for (const box of range.getClientRects()) {
       if (box.width > 1 && box.height > 1) leaves.push({ e, box, isText: true });
     }
   }
-  for (const e of document.querySelectorAll('button, a.button, input, select, img, canvas, svg:not(.icon)')) {
+  for (const e of document.querySelectorAll('button, a.button, input, select, img, canvas, svg:not(.icon), drive-map, .vote')) {
     if (!visible(e) || unseen(e) || e.classList.contains('camera')) continue;
     leaves.push({ e, box: e.getBoundingClientRect(), isText: false });
   }
-  const found = [];
   const isRoot = (e) => e === document.body || e === document.documentElement;
   const boundsOf = once((e) => {
     const style = getComputedStyle(e);

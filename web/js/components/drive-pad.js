@@ -31,6 +31,7 @@ export class DrivePad extends HTMLElement {
     page.store.watch(['moves', 'hasStick'], ({ moves, hasStick }) => this.build(moves, hasStick));
     page.store.watch(['held', 'robot', 'link'], (state) => this.render(state));
     this.follow(this.moves);
+    new ResizeObserver(() => this.measure()).observe(this.undo); // as wide as a thumb's column
   }
 
   /** @param {string[]} moves @param {boolean} hasStick */
@@ -43,6 +44,16 @@ export class DrivePad extends HTMLElement {
       useTilt ? h('button', { class: 'move tilt', type: 'button', 'data-move': 'tilt' }, icon('tilt'), t('tilt_hold')) : null);
     this.moves?.classList.toggle('sticks', hasStick);
     this.arrange(hasStick ? [] : moves, Boolean(useTilt), hasStick);
+  }
+
+  /** Where a word is wider than its button, the signs stand alone (drive.css): no word is broken. */
+  measure() {
+    const { classList } = /** @type {HTMLElement} */ (this.moves);
+    classList.remove('signs');
+    classList.add('measured');
+    const isBroken = [...this.querySelectorAll('.move')].some((move) => move.scrollWidth > move.clientWidth);
+    classList.remove('measured');
+    classList.toggle('signs', isBroken);
   }
 
   /** Tell the layout (drive.css) what it has to find room for. @param {string[]} moves @param {boolean} useTilt @param {boolean} hasStick */
@@ -59,6 +70,7 @@ export class DrivePad extends HTMLElement {
     for (const [name, isOn] of Object.entries(is)) this.moves?.classList.toggle(name, isOn);
     this.parentElement?.style.setProperty('--rows', `calc(${hasStick ? 'var(--stick-rows, 3)' : rows} + ${useTilt ? 1 : 0})`);
     this.parentElement?.classList.toggle('crowded', is.own || spins || is.backs || useTilt);
+    this.measure();
   }
 
   /** @param {string} move */
@@ -80,7 +92,7 @@ export class DrivePad extends HTMLElement {
         helm?.press(source, move);
         setTimeout(() => helm?.release(source), TAP_MS);
       },
-    }, icon(move), t(`move.${move}`));
+    }, icon(move), h('span', {}, t(`move.${move}`)));
   }
 
   /** @param {HTMLElement} moves */
