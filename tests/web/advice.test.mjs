@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { ageParts, modeToPress, setbackOf, teachingAdvice, urgentAdvice, usedMoves, whatToSay } from '../../web/js/advice.js';
+import { ageParts, modeToPress, setbackOf, teachingAdvice, urgentAdvice, usedMoves, whatToSay, whoDrives } from '../../web/js/advice.js';
 import { initialState } from '../../web/js/store.js';
 
 const robot = (changes = {}) => ({
@@ -174,4 +174,15 @@ test('who gets the wheel is told so, not that somebody left', () => {
 test('only who has keys is told of keys', () => {
   assert.equal(key(page({ hint: 'correct' })), 'hint.correct');
   assert.equal(key(page({ hint: 'correct', hasKeys: true })), 'hint.correct_keys');
+});
+
+test('a robot that stands and asks does not drive', () => {
+  const alone = { mode: 'autonomous', driven_by: 'robot', action: 'left' };
+  assert.equal(whoDrives(robot(alone)), 'robot');
+  assert.equal(whoDrives(robot({ ...alone, asks_pilot: true })), 'robot'); // it goes on, slowly
+  assert.equal(whoDrives(robot({ ...alone, asks_pilot: true, action: 'stop' })), 'asks');
+  assert.equal(whoDrives(robot({ mode: 'autonomous', driven_by: 'pilot', asks_pilot: true, action: 'left' })), 'pilot');
+  assert.equal(whoDrives(robot({ driven_by: 'nobody' })), 'waiting');
+  assert.equal(whoDrives(robot({ driven_by: 'nobody', mode: 'stopped' })), 'nobody');
+  assert.equal(whoDrives(null), 'nobody');
 });

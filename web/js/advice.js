@@ -17,6 +17,16 @@ export function usedMoves(taught) {
 }
 
 /**
+ * Who drives, in the page's words: a robot that stands and asks does not drive.
+ * @param {import('./protocol.js').RobotState | null} robot
+ */
+export function whoDrives(robot) {
+  if (robot?.asks_pilot && robot.mode === 'autonomous' && robot.action === 'stop') return 'asks';
+  const by = robot?.driven_by ?? 'nobody';
+  return by === 'nobody' && robot?.mode === 'train' ? 'waiting' : by;
+}
+
+/**
  * What a person must know now, the most urgent first; null if all is well.
  * @param {PageState} page
  * @returns {Advice | null}

@@ -106,7 +106,7 @@ function title(episode) {
 function facts(episode) {
   const seconds = Math.round(episode.duration_s ?? 0);
   return [`${Math.floor(seconds / 60)}:${String(seconds % 60).padStart(2, '0')}`,
-    t('home.lessons', { n: episode.lessons ?? 0 }), `${((episode.bytes ?? 0) / 1e6).toFixed(1)} MB`].join(' · ');
+    ...(episode.recording ? [] : [t('home.lessons', { n: episode.lessons ?? 0 })]), `${((episode.bytes ?? 0) / 1e6).toFixed(1)} MB`].join(' · ');
 }
 
 /** @param {Home} home @param {string} path @param {HTMLElement} strip */

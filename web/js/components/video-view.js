@@ -2,7 +2,7 @@
 
 import { append, fill, h, icon, say } from '../dom.js';
 import { Painter } from '../painter.js';
-import { ageParts } from '../advice.js';
+import { ageParts, whoDrives } from '../advice.js';
 import { percent, t } from '../i18n.js';
 import { byPlace } from '../moves.js';
 import { makeNeedle, turnNeedle } from '../needle.js';
@@ -96,7 +96,8 @@ export class VideoView extends HTMLElement {
   /** @param {import('../protocol.js').RobotState | null} robot */
   renderWho(robot) {
     const by = robot?.driven_by ?? 'nobody';
-    const text = by === 'nobody' && robot?.mode === 'train' ? t('who.waiting') : t(`who.${by}`);
+    const who = whoDrives(robot);
+    const text = t(`who.${who}`);
     if (!this.who || this.who.dataset.text === text) return;
     this.who.dataset.text = text;
     fill(this.who, icon(by), text);
