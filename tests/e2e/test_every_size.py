@@ -117,6 +117,8 @@ def test_the_board_of_a_class_has_room_everywhere(
     page = context.new_page()
     page.goto(school.address)
     page.locator(".robot[data-status=there]").nth(2).wait_for()
+    rule = page.locator(".robot .figures").first.evaluate("e => getComputedStyle(e).borderTopWidth")
+    assert rule == "0px", "what the menu's figures look like is not what a card's do"
     page.locator("button.stop").click()
     page.locator("#loud p").wait_for()
     wrong = [f"pictures {size}: {fault}" for size in _sizes(page) for fault in faults(page)]

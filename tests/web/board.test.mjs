@@ -1,6 +1,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
+import { who } from '../../web/board/card.js';
 import { ClassLink } from '../../web/board/class-link.js';
 import { parsePictures } from '../../web/board/pictures.js';
 import { encodePicture } from '../../web/js/protocol.js';
@@ -49,4 +50,13 @@ test('a message that is cut short gives the pictures before the cut', () => {
   for (let bytes = 0; bytes < whole.byteLength; bytes += 1) {
     assert.ok(parsePictures(whole.slice(0, bytes)).size <= (bytes >= whole.byteLength / 2 ? 1 : 0));
   }
+});
+
+test('a robot that has not answered yet may only be starting', () => {
+  const robot = { status: 'away', detail: 'connection refused' };
+  assert.equal(who(robot, 5000), 'board.status.connecting');
+  assert.equal(who(robot, 60000), 'board.status.away');
+  assert.equal(who(robot), 'board.status.away'); // it was there before
+  assert.equal(who({ ...robot, status: 'not_ours' }, 5000), 'board.status.not_ours');
+  assert.equal(who({ status: 'there', driven_by: 'pilot' }, 5000), 'board.who.pilot');
 });

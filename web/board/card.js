@@ -6,8 +6,16 @@ import { percent, t } from '../js/i18n.js';
 
 /** @typedef {import('./class-link.js').Robot} Robot */
 
-/** Who drives, as a key of the messages. @param {Robot} robot */
-export function who(robot) {
+/** A program that has just been started takes so long until it answers, ten on a slow computer longer. */
+const STARTING_MS = 30000;
+
+/**
+ * Who drives, as a key of the messages.
+ * @param {Robot} robot
+ * @param {number} silentMs  for how long it has been looked for in vain
+ */
+export function who(robot, silentMs = Infinity) {
+  if (robot.status === 'away' && silentMs < STARTING_MS) return 'board.status.connecting';
   if (robot.status !== 'there') return `board.status.${robot.status}`;
   if (robot.stopped_by_teacher) return 'board.who.held';
   if (robot.emergency) return 'board.who.stopped';
@@ -40,6 +48,7 @@ export class Card {
       h('div', { class: 'acts' }, this.stop, this.more),
       this.release);
     this.shown = '';
+    this.madeMs = performance.now();
     this.isDrawing = false;
   }
 
@@ -61,9 +70,11 @@ export class Card {
       this.shown = by;
       this.chip.replaceChildren(this.signs[by], this.chipText);
     }
-    say(this.chipText, robot.stop === 'not_reached' ? t('board.not_reached') : robot.stop === 'asked' ? t('board.stopping') : t(who(robot)));
+    if (robot.status === 'there') this.madeMs = -Infinity;
+    const how = who(robot, performance.now() - this.madeMs);
+    say(this.chipText, t(robot.stop === 'not_reached' ? 'board.not_reached' : robot.stop === 'asked' ? 'board.stopping' : how));
     say(this.figures, robot.status === 'there' ? figures(robot).join(' · ') : '');
-    say(this.why, robot.status === 'there' ? robot.fault ?? '' : robot.detail);
+    say(this.why, robot.status === 'there' ? robot.fault ?? '' : how === 'board.status.connecting' ? '' : robot.detail);
     this.showCode(robot, showsCode);
   }
 

@@ -17,6 +17,7 @@ await loadLanguage();
 document.title = t('board.title');
 const link = new ClassLink(`${socketBase()}/ws/board`);
 const panel = new Panel(find('panel'), () => [...link.robots.values()]);
+const FEW = 10;
 /** @type {Map<number, Card>} */
 const cards = new Map();
 /** @type {Set<number>} */
@@ -105,6 +106,7 @@ document.addEventListener('visibilitychange', watch);
 function summarize() {
   const robots = [...link.robots.values()];
   find('empty').hidden = robots.length > 0;
+  find('robots').classList.toggle('few', robots.length <= FEW);
   say(there, t('board.there', { n: robots.filter(({ status }) => status === 'there').length, of: robots.length }));
   releaseAll.disabled = !robots.some(({ stopped_by_teacher: isHeld }) => isHeld);
   const missed = robots.filter(({ stop: how }) => how === 'not_reached').map(({ name }) => name);
