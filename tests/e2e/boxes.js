@@ -39,7 +39,7 @@
     }
   }
   for (const e of document.querySelectorAll('button, a.button, input, select, img, canvas, svg:not(.icon), drive-map, .vote')) {
-    if (!visible(e) || unseen(e) || e.classList.contains('camera')) continue;
+    if (!visible(e) || unseen(e) || e.matches('canvas.camera, canvas.seen')) continue; // things lie on them
     leaves.push({ e, box: e.getBoundingClientRect(), isText: false });
   }
   const isRoot = (e) => e === document.body || e === document.documentElement;

@@ -35,6 +35,14 @@ _STOP_LIES_ON_THE_PANEL = """() => innerHeight >= 480 && innerWidth < 700
      > document.querySelector('#panel .title').getBoundingClientRect().top
   ? ['STOP lies on the panel'] : []"""
 """A panel at the side reaches up to the bar, and one in a low window cannot help it."""
+_HEIGHTS = """() => {
+  const away = document.querySelector('.robot:not([data-status=there])');
+  away.style.display = 'none'; // what it has to say may stretch its neighbours at any time
+  const cards = [...document.querySelectorAll('.robot[data-status=there]')];
+  const heights = cards.map((card) => Math.round(card.getBoundingClientRect().height));
+  away.style.display = '';
+  return heights;
+}"""
 SCREENS = ("gallery", "why", "teaching", "undo", "study", "home", "settings")
 
 
@@ -119,8 +127,11 @@ def test_the_board_of_a_class_has_room_everywhere(
     page.locator(".robot[data-status=there]").nth(2).wait_for()
     rule = page.locator(".robot .figures").first.evaluate("e => getComputedStyle(e).borderTopWidth")
     assert rule == "0px", "what the menu's figures look like is not what a card's do"
+    before = page.evaluate(_HEIGHTS)
     page.locator("button.stop").click()
     page.locator("#loud p").wait_for()
+    page.locator(".robot .release:visible").nth(2).wait_for()
+    assert page.evaluate(_HEIGHTS) == before, "STOP below them has moved under the hand"
     wrong = [f"pictures {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
     page.locator("[data-view=codes]").click()
     page.locator(".robot .code").nth(2).wait_for()

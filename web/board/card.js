@@ -40,7 +40,7 @@ export class Card {
     // Pressed counts, not lifted; the keyboard comes as a click that no pointer began.
     this.stop.addEventListener('pointerdown', () => acts.stop(number));
     this.stop.addEventListener('click', (event) => event.detail === 0 && acts.stop(number));
-    this.release = h('button', { type: 'button', hidden: true, onclick: () => acts.release(number) }, t('board.release'));
+    this.release = h('button', { class: 'release', type: 'button', hidden: true, onclick: () => acts.release(number) }, t('board.release'));
     this.element = h('article', { class: 'robot', 'data-number': number },
       h('div', { class: 'view' }, this.canvas, this.code),
       h('div', { class: 'title' }, h('i', { class: 'dot' }), this.name),
