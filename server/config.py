@@ -93,8 +93,9 @@ class Limits:
     """Connections that the guard has not admitted yet, of all addresses together."""
     pending_per_address: int = 384
     """The same of one address; for IPv6, of one /64 network."""
-    pending_s: float = 5.0
-    """A pending connection is closed so long after its last complete request."""
+    pending_s: float = 20.0
+    """A pending connection is closed so long after its last complete request. Long enough for a
+    class that shakes hands over TLS with a busy laptop: who needs a place takes one at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
