@@ -60,7 +60,8 @@ def make_protocol() -> type[Any] | None:
 
         def handle_cont(self, event: Frame) -> None:
             super().handle_cont(event)
-            self.frames = [b"".join(self.frames)]  # empty ones for ever take no memory
+            # Empty ones for ever take no memory; older uvicorns join them by themselves.
+            self.frames = [b"".join(getattr(self, "frames", ()))]
 
         def handle_events(self) -> None:
             n_frames = len(self.conn.events)
