@@ -38,7 +38,9 @@
       if (box.width > 1 && box.height > 1) leaves.push({ e, box, isText: true });
     }
   }
-  for (const e of document.querySelectorAll('button, a.button, input, select, img, canvas, svg:not(.icon), drive-map, .vote')) {
+  // A caption of the made-up language may reach into the map.
+  const placed = window.isMadeUp ? '' : ', drive-map, .vote';
+  for (const e of document.querySelectorAll(`button, a.button, input, select, img, canvas, svg:not(.icon)${placed}`)) {
     if (!visible(e) || unseen(e) || e.matches('canvas.camera, canvas.seen')) continue; // things lie on them
     leaves.push({ e, box: e.getBoundingClientRect(), isText: false });
   }

@@ -24,6 +24,7 @@ export class DrivePad extends HTMLElement {
   start(page) {
     this.page = page;
     this.tilt = new Tilt(page.helm);
+    this.sizes = new ResizeObserver(() => this.measure());
     this.moves = h('div', { class: 'moves', role: 'group', 'aria-label': t('pad') });
     this.undo = h('a', { class: 'button undo', href: '#undo' }, icon('undo'), t('undo'));
     const stop = makeStop(() => page.stop(), '', h('span', { class: 'square', 'aria-hidden': 'true' }), t('emergency_stop'));
@@ -31,7 +32,6 @@ export class DrivePad extends HTMLElement {
     page.store.watch(['moves', 'hasStick'], ({ moves, hasStick }) => this.build(moves, hasStick));
     page.store.watch(['held', 'robot', 'link'], (state) => this.render(state));
     this.follow(this.moves);
-    new ResizeObserver(() => this.measure()).observe(this.undo); // as wide as a thumb's column
   }
 
   /** @param {string[]} moves @param {boolean} hasStick */
@@ -43,6 +43,8 @@ export class DrivePad extends HTMLElement {
     fill(/** @type {Element} */ (this.moves), ...controls,
       useTilt ? h('button', { class: 'move tilt', type: 'button', 'data-move': 'tilt' }, icon('tilt'), t('tilt_hold')) : null);
     this.moves?.classList.toggle('sticks', hasStick);
+    this.sizes?.disconnect(); // Undo is as wide as a thumb's column, a word as high as the text
+    for (const sized of [this.undo, this.querySelector('.move span')]) if (sized) this.sizes?.observe(sized);
     this.arrange(hasStick ? [] : moves, Boolean(useTilt), hasStick);
   }
 

@@ -129,7 +129,7 @@ export default {
   'hint.teach': 'Toca Enseñar y mantén una dirección: aprendo de cada imagen.',
   'hint.bars': 'Las tres barras dicen lo que haría. Cuando pida probar, toca Autónomo.',
   'hint.correct': 'Déjame girar a mi modo; toca solo antes de un choque. ALTO me para.',
-  'hint.correct_keys': 'Déjame girar a mi modo; toca solo antes de un choque. ALTO o la barra espaciadora me para.',
+  'hint.correct_keys': 'Déjame girar a mi modo; toca solo antes de un choque. ALTO o espacio me para.',
   'step.hint': 'Vale',
   unreachable: 'El robot no respondió.',
   not_saved: 'No se pudo guardar el modelo: {detail}',
