@@ -52,9 +52,7 @@ export class DrivePad extends HTMLElement {
   measure() {
     const { classList } = /** @type {HTMLElement} */ (this.moves);
     classList.remove('signs');
-    classList.add('measured');
     const isBroken = [...this.querySelectorAll('.move')].some((move) => move.scrollWidth > move.clientWidth);
-    classList.remove('measured');
     classList.toggle('signs', isBroken);
   }
 
