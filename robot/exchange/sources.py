@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import stat
 import tarfile
 import tempfile
 import zipfile
@@ -51,7 +52,10 @@ def find_drives(path: Path) -> list[Source]:
         return [Source(path.name, partial(read_folder, path.parent, table=path))]
     found = _within(path, _DEEPEST) if path.is_dir() else []
     if not found:
-        what = "is neither a donkeycar tub, LeRobot dataset, CSV folder nor .npz, nor holds one"
+        what = (
+            "is neither a donkeycar tub, LeRobot dataset, CSV folder nor .npz, nor holds one (links "
+            "to folders are not followed)"
+        )
         raise RecordingError(f"{path} {what if path.exists() else 'does not exist'}")
     return found
 
@@ -105,15 +109,17 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
 def _zip_entries(path: Path) -> Iterator[Entry]:
     with zipfile.ZipFile(path) as archive:
         for info in archive.infolist():
+            is_link = stat.S_ISLNK(info.external_attr >> 16)
             if not info.is_dir():
-                yield info.filename, partial(archive.open, info)
+                yield info.filename, (lambda: None) if is_link else partial(archive.open, info)
 
 
 def _tar_entries(path: Path) -> Iterator[Entry]:
     with tarfile.open(path) as archive:
         for info in archive:
-            if info.isfile():
-                yield info.name, partial(archive.extractfile, info)
+            if not info.isdir():
+                is_file = info.isfile()
+                yield info.name, partial(archive.extractfile, info) if is_file else lambda: None
 
 
 def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> None:
@@ -129,7 +135,8 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             source = open_entry()
-            assert source is not None, "only what is no file has no content"
+            if source is None:
+                raise ValueError("it is a link: pack the files themselves, as tar -h does")
             with source, target.open("wb") as file:
                 while left_bytes >= 0 and (data := source.read(2**20)):
                     left_bytes -= file.write(data)

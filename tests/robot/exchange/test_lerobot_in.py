@@ -7,6 +7,8 @@ import math
 import os
 import random
 import shutil
+import stat
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +24,7 @@ from robot.exchange.drive import write_episode
 from robot.exchange.film import to_jpeg, write_film
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.report import ImportReport
-from robot.exchange.sources import find_drives
+from robot.exchange.sources import find_drives, unpacked
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.policy.image import to_rgb
 from robot.store.episodes.edits import Edit, Notes
@@ -329,6 +331,38 @@ def test_an_export_comes_back_with_its_labels_and_corrections(
         return sum(event.example.is_intervention for _, event in one.events)  # type: ignore[union-attr]
 
     assert corrections(back) == corrections(episode) > 0
+
+
+def test_a_cache_of_links_is_read_and_links_that_are_not_followed_are_said(
+    episode: Episode, tmp_path: Path
+) -> None:
+    """As Hugging Face keeps what was downloaded: every file is a link into `blobs`."""
+    whole_set, cache = tmp_path / "set", tmp_path / "datasets--me--drive"
+    write_lerobot([(episode, Notes())], whole_set)
+    (cache / "blobs").mkdir(parents=True)
+    for number, path in enumerate(p for p in sorted(whole_set.rglob("*")) if p.is_file()):
+        link = cache / "snapshots/0a1b2c" / path.relative_to(whole_set)
+        link.parent.mkdir(parents=True, exist_ok=True)
+        path.rename(cache / f"blobs/{number}")
+        link.symlink_to(cache / f"blobs/{number}")
+    [(back, report)] = imported(cache / "snapshots/0a1b2c", tmp_path)
+    assert report.skipped == []
+    assert list(taught_labels(back).values()) == list(taught_labels(episode).values())
+
+    shutil.make_archive(str(tmp_path / "packed"), "tar", cache)
+    with zipfile.ZipFile(tmp_path / "packed.zip", "w") as archive:
+        link = zipfile.ZipInfo("meta/info.json")
+        link.external_attr = (stat.S_IFLNK | 0o777) << 16
+        archive.writestr(link, "../../blobs/1")
+    for ending in ("tar", "zip"):
+        told = ImportReport()
+        with unpacked(tmp_path / f"packed.{ending}", tmp_path, told) as folder:
+            assert not any(folder.rglob("info.json"))
+        assert "it is a link: pack the files themselves" in told.why_nothing()
+    (tmp_path / "drives").mkdir()
+    (tmp_path / "drives/one").symlink_to(cache / "snapshots/0a1b2c")
+    with pytest.raises(RecordingError, match="links to folders are not followed"):
+        find_drives(tmp_path / "drives")
 
 
 def test_strict_refuses_what_would_be_skipped(tmp_path: Path) -> None:
