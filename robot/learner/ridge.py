@@ -301,8 +301,7 @@ class ContextRidge(RecursiveRidge):
 
     @property
     def _context_counts(self) -> NDArray[np.int64] | None:
-        """The counts, as soon as they tell contexts apart."""
-        return self._counts if self._ridges else None
+        return self._counts if self._counts.size else None
 
     @_context_counts.setter
     def _context_counts(self, counts: NDArray[np.int64] | None) -> None:
@@ -315,7 +314,8 @@ class ContextRidge(RecursiveRidge):
     def upgrade(self, params: Params, arrays: Arrays) -> None:
         """Make as many ridges as were saved; those of version 0.2 held some frames back."""
         super().upgrade(params, arrays)
-        names = [f"context{context}" for context in range(N_CONTEXTS) if "context_counts" in arrays]
+        every = (f"context{context}" for context in range(N_CONTEXTS))
+        names = [name for name in every if any(key.startswith(f"{name}_") for key in arrays)]
         self._ridges = self._copies(len(names))
         self._held_back = [
             [arrays.pop(f"{name}_block_{what}", np.zeros((0, 0))) for what in ("frames", "targets")]

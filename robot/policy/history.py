@@ -8,9 +8,10 @@ the undone examples had never been.
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from robot.driver import Move
@@ -74,11 +75,11 @@ HistoryEvent = Taught | Edited | Undone | Replaced
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Snapshot:
-    """The policy's state before the event at `position` (counted from the log's beginning)."""
+    """The policy's state at a teaching time, and what was made until the next snapshot."""
 
-    position: int
     at_s: float
     state: State
+    events: list[LogEvent] = field(default_factory=list)
 
 
 class TrainingHistory:
@@ -107,15 +108,21 @@ class TrainingHistory:
 
     def _begin(self, policy: Policy, taught: Counter[Action]) -> None:
         self.policy = policy
+        self._is_ours = all(
+            type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
+        )
         policy.kinds.describe(self._declared)
         self.taught = taught
-        self._events: list[LogEvent] = []
-        self._forgotten = 0
         self._is_drive_new = True
         self.teaching_s = 0.0
         """Teaching time of the last example: pauses longer than half a second count as that."""
         self._last_example_s: float | None = None
-        self._snapshots = [_Snapshot(position=0, at_s=0.0, state=policy.get_state())]
+        self._snapshots = [_Snapshot(at_s=0.0, state=policy.get_state())]
+
+    @property
+    def _events(self) -> list[LogEvent]:
+        """What can be undone, as a log."""
+        return [event for snapshot in self._snapshots for event in snapshot.events]
 
     @property
     def n_examples(self) -> int:
@@ -123,11 +130,13 @@ class TrainingHistory:
         return self.taught.total()
 
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
-        """Have the policy learn one labelled frame that was taken at `captured_s`."""
+        """Have the policy learn one labelled frame that was taken at `captured_s`; one that it
+        refuses, whatever a plugin raises, leaves no trace."""
         step_s = captured_s - self._last_example_s if self._last_example_s is not None else 0.0
         teaching_s = self.teaching_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
         event = Taught(example=example, x=x, at_s=teaching_s)
-        _make(self.policy, event)
+        with self._as_before_if_refused():
+            _make(self.policy, event)
         self._last_example_s, self.teaching_s = captured_s, teaching_s
         self.taught[example.label] += 1
         self._record(event)
@@ -138,7 +147,7 @@ class TrainingHistory:
         """Reset the policy, because a drive ends here and another will begin."""
         self.policy.reset()
         if not self._is_drive_new:
-            self._events.append(DriveBegun(at_s=self.teaching_s))
+            self._snapshots[-1].events.append(DriveBegun(at_s=self.teaching_s))
             self._is_drive_new = True
             self.drives += 1
 
@@ -151,7 +160,8 @@ class TrainingHistory:
             ValueError: If the verb is unknown or the policy refuses.
         """
         event = Edited(verb=verb, node_id=node_id, value=value, at_s=self.teaching_s)
-        _make(self.policy, event)
+        with self._as_before_if_refused():
+            _make(self.policy, event)
         self._record(event)
 
     def last_examples(self, seconds: float) -> list[Taught]:
@@ -162,7 +172,8 @@ class TrainingHistory:
     def undo(self, seconds: float) -> list[Example]:
         """Un-learn the last `seconds` of teaching (35 at most); return the examples that are gone.
 
-        Edits made in that time stay, unless the image they were made to is no longer there.
+        Edits made in that time stay, unless the image they were made to is no longer there. Where a
+        plugin refuses to learn the others again nothing is undone, and its error is raised.
         """
         gone = self.last_examples(seconds)
         if gone:
@@ -187,8 +198,20 @@ class TrainingHistory:
         self._begin(policy, Counter(taught or {}))
         self._tell(Replaced(policy_name=policy.name))
 
+    @contextlib.contextmanager
+    def _as_before_if_refused(self) -> Iterator[None]:
+        """Undo what a plugin did before it refused the rest. Ours refuse before they do anything,
+        and a copy takes as long as an example."""
+        before = None if self._is_ours else self.policy.get_state()
+        try:
+            yield
+        except Exception:
+            if before is not None:
+                self.policy.restore(before)
+            raise
+
     def _record(self, event: Taught | Edited) -> None:
-        self._events.append(event)
+        self._snapshots[-1].events.append(event)
         self._is_drive_new = False
         self._tell(event)
 
@@ -198,34 +221,30 @@ class TrainingHistory:
 
     def _rebuild_without(self, dropped: list[Taught] | list[Edited]) -> None:
         """Go back to a snapshot before the first dropped event, and learn the others again."""
-        identities = {id(event) for event in dropped}
-        first = next(i for i, event in enumerate(self._events) if id(event) in identities)
-        while self._snapshots[-1].position > self._forgotten + first:
-            self._snapshots.pop()
-        snapshot = self._snapshots[-1]
-        self._events = [event for event in self._events if id(event) not in identities]
-        self.policy.restore(snapshot.state)
-        replay(self.policy, self._events[snapshot.position - self._forgotten :])
+        first = next(i for i, s in enumerate(self._snapshots) if dropped[0] in s.events)
+        since, gone = self._snapshots[first:], {id(event) for event in dropped}
+        again = [event for s in since for event in s.events if id(event) not in gone]
+        with self._as_before_if_refused():
+            self.policy.restore(since[0].state)
+            replay(self.policy, again)
+        self._snapshots[first:] = [replace(since[0], events=again)]
 
     def _take_snapshot(self) -> None:
         """Remember the learner as it is, and forget what no undo can reach any more."""
-        self._snapshots.append(
-            _Snapshot(
-                position=self._forgotten + len(self._events),
-                at_s=self.teaching_s,
-                state=self.policy.get_state(),
-            )
-        )
+        self._snapshots.append(_Snapshot(at_s=self.teaching_s, state=self.policy.get_state()))
         while self._snapshots[1].at_s <= self.teaching_s - UNDO_HORIZON_S:
             self._snapshots.pop(0)
-        del self._events[: self._snapshots[0].position - self._forgotten]
-        self._forgotten = self._snapshots[0].position
+
+
+def _raise_unless_edited(event: LogEvent, error: Exception) -> None:
+    if not isinstance(event, Edited):
+        raise error
 
 
 def replay(
     policy: Policy,
     events: Iterable[LogEvent],
-    on_refused: Callable[[LogEvent, Exception], None] = lambda event, error: None,
+    on_refused: Callable[[LogEvent, Exception], None] = _raise_unless_edited,
 ) -> None:
     """Make these changes again, in order: undo, recovery and training from recordings all do.
 

@@ -129,7 +129,7 @@ def learn_again(
             if event is None:
                 report.missing_frames += 1
             else:
-                replay(policy, [event], _raise)
+                replay(policy, [event])
                 report.taught[event.example.label] += 1
         elif is_faithful:
             replay(policy, [step.event], report.leave_out)
@@ -137,10 +137,6 @@ def learn_again(
             report.left_out_edits += 1
         on_step()
     return report
-
-
-def _raise(event: LogEvent, error: Exception) -> None:
-    raise error
 
 
 def _seen_by(policy: Policy, episode: Episode, event: Taught) -> Taught | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import replace
 from typing import Any
 from unittest import mock
 
@@ -20,9 +21,10 @@ from robot.policy.history import (
     TrainingHistory,
     Undone,
 )
+from robot.policy.part import Lesson
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.types import Action, Example
+from robot.types import Action, Example, Point
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -143,6 +145,65 @@ def test_a_bad_edit_is_refused_and_changes_nothing() -> None:
     with pytest.raises(ValueError, match="paint"):
         history.edit("paint", images(history.policy)[0].node_id)
     assert same(history.policy.get_state(), before)
+
+
+N_PARTS = len(make_policy("default-8")._on_example)
+
+
+class Plugin:
+    """Refuses what it is told to, when the parts before it have learned."""
+
+    def __init__(self, policy: Policy, done: int) -> None:
+        self.refuses = False
+        self.error: Exception = RuntimeError("not today")
+        policy._on_example.insert(done, self.learn)
+        theirs = type("Theirs", (type(policy.learner),), {"__module__": "somebodys.plugin"})
+        policy.learner.__class__ = theirs
+
+    def learn(self, lesson: Lesson) -> None:
+        if self.refuses:
+            raise self.error
+
+
+@pytest.mark.parametrize("done", range(N_PARTS + 1))
+def test_an_example_that_a_plugin_refuses_leaves_no_trace_and_undo_is_exact(done: int) -> None:
+    policy, untouched = make_policy("default-8"), TrainingHistory(make_policy("default-8"))
+    plugin, history = Plugin(policy, done), TrainingHistory(policy)
+    for number, x in enumerate(5 * vectors(policy, 26)):
+        example = Example(frame_id=number, label=MOVES[number // 20 % 3], is_intervention=False)
+        plugin.refuses = number in {5, 6, 28, 110, 125}
+        if plugin.refuses:
+            example = replace(example, point=Point(-0.3, 0.3))
+            with pytest.raises(RuntimeError):
+                history.teach(example, x, number * STEP_S)
+        else:
+            history.teach(example, x, number * STEP_S)
+            untouched.teach(example, x, number * STEP_S)
+    for seconds in (0.0, 0.45, 3.0, 30.0):
+        gone = [example.frame_id for example in history.undo(seconds)]
+        assert gone == [example.frame_id for example in untouched.undo(seconds)]
+        here, there = history.policy.get_state(), untouched.policy.get_state()
+        assert same(here, there)
+        assert here.params == there.params
+        assert (history.taught, history.teaching_s) == (untouched.taught, untouched.teaching_s)
+
+
+@pytest.mark.parametrize("error", [RuntimeError("not today"), ValueError("not today")])
+def test_where_a_plugin_refuses_to_learn_again_nothing_is_undone(error: Exception) -> None:
+    policy = make_policy("default-8")
+    plugin, history = Plugin(policy, 3), TrainingHistory(policy)
+    teach(history, vectors(policy, 26))
+    history.edit("outdate")
+    before, plugin.refuses, plugin.error = policy.get_state(), True, error
+    for undo in (lambda: history.undo(0.45), history.undo_edit):
+        with pytest.raises(type(error)):
+            undo()
+        assert same(policy.get_state(), before)
+        assert policy.get_state().params == before.params
+        assert history.n_examples == 26
+    plugin.refuses = False
+    assert len(history.undo(0.45)) == 5
+    assert history.undo_edit()
 
 
 def test_everything_that_changes_the_learner_is_told_in_order() -> None:
