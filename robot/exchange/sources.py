@@ -53,8 +53,8 @@ def find_drives(path: Path) -> list[Source]:
     found = _within(path, _DEEPEST) if path.is_dir() else []
     if not found:
         what = (
-            "is neither a donkeycar tub, LeRobot dataset, CSV folder nor .npz, nor holds one (links "
-            "to folders are not followed)"
+            "is neither a donkeycar tub, LeRobot dataset, CSV folder nor .npz, nor holds one "
+            "(links to folders are not followed)"
         )
         raise RecordingError(f"{path} {what if path.exists() else 'does not exist'}")
     return found
