@@ -11,7 +11,8 @@ import json
 import os
 import shlex
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,19 @@ ValueError, and what Python raises by itself."""
 
 class NotFoundError(RobotError, LookupError):
     """No model, episode or thing in the trash has this name."""
+
+
+@contextmanager
+def told_as(
+    kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
+) -> Iterator[None]:
+    """Raise the system's errors, or these of a library, as ours: what, why, and what to do."""
+    caught = errors or (OSError,)
+    try:
+        yield
+    except caught as error:
+        why = getattr(error, "strerror", None) or str(error)[:200] or repr(error)
+        raise kind(f"{what}: {why}" + (f"; {do}" if do else "")) from error
 
 
 def install_command(extra: str) -> str:

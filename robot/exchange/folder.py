@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from robot.driver import CLASSIC, Move, describe, from_text, names, to_text
-from robot.errors import RecordingError
+from robot.errors import RecordingError, told_as
 from robot.exchange.drive import Drive, Shot, drive_of
 from robot.exchange.picture_files import read_picture_file, write_picture
 from robot.exchange.report import ImportReport
@@ -123,10 +123,8 @@ def read_folder(
 
 
 def _read_moves(path: Path) -> tuple[Move, ...]:
-    try:
+    with told_as(RecordingError, f"{path} cannot be read", ValueError):
         return from_text(read_text(path)) if path.is_file() else ()
-    except ValueError as error:
-        raise RecordingError(f"{path} cannot be read: {error}") from error
 
 
 def _find_table(folder: Path) -> Path:
@@ -140,10 +138,8 @@ def _read_rows(path: Path, report: ImportReport) -> list[tuple[str, Cells]]:
     """Return the whole rows, and where each stands."""
     text = read_text(path)
     reader = csv.DictReader(io.StringIO(text, newline=""))
-    try:
+    with told_as(RecordingError, f"the table {path} cannot be read", csv.Error):
         columns = {(name or "").strip().lower() for name in reader.fieldnames or ()}
-    except csv.Error as error:
-        raise RecordingError(f"the table {path} cannot be read: {error}") from error
     if not columns.intersection(_FILE):
         raise RecordingError(f"the table {path} has no column {' or '.join(_FILE[:4])}")
     if not columns.intersection(_LABEL + _ANGLE):

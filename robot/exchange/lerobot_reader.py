@@ -17,7 +17,7 @@ from typing import Any
 from robot.devices.outside import Outside, must_be, number, read, text, whole
 from robot.devices.pictures import Picture, read_picture
 from robot.driver import CLASSIC
-from robot.errors import ConfigurationError, RecordingError
+from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.drive import Drive, Shot, drive_of
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
@@ -51,10 +51,8 @@ class LerobotDataset:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        try:
+        with told_as(RecordingError, f"{folder}/meta/info.json is damaged", ConfigurationError):
             self._info = read(_Info, parse(read_text(folder / "meta/info.json")))
-        except ConfigurationError as error:
-            raise RecordingError(f"{folder}/meta/info.json is damaged: {error}") from error
         self._is_v3 = self._info.codebase_version.startswith("v3")
         if not self._info.codebase_version.startswith(("v2.", "v3.")):
             version = self._info.codebase_version

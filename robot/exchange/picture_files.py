@@ -6,7 +6,7 @@ from pathlib import Path
 
 from robot.devices.pictures import Picture, read_picture
 from robot.devices.png import encode_png
-from robot.errors import RecordingError
+from robot.errors import RecordingError, told_as
 from robot.policy.image import to_rgb
 from robot.store.records import read_regular
 from robot.types import Encoding, Frame
@@ -17,13 +17,17 @@ _MOST_BYTES = 32 * 2**20
 def read_picture_file(folder: Path, name: str) -> Picture:
     """Read a picture of a folder, by an untrusted name; RecordingError if the name leads out of the
     folder, there is no such file, or it is no picture of a sensible size."""
-    try:
+    with told_as(
+        RecordingError,
+        f"the picture {name[:80]!r} cannot be read",
+        OSError,
+        RuntimeError,
+        ValueError,
+    ):  # of a loop of links, too
         path = (folder / name).resolve()
         if not path.is_relative_to(folder.resolve()):
             raise ValueError(f"it leads out of the folder {folder}")
         data = read_regular(path, _MOST_BYTES)
-    except (OSError, RuntimeError, ValueError) as error:  # of a loop of links, too
-        raise RecordingError(f"the picture {name[:80]!r} cannot be read: {error}") from error
     return read_picture(data, repr(name[:80]))
 
 

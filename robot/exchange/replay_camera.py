@@ -13,7 +13,7 @@ from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.pictures import Picture
 from robot.devices.watched_camera import ThreadedCamera
-from robot.errors import ConfigurationError, RecordingError
+from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.npz import load_recording
 from robot.exchange.timeline import make_timeline
 from robot.types import Frame
@@ -87,10 +87,8 @@ def _load_episode(path: Path) -> list[Footage]:
     from robot.store.episodes.edits import read_notes
     from robot.store.episodes.episode import open_episode
 
-    try:
+    with told_as(RecordingError, f"there is no episode {path}"):
         episode, notes = open_episode(path), read_notes(path)
-    except OSError as error:
-        raise RecordingError(f"there is no episode {path}: {error.strerror}") from error
     kept = [each for each in episode.frames.values() if not notes.is_deleted(each.frame_id)]
     if not kept:
         raise RecordingError(f"the episode {path} has no pictures")
@@ -99,10 +97,8 @@ def _load_episode(path: Path) -> list[Footage]:
 
 def _load_recordings(path: Path) -> list[Footage]:
     """Load a recording, or all recordings of a folder in the order of their names."""
-    try:
+    with told_as(RecordingError, f"cannot read the folder {path}"):
         paths = sorted(path.glob("*.npz")) if path.is_dir() else [path]
-    except OSError as error:
-        raise RecordingError(f"cannot read the folder {path}: {error}") from error
     if not paths:
         raise ConfigurationError(f"the folder {path} has no recordings (.npz)")
     found: list[Footage] = []

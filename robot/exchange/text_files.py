@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from robot.errors import RecordingError
+from robot.errors import RecordingError, told_as
 
 _MOST_BYTES = 64 * 2**20
 
@@ -14,12 +14,10 @@ _MOST_BYTES = 64 * 2**20
 def read_text(path: Path) -> str:
     """Read a file; bytes that are no UTF-8 become question marks. RecordingError if it cannot be
     read, or is larger than 64 MB."""
-    try:
+    with told_as(RecordingError, f"{path} cannot be read"):
         if path.stat().st_size > _MOST_BYTES:
             raise RecordingError(f"{path} is too large")
         return path.read_text("utf-8-sig", errors="replace")
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from error
 
 
 def parse(text: str) -> Any:

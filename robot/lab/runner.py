@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError, need
+from robot.errors import ConfigurationError, need, told_as
 from robot.lab.task import Result, Task
 from robot.store.folder import write_whole
 
@@ -21,10 +21,8 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        try:
+        with told_as(ConfigurationError, f"cannot save results in {folder}"):
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigurationError(f"cannot save results in {folder}: {error}") from error
 
     def get(self, task: Task) -> Result | None:
         """Return the result of a task that is done; None if it is not, or its file is broken."""
@@ -38,10 +36,8 @@ class Store:
         """Save a result atomically: the whole file or nothing."""
         path = self._path(task)
         text = json.dumps({"kind": task.kind, "params": dict(task.params), "result": result})
-        try:
+        with told_as(ConfigurationError, f"cannot save results in {self.folder}"):
             write_whole(path, text.encode())
-        except OSError as error:
-            raise ConfigurationError(f"cannot save results in {self.folder}: {error}") from error
 
     def _path(self, task: Task) -> Path:
         return self.folder / f"{task.kind}-{task.key()}.json"
@@ -101,7 +97,6 @@ def _connected(scheduler: str | None) -> Any:
     distributed = need("distributed", "the backend dask", "dask")
     if scheduler is None:
         raise ConfigurationError("--backend dask needs --scheduler ADDRESS")
-    try:
+    why = f"no Dask scheduler answers at {scheduler}"
+    with told_as(ConfigurationError, why, OSError, ValueError):
         return distributed.Client(scheduler, timeout=10)
-    except (OSError, ValueError, TimeoutError) as error:
-        raise ConfigurationError(f"no Dask scheduler answers at {scheduler}: {error}") from error

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from robot.control.profile import THRESHOLDS_M, Profile
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, told_as
 from robot.store.table import Table, format_cell
 from robot.study import figures
 from robot.study.events import read_events, write_csv, write_events
@@ -167,12 +167,10 @@ def report(zip_file: Path, out: Path) -> tuple[list[str], list[str]]:
     """
     plan_text, logs, packed = unpack(zip_file)
     made = rebuild(plan_text, logs)
-    try:
+    with told_as(ConfigurationError, f"cannot write to {out}", do="choose another --out"):
         for path, text in made.items():
             (out / path).parent.mkdir(parents=True, exist_ok=True)
             (out / path).write_bytes(text.encode())
-    except OSError as error:
-        raise ConfigurationError(f"cannot write to {out}: {error}; choose another --out") from error
     same = [path for path, text in made.items() if packed.get(path) == text.encode()]
     other = sorted({*made, *packed} - set(same))
     return same, other

@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 
-from robot.errors import RecordingError
+from robot.errors import RecordingError, told_as
 from robot.types import Action
 
 EVENTS = (
@@ -82,10 +82,8 @@ def recordings_in(log: bytes) -> list[str]:
 def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
     """Read a session's log; a last line that was cut short is left out. RecordingError if it is not
     such a log, or not from its beginning; says which line."""
-    try:
+    with told_as(RecordingError, f"{where} is not UTF-8", UnicodeDecodeError):
         text = whole_lines(data).decode()
-    except UnicodeDecodeError as error:
-        raise RecordingError(f"{where} is not UTF-8: {error}") from error
     events: list[StudyEvent] = []
     lines = csv.reader(io.StringIO(text))
     try:

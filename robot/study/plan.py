@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any, Literal
 
 from robot.devices.outside import must_be, number, text, whole
-from robot.errors import ConfigurationError, did_you_mean
+from robot.errors import ConfigurationError, did_you_mean, told_as
 from robot.study.plan_table import PlanTable, Words, refuse_twins, refuse_unknown, words
 from robot.study.questions import Question, questionnaires
 from robot.types import Action, Mode
@@ -140,10 +140,9 @@ def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
     """Read a plan; ConfigurationError says what is wrong, where, and what to do."""
     import tomllib
 
-    try:
+    wrong = f"{where} is not TOML"
+    with told_as(ConfigurationError, wrong, tomllib.TOMLDecodeError, do="mend that line"):
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"{where} is not TOML: {error}; mend that line") from error
     plan = _Plan.read(table, where)
     named = [{"name": phase.get("kind"), **phase} for phase in plan.phase]
     phases = PlannedPhase.read_all(named, where, "phase", 1, MOST_PHASES)

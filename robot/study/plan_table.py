@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 from robot.devices.outside import Outside, fields_of, must_be, read
-from robot.errors import ConfigurationError, did_you_mean
+from robot.errors import ConfigurationError, did_you_mean, told_as
 from robot.policy.registry import is_learner_kind, learner_kinds, split_name
 from robot.types import Action
 
@@ -33,12 +33,10 @@ class PlanTable(Outside):
         refuse_unknown(table, cls.known(table), where)
         spread = {name: _by_language(name, value) for name, value in table.items()}
         found = read(cls, spread, f"{where}: ")
-        try:
+        with told_as(ConfigurationError, where, ValueError):
             for name in table:
                 _check(name, getattr(found, name))
             found.check_together()
-        except ValueError as error:
-            raise ConfigurationError(f"{where}: {error}") from error
         return found
 
     @classmethod

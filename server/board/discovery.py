@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.clock import RealClock
-from robot.errors import ConfigurationError, need
+from robot.errors import ConfigurationError, need, told_as
 from server.board.transport import RobotAddress
 from server.hosting.network import ADDRESS, ROBOT, own_addresses
 
@@ -31,10 +31,8 @@ def read_list(text: str) -> list[RobotAddress]:
     """Read `HOST:PORT,...`, or a file with one address a line; `#` begins a comment."""
     file = Path(text)
     if "," not in text and (file.is_file() or file.suffix == ".txt"):
-        try:
+        with told_as(ConfigurationError, f"cannot read {file}", OSError, ValueError):
             lines = file.read_text("utf-8").splitlines()
-        except (OSError, ValueError) as error:
-            raise ConfigurationError(f"cannot read {file}: {error}") from error
         words = [line.partition("#")[0].strip() for line in lines]
     else:
         words = [word.strip() for word in text.split(",")]

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 from robot.clock import Clock
-from robot.errors import UNREADABLE, RobotError
+from robot.errors import UNREADABLE, RobotError, told_as
 from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
 from server.board.transport import UnreachableError
@@ -225,10 +225,8 @@ class RobotLink:
     async def _take_pictures(self, channel: Any) -> None:
         while True:
             message = await channel.recv()
-            try:
+            with told_as(UnreachableError, "its picture makes no sense", ProtocolError):
                 picture = parse_picture(message if isinstance(message, bytes) else b"")
-            except ProtocolError as error:
-                raise UnreachableError(f"its picture makes no sense: {error}") from error
             await self._at_leisure.wait()  # the robot sends no other before this is acknowledged
             if not picture.quiet:
                 await channel.send(encode_acknowledgement(picture.frame_id))

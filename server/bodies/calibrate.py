@@ -13,7 +13,7 @@ from pathlib import Path
 from robot.bodies.ev3.driver import ChassisDriver
 from robot.devices.options import make_options, options_of
 from robot.devices.plugins import load_driver
-from robot.errors import ConfigurationError, quoted
+from robot.errors import ConfigurationError, quoted, told_as
 from robot.store.folder import write_whole
 from robot.types import Action
 from server.cli.parser import declare, number
@@ -158,7 +158,7 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
     Raises:
         ConfigurationError: If the file cannot be written.
     """
-    try:
+    with told_as(ConfigurationError, f"cannot write {file}"):
         text = file.read_text() if file.exists() else ""
         table = _TABLE.search(text)
         head, rest = (text[: table.start()], text[table.start() :]) if table else (text, "")
@@ -168,5 +168,3 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
             if n == 0:
                 head += ("" if not head or head.endswith("\n") else "\n") + f"{name} = {value}\n"
         write_whole(file, (head + rest).encode())
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {file}: {error.strerror}") from error

@@ -10,7 +10,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from robot.errors import ConfigurationError, RecordingError
+from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.drive import write_episode
 from robot.exchange.film import check_suffix, write_look
 from robot.exchange.folder import write_folder
@@ -115,11 +115,10 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
     if out.exists():
         raise ConfigurationError(f"{out} exists already; choose another with --out")
     total = sum(len(episode.frames) for episode, _ in episodes)
-    try:
-        with progress(total, "picture", "episodes", "episodes") as bar, _beside(out) as part:
-            made = _export(args, episodes, part, bar.update)
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {out}: {error}") from error
+    refusing = told_as(ConfigurationError, f"cannot write {out}")
+    showing = progress(total, "picture", "episodes", "episodes")
+    with refusing, showing as bar, _beside(out) as part:
+        made = _export(args, episodes, part, bar.update)
     print(f"{out}: {made}")
     sizes = {frame.size for episode, _ in episodes for frame in episode.frames.values()}
     if len(sizes) > 1 and args.form in ("film", "lerobot"):

@@ -6,14 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, told_as
 
 
 def write_text(path: Path, text: str) -> None:
-    try:
+    with told_as(ConfigurationError, f"cannot write {path}"):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {path}: {error}") from error
 
 
 def write_json(path: Path | None, plain: Any) -> None:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from robot.errors import ConfigurationError, quoted
+from robot.errors import ConfigurationError, quoted, told_as
 from robot.study.builtin import TRIALS
 
 
@@ -51,10 +51,8 @@ def _new(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> int:
     from robot.study.plan import parse_plan
 
-    try:
+    with told_as(ConfigurationError, f"cannot read {args.plan}", OSError, UnicodeDecodeError):
         plan = parse_plan(args.plan.read_text("utf-8"), str(args.plan))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigurationError(f"cannot read {args.plan}: {error}") from error
     print(f"{plan.title}: {plan.participants} participants, {len(plan.conditions)} conditions")
     for condition in plan.conditions:
         phases = ", ".join(f"{phase.name} {phase.seconds:g} s" for phase in condition.phases)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.devices.outside import Outside, must_be, read, text, whole
-from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
+from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError, told_as
 from robot.store.folder import Storage, check_name, paths_in, size_of, write_whole
 from robot.study.archive import pack
 from robot.study.events import StudyEvent, check_begun, read_events, recordings_in
@@ -84,10 +84,8 @@ class StudyFolder:
         """Return a study's plan as it was written; raises NotFoundError or RecordingError."""
         if name not in self.names():
             raise NotFoundError(f"unknown study {name[:80]!r}")
-        try:
+        with told_as(RecordingError, f"the plan of {name!r} cannot be read", OSError, ValueError):
             return (self.root / name / _PLAN).read_text("utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise RecordingError(f"the plan of {name!r} cannot be read: {error}") from error
 
     def plan(self, name: str) -> StudyPlan:
         """Return a study's plan; raises RobotError if there is none that can be read."""
@@ -130,10 +128,8 @@ class StudyFolder:
         path = self.log_path(name, code)
         if name not in self.names() or not path.is_file():
             raise NotFoundError(f"there is no session of {code[:40]!r} in {name[:80]!r}")
-        try:
+        with told_as(RecordingError, f"{name}/{code}.csv cannot be read"):
             return path.read_bytes()
-        except OSError as error:
-            raise RecordingError(f"{name}/{code}.csv cannot be read: {error}") from error
 
     def summaries(self, name: str) -> list[SessionSummary]:
         """Summarize each session; one that cannot be read says why."""

@@ -22,7 +22,7 @@ from robot.bodies.ev3.agent.wire import (
     prove,
 )
 from robot.bodies.remote.orders import split_address
-from robot.errors import DriveError
+from robot.errors import DriveError, told_as
 
 PATIENCE_S = 3.0
 """How long joining, or opening the body, may take."""
@@ -93,13 +93,10 @@ def join(
         DriveError: If nobody answers, the agent refuses, or it is another than ours.
     """
     host, port = split_address(address, PORT, "--brick")
-    try:
+    with told_as(
+        DriveError, f"no agent answers at {host} port {port}", do=f"start it with: {_renew(host)}"
+    ):
         line = dial((host, port))
-    except OSError as error:
-        raise DriveError(
-            f"no agent answers at {host} port {port} ({error.strerror or error}); "
-            f"start it with: {_renew(host)}"
-        ) from error
     try:
         connection = BrickConnection(line, host, secret or kept_secret(host))
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

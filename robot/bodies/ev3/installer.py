@@ -9,7 +9,7 @@ from tempfile import TemporaryFile
 
 from robot.bodies.ev3.archive import Files, make_agent, write_tar
 from robot.bodies.ev3.scripts import AGENT_SCRIPT, AUTOSTART_SCRIPT, INSTALL_SCRIPT, KEEP_SCRIPT
-from robot.errors import ConfigurationError, DriveError
+from robot.errors import ConfigurationError, DriveError, told_as
 from robot.store.folder import whole_file
 
 
@@ -69,22 +69,20 @@ def installed_packages(target: str) -> str:
 
 def pack(file: Path, files: Files) -> None:
     """Keep all that a brick needs in one file, its own script to install it first."""
-    try:
-        with whole_file(file) as stream:
-            write_tar(stream, [("install", INSTALL_SCRIPT.encode()), *files])
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {file}: {error.strerror}") from error
+    with told_as(ConfigurationError, f"cannot write {file}"), whole_file(file) as stream:
+        write_tar(stream, [("install", INSTALL_SCRIPT.encode()), *files])
 
 
 def install_packed(target: str, file: Path) -> str:
     """Put the server on a brick from a file that `pack` made, with the script that is in it."""
-    try:
-        with tarfile.open(file, "r:") as tar:
-            first = tar.next()
-            member = tar.extractfile(first) if first and first.name == "install" else None
-            script = member.read().decode() if member else ""
-    except (OSError, tarfile.TarError, ValueError) as error:
-        raise ConfigurationError(f"cannot read {file}: {error}") from error
+    wrong = (OSError, tarfile.TarError, ValueError)
+    with (
+        told_as(ConfigurationError, f"cannot read {file}", *wrong),
+        tarfile.open(file, "r:") as tar,
+    ):
+        first = tar.next()
+        member = tar.extractfile(first) if first and first.name == "install" else None
+        script = member.read().decode() if member else ""
     if not script:
         raise ConfigurationError(f"{file} was not made by: drivelesson brick pack FILE")
     return run_on_brick(target, script, file)

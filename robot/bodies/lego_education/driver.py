@@ -10,7 +10,7 @@ from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, describe
-from robot.errors import DriveError, need
+from robot.errors import DriveError, need, told_as
 from robot.types import Action, Point, Sensors
 
 SEARCH_S = 8.0
@@ -73,10 +73,9 @@ class LegoEducationDriver(ConnectedDriver[Any]):
 
     def _reach(self, motor: Any) -> None:
         self._tried_s = self._clock.now_s()
-        try:
+        # Also that library and firmware do not fit: it says what to do.
+        with told_as(DriveError, "the double motor cannot be used", Exception):
             motor.connect(self._found, device_notification_delay=_NOTE_EVERY_MS)
-        except Exception as error:  # also that library and firmware do not fit: it says what to do
-            raise DriveError(f"the double motor cannot be used: {error}") from error
         if not motor.connected:
             raise DriveError("the double motor does not connect; switch it off and on again")
         self._heard_s = self._clock.now_s()
@@ -94,15 +93,13 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         options = self.options
         is_straight = action in (Action.FORWARD, Action.BACKWARD)
         percent = options.straight_percent if is_straight else options.turn_percent
-        try:
+        with told_as(DriveError, "the double motor takes no command", Exception):
             connection.movement_move_for_time(
                 round(1000 * ACTION_TIMEOUT_S),
                 direction=getattr(self._library, _DIRECTIONS[action]),
                 speed=max(1, round(percent * speed_scale)),
                 blocking=False,
             )
-        except Exception as error:
-            raise DriveError(f"the double motor takes no command: {error}") from error
 
     def sense(self) -> Sensors:
         """Return what the double motor told last; a lost one is looked for now and then."""

@@ -20,7 +20,7 @@ from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S
-from robot.errors import DriveError
+from robot.errors import DriveError, told_as
 from robot.types import Action, Point, Sensors
 
 PORT = 4210
@@ -83,10 +83,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 
     def _open(self) -> MessageLine:
         self._report, self._disobeyed = None, 0
-        try:
+        with told_as(DriveError, f"cannot reach {self._where}"):
             return self._open_line()
-        except OSError as error:
-            raise DriveError(f"cannot reach {self._where}: {error}") from error
 
     def _begin(self) -> None:
         end_s, tries = self._clock.now_s() + _CONNECT_S, 0

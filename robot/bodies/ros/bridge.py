@@ -14,7 +14,7 @@ from typing import Any
 from robot.bodies.remote.kept import KeptConnection
 from robot.bodies.remote.orders import split_address
 from robot.clock import Clock
-from robot.errors import DriveError, need
+from robot.errors import DriveError, need, told_as
 
 PORT = 9090
 CONNECT_S = 4.0
@@ -62,13 +62,12 @@ class RosBridge(KeptConnection):
         self._socket: Any = None
         self._heard_s = clock.now_s()
         self._ends: dict[str, asyncio.TimerHandle] = {}
-        try:
+        with told_as(
+            DriveError,
+            f"no rosbridge can be reached at {host}:{port}",
+            do="is it running? ros2 launch rosbridge_server rosbridge_websocket_launch.xml",
+        ):
             super().__init__("rosbridge", clock)
-        except OSError as error:
-            raise DriveError(
-                f"no rosbridge can be reached at {host}:{port} ({error}); is it running? "
-                "ros2 launch rosbridge_server rosbridge_websocket_launch.xml"
-            ) from error
 
     @property
     def silent_s(self) -> float:

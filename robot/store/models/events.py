@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.errors import UNREADABLE, RecordingError
+from robot.errors import UNREADABLE, RecordingError, told_as
 from robot.learner.base import Vector
 from robot.policy.history import Edited, HistoryEvent, Replaced, Taught, Undone
 from robot.types import Action, Example, Point
@@ -45,7 +45,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEve
 
 def read_event(plain: PlainEvent) -> HistoryEvent:
     """Read a change of the learner back; a vector that was not recorded is empty."""
-    try:
+    with told_as(RecordingError, "an example is damaged", *UNREADABLE):
         kind = plain["event"]
         if kind == "taught":
             x = _read_vector(plain["x"]) if plain.get("x") else np.zeros(0)
@@ -69,8 +69,6 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
         if kind == "replaced":
             return Replaced(policy_name=str(plain["learner"]))
         raise ValueError(f"unknown event {kind!r}")
-    except UNREADABLE as error:
-        raise RecordingError(f"an example is damaged: {error}") from error
 
 
 def to_json(fields: PlainEvent) -> bytes:
@@ -94,10 +92,8 @@ def _read_vector(plain: PlainEvent) -> Vector:
     dtype = np.dtype(str(plain["dtype"]))
     if dtype.kind not in "fiu":
         raise ValueError(f"a vector of {dtype}")
-    try:
+    with told_as(ValueError, "a vector is damaged", binascii.Error):
         raw = base64.b64decode(plain["data"], validate=True)
-    except binascii.Error as error:
-        raise ValueError(f"a vector is damaged: {error}") from error
     return np.frombuffer(raw, dtype).reshape([int(size) for size in plain["shape"]])
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import UNREADABLE, RecordingError
+from robot.errors import UNREADABLE, RecordingError, told_as
 from robot.learner.base import State
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
@@ -71,14 +71,10 @@ class Model:
 
     def to_policy(self) -> Policy:
         """Build the policy with this state."""
-        try:
+        what = f"the model of the learner {self.summary.learner[:40]!r} cannot be opened"
+        with told_as(RecordingError, what, Exception):  # its learner may be anybody's
             policy = make_policy(self.summary.learner, self.summary.moves)
             policy.set_state(self.state)
-        except Exception as error:  # its learner may be anybody's
-            raise RecordingError(
-                f"the model of the learner {self.summary.learner[:40]!r} cannot be opened: "
-                f"{str(error)[:200] or repr(error)}"
-            ) from error
         return policy
 
     def preview(self) -> NDArray[np.uint8]:
@@ -131,7 +127,7 @@ def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
     meta = _read_meta(arrays.pop("meta", None))
     if meta.get("sha256") != _checksum(meta, arrays):
         raise RecordingError("the model is damaged: its checksum does not match")
-    try:
+    with told_as(RecordingError, "the model's description is damaged", *UNREADABLE):
         described = meta["state"]
         if not isinstance(described["labels"], list):
             raise ValueError("its labels are not a list")
@@ -143,8 +139,6 @@ def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
             },
             labels=[_label(str(label)) for label in described["labels"]],
         )
-    except UNREADABLE as error:
-        raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
     return Model(summary=_summary(meta), state=state)
 
 
@@ -197,22 +191,18 @@ def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> st
 
 
 def _unpack(data: bytes, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
-    try:
+    with told_as(RecordingError, "this is not a model, or a damaged one", RecordingError):
         return read_arrays(data, max_bytes=max_bytes, only=only)
-    except RecordingError as error:
-        raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
 
 
 def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
-    try:
+    with told_as(RecordingError, "this is not a model, or a damaged one", *UNREADABLE):
         if raw is None or raw.dtype != np.uint8:
             raise ValueError("it has no metadata")
         meta = json.loads(raw.tobytes())
         is_known = isinstance(meta["format"], int) and meta["format"] >= 1
         if not is_known or not isinstance(meta["state"]["params"], dict):
             raise ValueError("its metadata have an unknown form")
-    except UNREADABLE as error:
-        raise RecordingError(f"this is not a model, or a damaged one: {error}") from error
     if meta["format"] > FORMAT:
         raise RecordingError(
             f"this model has format {meta['format']}; this program reads up to {FORMAT}: update it"
@@ -221,7 +211,7 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
 
 
 def _summary(meta: dict[str, Any]) -> ModelSummary:
-    try:
+    with told_as(RecordingError, "the model's description is damaged", *UNREADABLE):
         return ModelSummary(
             learner=_text(meta["learner"]),
             moves=tuple(Action(move) for move in meta["moves"]),
@@ -231,8 +221,6 @@ def _summary(meta: dict[str, Any]) -> ModelSummary:
             place=_text(meta["place"])[:200],
             position=_position(meta.get("journal")),
         )
-    except UNREADABLE as error:
-        raise RecordingError(f"the model's description is damaged: {str(error)[:200]}") from error
 
 
 def _text(value: Any) -> str:

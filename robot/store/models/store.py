@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from robot.clock import RealClock
-from robot.errors import ConfigurationError, NotFoundError, RecordingError
+from robot.errors import ConfigurationError, NotFoundError, RecordingError, told_as
 from robot.store.disk import Announce, no_announcement
 from robot.store.folder import (
     Storage,
@@ -254,7 +254,5 @@ def _checksum(name: str) -> str:
 
 
 def _read(path: Path) -> bytes:
-    try:
+    with told_as(RecordingError, f"{path.name} cannot be read"):
         return read_regular(path, MAX_BYTES)
-    except OSError as error:
-        raise RecordingError(f"{path.name} cannot be read: {error}") from error

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from robot.bodies.ev3.stock.codec import MAX_MESSAGE
-from robot.errors import DriveError
+from robot.errors import DriveError, told_as
 
 BEACON_PORT = 3015
 ANSWER_S = 0.4
@@ -111,13 +111,11 @@ def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> Bri
 
 def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
     host, port, serial = _hear_beacon(wanted, beacon_port)
-    try:
+    with told_as(DriveError, f"the brick at {host} cannot be reached"):
         sock = socket.create_connection((host, port), _CONNECT_S)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.sendall(f"GET /target?sn={serial} VMTP1.0\r\nProtocol: EV3\r\n\r\n".encode())
         is_ours = sock.recv(64).startswith(b"Accept:EV340")
-    except OSError as error:
-        raise DriveError(f"the brick at {host} cannot be reached: {error}") from error
     if not is_ours:
         sock.close()
         raise DriveError(f"what answers at {host}:{port} is no EV3, or busy with another")
@@ -165,25 +163,22 @@ def _open_bluetooth(wanted: str) -> BrickLine:
     address = ":".join(wanted[i : i + 2] for i in range(0, 12, 2)).upper()
     if not hasattr(socket, "AF_BLUETOOTH"):
         raise DriveError("this Python has no Bluetooth; use --line wifi or --line usb")
-    try:
+    with told_as(
+        DriveError, f"the brick {address} cannot be reached by Bluetooth", do="is it paired and on?"
+    ):
         sock = socket.socket(socket.AF_BLUETOOTH, socket.SOCK_STREAM, socket.BTPROTO_RFCOMM)
         sock.settimeout(_CONNECT_S)
         sock.connect((address, 1))
-    except OSError as error:
-        raise DriveError(
-            f"the brick {address} cannot be reached by Bluetooth: {error}; is it paired and on?"
-        ) from error
     return SocketLine(f"Bluetooth, {address}", sock)
 
 
 def _open_usb(path: Path) -> BrickLine:
-    try:
+    with told_as(
+        DriveError,
+        f"the brick at {path} cannot be opened",
+        do="docs/howto/ev3-stock.md says how a user is given the right",
+    ):
         return UsbLine(str(path), FileIO(os.open(path, os.O_RDWR | os.O_NONBLOCK), "r+"))
-    except OSError as error:
-        raise DriveError(
-            f"the brick at {path} cannot be opened: {error.strerror}; "
-            "docs/howto/ev3-stock.md says how a user is given the right"
-        ) from error
 
 
 def find_usb(wanted: str = "", root: Path = Path("/sys/class/hidraw")) -> Path:
