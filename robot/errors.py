@@ -92,7 +92,7 @@ def told_as(
     try:
         yield
     except caught as error:
-        why = getattr(error, "strerror", None) or str(error)[:200] or repr(error)
+        why = getattr(error, "strerror", None) or str(error)[:300] or repr(error)
         raise kind(f"{what}: {why}" + (f"; {do}" if do else "")) from error
 
 

@@ -10,10 +10,11 @@ from __future__ import annotations
 import hmac
 import os
 import secrets
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, told_as
 from robot.store.records import read_regular
 from server.security.pairing import ALPHABET, TOKEN_LETTERS
 
@@ -70,24 +71,18 @@ def endpoint(address: str, port: int) -> str:
 
 def read_class_key(file: Path) -> ClassKey:
     """Read a key; ConfigurationError if there is none, or it is no key."""
-    try:
+    do = "copy it from the teacher's machine"
+    with told_as(
+        ConfigurationError, f"cannot read the class key {file}", OSError, ValueError, do=do
+    ):
         text = read_regular(file, 4096).decode("ascii").strip()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ConfigurationError(
-            f"cannot read the class key {file}: {reason}; copy it from the teacher's machine"
-        ) from error
     return ClassKey(text)
 
 
 def keep_class_key(file: Path) -> ClassKey:
     """Read a key; make one where there is none, readable by its owner alone."""
-    try:
+    with told_as(ConfigurationError, f"cannot write a class key {file}"), suppress(FileExistsError):
         file.parent.mkdir(parents=True, exist_ok=True)
         with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_EXCL, 0o600), "w") as out:
             out.write(secrets.token_urlsafe(32) + "\n")
-    except FileExistsError:
-        pass
-    except OSError as error:
-        raise ConfigurationError(f"cannot write a class key {file}: {error.strerror}") from error
     return read_class_key(file)

@@ -39,51 +39,40 @@ PYTHON_FOLDERS = ("usr/lib/python3.*", "usr/lib/python3/dist-packages")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    add, shown = parser.add_argument, " (default: %(default)s)"
+    add(
         "what",
         choices=("agent", "install", "pack", "doctor"),
         help="put agent or server on the brick, pack the server into a file, or examine a brick",
     )
-    parser.add_argument(
+    add(
         "address",
         nargs="?",
         help="the brick: robot@ev3dev.local, root@... to install; to pack, the file to make",
     )
-    parser.add_argument(
-        "--port", type=whole(1, 65535), default=PORT, help="the agent's port (default: %(default)s)"
-    )
-    parser.add_argument(
+    add("--port", type=whole(1, 65535), default=PORT, help=f"the agent's port{shown}")
+    add(
         "--keep",
         type=Path,
         default=default_root() / "brick",
-        help="folder where the brick's Debian is kept (default: %(default)s)",
+        help=f"folder where the brick's Debian is kept{shown}",
     )
-    parser.add_argument(
+    add(
         "--release",
         default=DEFAULT_RELEASE,
         choices=tuple(PYTHON_VERSIONS),
-        help="Debian release for the brick (default: %(default)s)",
+        help=f"Debian release for the brick{shown}",
     )
-    parser.add_argument(
-        "--mirror", default="", help="address of a Debian mirror; else this machine's own"
-    )
-    parser.add_argument(
-        "--from", dest="packed", type=Path, help="install from a file that pack made"
-    )
-    parser.add_argument(
+    add("--mirror", default="", help="address of a Debian mirror; else this machine's own")
+    add("--from", dest="packed", type=Path, help="install from a file that pack made")
+    add(
         "--autostart",
         action="store_true",
         help="have the brick start the agent whenever it starts (asks for the brick's password)",
     )
-    parser.add_argument(
-        "--fake", action="store_true", help="let the doctor examine a brick made of files"
-    )
-    parser.add_argument(
-        "--yes", action="store_true", help="let the doctor turn the wheels without asking"
-    )
-    parser.add_argument(
-        "--script", action="store_true", help="only print what would run on the brick"
-    )
+    add("--fake", action="store_true", help="let the doctor examine a brick made of files")
+    add("--yes", action="store_true", help="let the doctor turn the wheels without asking")
+    add("--script", action="store_true", help="only print what would run on the brick")
 
 
 def run(args: argparse.Namespace) -> int:

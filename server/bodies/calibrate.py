@@ -26,25 +26,16 @@ _TABLE = re.compile(r"^\s*\[", re.MULTILINE)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--robot", default="ev3", choices=ROBOTS, help="which (default: ev3)")
-    parser.add_argument(
+    add, shown = parser.add_argument, " (default: %(default)s)"
+    add("--robot", default="ev3", choices=ROBOTS, help="which (default: ev3)")
+    add(
         "--config",
         type=Path,
         default=Path(os.environ.get(PREFIX + "CONFIG", "drivelesson.toml")),
-        help="TOML file of settings that is read and written (default: %(default)s)",
+        help=f"TOML file of settings that is read and written{shown}",
     )
-    parser.add_argument(
-        "--straight-s",
-        type=number(above=0),
-        default=4.0,
-        help="seconds of driving (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--turn-s",
-        type=number(above=0),
-        default=9.75,
-        help="seconds of turning (default: %(default)s)",
-    )
+    add("--straight-s", type=number(above=0), default=4.0, help=f"seconds of driving{shown}")
+    add("--turn-s", type=number(above=0), default=9.75, help=f"seconds of turning{shown}")
 
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:

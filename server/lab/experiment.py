@@ -21,22 +21,19 @@ from server.lab.output import write_json, write_text
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
+    add, shown = parser.add_argument, " (default: %(default)s)"
+    add(
         "names",
         nargs="+",
         choices=(*EXPERIMENTS, "all"),
         metavar="EXPERIMENT",
         help=f"{', '.join(EXPERIMENTS)}, all",
     )
-    parser.add_argument(
-        "--seeds", type=whole(1), default=10, help="runs of each (default: %(default)s)"
-    )
-    parser.add_argument("--quick", action="store_true", help="one run of each: a first look")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write every result here")
-    parser.add_argument(
-        "--report", type=Path, metavar="FILE", help="the report (default: FOLDER/report.html)"
-    )
-    parser.add_argument(
+    add("--seeds", type=whole(1), default=10, help=f"runs of each{shown}")
+    add("--quick", action="store_true", help="one run of each: a first look")
+    add("--json", type=Path, metavar="FILE", help="also write every result here")
+    add("--report", type=Path, metavar="FILE", help="the report (default: FOLDER/report.html)")
+    add(
         "--learner",
         dest="learners",
         action="append",
@@ -45,8 +42,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="default-32, published-64, path.py:Name ... in place of the experiment's own; "
         "may be given several times",
     )
-    parser.add_argument("--teacher", metavar="NAME", help="usual, early, late, path.py:Name ...")
-    parser.add_argument(
+    add("--teacher", metavar="NAME", help="usual, early, late, path.py:Name ...")
+    add(
         "--world",
         dest="worlds",
         action="append",
@@ -54,23 +51,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help="Sidewalk, CarRacing, ViZDoom ... for ground; may be given several times",
     )
-    parser.add_argument("--recordings", metavar="FOLDER", help="real footage for figure3")
-    parser.add_argument(
-        "--robot", default="sim", help="whose speed figure5 measures (default: %(default)s)"
-    )
-    parser.add_argument(
+    add("--recordings", metavar="FOLDER", help="real footage for figure3")
+    add("--robot", default="sim", help=f"whose speed figure5 measures{shown}")
+    add(
         "--folder",
         type=Path,
         default=Path("experiments"),
         help="where finished runs are kept (default: ./%(default)s)",
     )
-    parser.add_argument(
-        "--jobs", type=whole(1), metavar="N", help="runs at a time (default: one a processor)"
-    )
-    parser.add_argument(
-        "--backend", choices=("processes", "dask"), default="processes", help="where runs run"
-    )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="of an existing Dask cluster")
+    add("--jobs", type=whole(1), metavar="N", help="runs at a time (default: one a processor)")
+    add("--backend", choices=("processes", "dask"), default="processes", help="where runs run")
+    add("--scheduler", metavar="ADDRESS", help="of an existing Dask cluster")
 
 
 def run(args: argparse.Namespace) -> int:
