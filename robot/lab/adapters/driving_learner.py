@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.driver import Move
 from robot.learner.base import Vector
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
@@ -22,7 +23,8 @@ class DrivingLearner:
     A picture that nobody taught counts as driven by what `see` proposed. For one thread.
 
     Args:
-        moves: Names of what it may do; two at least.
+        moves: What it may do, two at least: names, or a `Move` where its steering and throttle are
+            known. A classic name is known so; of another the learner cannot tell if it is a turn.
         learner: Name of a learner, such as `default-32`, or a policy that nobody else uses.
 
     Raises:
@@ -31,13 +33,14 @@ class DrivingLearner:
     """
 
     def __init__(
-        self, moves: Sequence[str] = DEFAULT_MOVES, learner: str | Policy = "default-32"
+        self, moves: Sequence[str | Move] = DEFAULT_MOVES, learner: str | Policy = "default-32"
     ) -> None:
-        names = tuple(Action(move) for move in moves)
+        declared = [move for move in moves if isinstance(move, Move)]
+        names = tuple(Action(move.name if isinstance(move, Move) else move) for move in moves)
         if len(set(names)) < 2:
             raise ValueError(f"a learner chooses among two moves or more, not {list(moves)}")
         policy = learner if isinstance(learner, Policy) else make_policy(learner, names)
-        self.history = TrainingHistory(policy)
+        self.history = TrainingHistory(policy, declared=declared)
         self._frame_id = 0
         self._seen: tuple[Vector, float] | None = None
         self._under_way: Action | None = None

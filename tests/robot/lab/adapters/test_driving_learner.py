@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robot.control.online_learning import OnlineLearning
+from robot.driver import CLASSIC, Move
 from robot.lab.adapters.driving_learner import DrivingLearner
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
@@ -36,6 +37,26 @@ def test_it_does_what_it_was_shown() -> None:
         for i in range(5):
             proposed = learner.see(picture(scene, 500 + i), 10.0 + scene + 0.1 * i).action
         assert proposed == move
+
+
+def test_a_move_is_what_it_does_whatever_it_is_called() -> None:
+    classic = ("left", "right", "forward", "brake")
+    own = dict(zip(classic, ("wander", "bend", "hurry", "ease"), strict=True))
+    declared = [
+        Move(Action(own[move.name]), steering=move.steering, throttle=move.throttle)
+        for move in map(CLASSIC.__getitem__, map(Action, classic[:3]))
+    ]
+    learners = DrivingLearner(classic), DrivingLearner([*declared, own["brake"]])
+    rng = np.random.default_rng(3)
+    for i in range(120):
+        taught = classic[i // 6 % 4] if i < 40 or rng.random() < 0.3 else None
+        first, second = (learner.see(picture(i // 6 % 5, i), 0.1 * i) for learner in learners)
+        assert [own[move] for move in first.probabilities] == list(second.probabilities)
+        assert list(first.probabilities.values()) == list(second.probabilities.values())
+        assert first.action is None or own[first.action] == second.action
+        if taught is not None:
+            learners[0].teach(taught)
+            learners[1].teach(own[taught])
 
 
 def test_it_is_the_learner_of_the_control_loop() -> None:
