@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -50,19 +47,6 @@ def test_a_wrong_call_is_told_what_would_be_right(
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"drivelesson {__version__}\n"
-
-
-def test_a_command_that_is_printed_works_as_it_is(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Also where a folder has a space in its name."""
-    (tmp_path / "my lab").mkdir()
-    assert main(["study", "new", str(tmp_path / "my lab/plan.toml")]) == 0
-    words = capsys.readouterr().out.splitlines()[-1]
-    if os.name != "nt":
-        assert main(shlex.split(words)[1:]) == 0
-    else:
-        assert '\\"my lab"\\' in words
 
 
 def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
