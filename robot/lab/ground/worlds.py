@@ -155,7 +155,7 @@ class CarRacing(ForeignWorld):
     """A car on a race track; the score is the share of its tiles, in percent.
 
     The five moves of the world's own discrete form. The teacher knows the track: it steers to a
-    point ahead and brakes before bends.
+    point ahead where that lies well aside, for who steers gives no gas, and is slower in bends.
 
     Args:
         names: What left, right, gas, brake and nothing are called.
@@ -163,7 +163,7 @@ class CarRacing(ForeignWorld):
 
     longest = 150
     frames = 4
-    look_ahead = 4
+    look_ahead = 6
     _zoom_frames = 50
     """The world begins with a zoom, in which nothing can be done."""
 
@@ -194,7 +194,7 @@ class CarRacing(ForeignWorld):
     def wanted(self) -> str:
         left, right, gas, brake, nothing = self._names
         bearing, speed, fastest = self._ahead()
-        if abs(bearing) > 0.12 and speed > 5.0:
+        if abs(bearing) > 0.25 and speed > 5.0:
             return left if bearing > 0.0 else right
         if speed > 1.3 * fastest:
             return brake
@@ -209,7 +209,7 @@ class CarRacing(ForeignWorld):
         speed = float(np.hypot(*hull.linearVelocity))
         bearing = self._bearing(track, here, nearest + self.look_ahead + int(speed / 20))
         bend = abs(self._bearing(track, here, nearest + 12))
-        return bearing, speed, 55.0 if bend < 0.25 else 40.0 if bend < 0.6 else 30.0
+        return bearing, speed, 63.0 if bend < 0.25 else 46.0 if bend < 0.6 else 34.5
 
     def _bearing(self, track: NDArray[np.float64], here: NDArray[np.float64], index: int) -> float:
         """Return the direction of a point of the track, counter-clockwise of straight ahead."""
@@ -251,7 +251,7 @@ class CarRacingByDegrees(CarRacing):
         """
         bearing, speed, fastest = self._ahead()
         throttle = -0.8 if speed > 1.3 * fastest else 0.2 if speed < fastest else 0.0
-        self.point = Point(min(max(-2.5 * bearing, -1.0), 1.0), throttle)
+        self.point = Point(min(max(-1.2 * bearing, -1.0), 1.0), throttle)
         turn = {-1: "left", 1: "right"}.get(side_of(self.point.steering))
         return turn or move_at(self.point, self._moves) or "coast"
 
