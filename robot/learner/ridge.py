@@ -305,6 +305,8 @@ class ContextRidge(RecursiveRidge):
 
     @_context_counts.setter
     def _context_counts(self, counts: NDArray[np.int64] | None) -> None:
+        if counts is None and self._ridges:
+            raise ValueError("context_counts is missing")
         together = np.ones((1 + N_CONTEXTS, self._weights.shape[1]), np.int64)
         self._counts = together if counts is None else counts
 
