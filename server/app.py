@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
-from functools import cache, partial
+from functools import cache
 
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
@@ -16,10 +16,9 @@ from server.routes.answers import describe_routes
 from server.routes.bodies import HANDLERS
 from server.security.access import Access
 from server.security.guard import Guard
-from server.security.listener import DoorListener
 from server.security.pairing import cookie_name
 from server.security.proxies import Proxies
-from server.services import Services
+from server.services import Services, keep_door
 
 
 def create_app(services: Services) -> FastAPI:
@@ -37,7 +36,7 @@ def create_app(services: Services) -> FastAPI:
         strict_content_type=False,
     )
     app.state.services = services
-    app.state.behind_door = partial(DoorListener, services.door, services.robot.clock)
+    keep_door(app, services.door, services.robot.clock)
     extensions = list(services.extensions.values())
     parts = [*routers(), *(router for each in extensions for router in each.routers)]
     for router in parts:

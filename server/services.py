@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from fastapi import HTTPException
 from starlette.requests import HTTPConnection
 
+from robot.clock import Clock
 from robot.devices.rig import Rig
 from robot.policy.history import TrainingHistory
 from server.clients.hub import Hub
@@ -107,6 +108,16 @@ def make_services(
     services.door.keeps = services.is_kept
     services.extensions.update({kind: kind(services, options or {}) for kind in installed()})
     return services
+
+
+def keep_door(app: Any, door: Door, clock: Clock) -> None:
+    """Note on an application which door its listener stands behind."""
+    app.state.door, app.state.clock = door, clock
+
+
+def door_of(app: Any) -> tuple[Door, Clock]:
+    """Return the door of an application, and the clock that it goes by."""
+    return app.state.door, app.state.clock
 
 
 def services_of(connection: HTTPConnection) -> Services:

@@ -8,7 +8,6 @@ import struct
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from functools import partial
 from typing import Any
 
 from fastapi import FastAPI, HTTPException, Request, WebSocket
@@ -27,8 +26,9 @@ from server.routes.sockets import end_with_either
 from server.security.access import Access
 from server.security.door import Door
 from server.security.guard import STOP_PATH, Guard
-from server.security.listener import DoorListener, connection_capacity
+from server.security.listener import connection_capacity
 from server.security.proxies import Proxies
+from server.services import keep_door
 
 SEND_EVERY_S = 0.1
 """News and pictures are gathered so long, and sent together."""
@@ -82,7 +82,7 @@ def create_board_app(
         return JSONResponse({"detail": sentence}, getattr(error, "status", 502))
 
     door = Door(config.limits, connection_capacity())
-    app.state.behind_door = partial(DoorListener, door, clock)
+    keep_door(app, door, clock)
     _add_routes(app, config, board, clock)
     app.mount("/", CompressedFiles(config.web), name="web")
 
