@@ -88,7 +88,8 @@ class Recorder:
         self._unsubscribe = self._loop.subscribe(self.note)
         self._disk.start()
         found = sorted(self._folder.glob("*.mcap"))
-        self._loop.clock.start_thread(lambda: end_cut_recordings(found), "endings")
+        clock = self._loop.clock
+        clock.start_thread(lambda: end_cut_recordings(found, clock), "endings")
 
     def stop(self) -> None:
         """Finish the recording, best while the loop still runs; idempotent."""

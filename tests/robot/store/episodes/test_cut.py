@@ -12,11 +12,12 @@ import pytest
 from mcap.reader import make_reader
 
 from robot.errors import RecordingError
-from robot.store.episodes.ending import end_recording
+from robot.store.episodes.ending import end_cut_recordings, end_recording
 from robot.store.episodes.episode import open_episode, taught_frames
 from robot.store.episodes.messages import RUN, SUMMARY
 from robot.store.episodes.reader import Message, read_metadata, scan
 from robot.store.episodes.summary import read_summary
+from robot.testing import VirtualClock
 
 from .drives import RecordedBench
 from .long_recording import write_cut_recording
@@ -123,6 +124,14 @@ def test_the_next_start_ends_it(tmp_path: Path, whole: bytes) -> None:
     assert read_metadata(path).keys() == {RUN, SUMMARY}
     assert read_summary(path).damage == "the file was cut short"
     assert (tmp_path / "other.mcap").read_bytes() == b"no recording"
+
+
+def test_while_it_is_ended_the_robot_has_the_processor(tmp_path: Path) -> None:
+    clock, path = VirtualClock(0.0), write_cut_recording(tmp_path / "cut.mcap", minutes=0.2)
+    held = len(messages(path))
+    end_cut_recordings([path], clock)
+    assert len(messages(path)) == held > 900
+    assert clock.now_s() == pytest.approx(0.003 * held / 32, rel=0.1), "a rest after 32 records"
 
 
 @pytest.mark.parametrize("seed", range(60))
