@@ -89,7 +89,7 @@ def drive_faults(page: Any) -> list[str]:
           const { store } = document.querySelector('video-view').page;
           const before = store.state;
           const sensed = { mode: 'train', distance_m: 1.23, bumped: true, battery: 0.78,
-            agreement: 0.93 };
+            agreement: 0.93, agreement_frames: 100 };
           return notices.flatMap((change) => {
             store.set({ ...change, robot: { ...before.robot, ...sensed, ...change.robot } });
             const found = list().map((fault) => `${JSON.stringify(change)}: ${fault}`);

@@ -12,7 +12,7 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const taught = Object.fromEntries(moves.map((move, i) => [move, 150 + i]));
   const calm = {
     ...store.state.robot, mode: 'stopped', driven_by: 'nobody', action: 'stop', stop_reason: null, emergency: false, fault: null,
-    asks_pilot: false, link: 'good', busy: false, you_are_pilot: true, pilot: 'c1', lessons: 12345, agreement: 0.93, taught, battery: 0.1,
+    asks_pilot: false, link: 'good', busy: false, you_are_pilot: true, pilot: 'c1', lessons: 12345, agreement: 0.93, agreement_frames: 100, taught, battery: 0.1,
     distance_m: 1.23, bumped: true, camera: null, stopped_by_teacher: false,
     point: hasStick ? { steering: -0.4, throttle: 0.5 } : null,
     prediction: { ...store.state.robot.prediction, point: hasStick ? { steering: 0.9, throttle: 0.5 } : null, spread: hasStick ? 0.3 : null, action: moves[0], probabilities: Object.fromEntries(moves.map((move) => [move, 1 / moves.length])) },

@@ -9,6 +9,8 @@ import { stepButton } from './toast-bar.js';
 
 const WIDTH = 200;
 const HEIGHT = 34;
+/** Before so many pictures a share says nothing: the first ones alone would be all or none. */
+const FEWEST = 20;
 
 export class TeachPanel extends HTMLElement {
   /** @param {import('../page.js').Page} page */
@@ -36,7 +38,8 @@ export class TeachPanel extends HTMLElement {
   render(state) {
     const { robot } = state;
     if (robot) {
-      say(/** @type {Node} */ (this.agreement), robot.agreement === null || state.session ? '–' : percent(robot.agreement));
+      const { agreement, agreement_frames: frames } = robot;
+      say(/** @type {Node} */ (this.agreement), agreement === null || frames < FEWEST || state.session ? '–' : percent(agreement));
       say(/** @type {Node} */ (this.lessons), count(robot.lessons));
     }
     const isNoticed = this.renderNotice(state);

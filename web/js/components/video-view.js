@@ -112,7 +112,7 @@ export class VideoView extends HTMLElement {
     if (robot?.bumped) facts.push(t(whichBumper(robot.bumpers)));
     const ageMs = this.page?.store.state.pictureAgeMs;
     const parts = this.page && ageParts(this.page.store.state);
-    const total = Math.round((ageMs ?? 0) / 10) * 10;
+    const total = parts ? Object.values(parts).reduce((sum, ms) => sum + ms) : Math.round((ageMs ?? 0) / 10) * 10;
     const isOld = (ageMs ?? 0) > OLD_PICTURE_MS;
     if (robot && isOld) facts.push(parts ? t(parts.brick === undefined ? 'age_parts' : 'age_parts_brick', { total, ...parts }) : t('picture_age', { ms: total }));
     const element = /** @type {HTMLElement} */ (this.facts);
