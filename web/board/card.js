@@ -42,9 +42,9 @@ export class Card {
     this.stop.addEventListener('click', (event) => event.detail === 0 && acts.stop(number));
     this.release = h('button', { class: 'release', type: 'button', hidden: true, onclick: () => acts.release(number) }, t('board.release'));
     this.element = h('article', { class: 'robot', 'data-number': number },
-      h('div', { class: 'view' }, this.canvas, this.code),
+      h('div', { class: 'view' }, this.canvas, this.code, this.why),
       h('div', { class: 'title' }, h('i', { class: 'dot' }), this.name),
-      this.chip, this.figures, this.why,
+      h('div', { class: 'facts' }, this.chip, this.figures),
       h('div', { class: 'acts' }, this.stop, this.more),
       this.release);
     this.shown = '';
