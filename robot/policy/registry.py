@@ -148,6 +148,14 @@ def split_name(name: str) -> tuple[str, int]:
     return match[1], int(match[2])
 
 
+def full_name(learner: str, number: object, default: object) -> str:
+    """Return KIND-NUMBER of a kind or a name: the number asked for, its own, or the default."""
+    kind, _, own = learner.rpartition("-")
+    if not own.isdecimal():
+        kind, own = learner, ""
+    return f"{kind}-{number or own or default}"
+
+
 def _load(kind: str, name: str) -> Maker:
     if kind not in _points():
         raise ConfigurationError(

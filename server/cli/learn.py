@@ -9,7 +9,7 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError
 from robot.policy.policy import Policy
-from robot.policy.registry import MOST_NODES, make_policy
+from robot.policy.registry import MOST_NODES, full_name, make_policy
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.teaching import EditedEpisode, Report, learn_again, plan
 from robot.store.folder import Storage, default_root, write_whole
@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "names, beginnings of names, files, or last"
     add("episodes", nargs="+", metavar="EPISODE", help=text)
-    add("--learner", help="kind of learner (default: as driven)")
+    add("--learner", help="kind of learner, also as KIND-NUMBER (default: as driven)")
     text = "images it remembers (default: as driven)"
     add("--max-nodes", type=whole(1, MOST_NODES), metavar="N", help=text)
     text = "begin with what the robot knew when the first episode began, not with nothing"
@@ -61,7 +61,7 @@ def _begin(
     first = episodes[0][0]
     driven = first.run.get("learner") or "default-32"
     kind, _, number = driven.rpartition("-")
-    name = f"{args.learner or kind}-{args.max_nodes or number}"
+    name = full_name(args.learner or kind, args.max_nodes, number)
     if not args.goes_on:
         moves = tuple(dict.fromkeys(move for e, _ in episodes for move in e.moves))
         return make_policy(name, moves or DEFAULT_MOVES), Counter()

@@ -19,7 +19,7 @@ from robot.control.link_governor import LinkGovernorConfig
 from robot.devices.options import options_of
 from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
 from robot.errors import ConfigurationError, RecordingError
-from robot.policy.registry import MOST_NODES
+from robot.policy.registry import MOST_NODES, full_name, split_name
 from robot.store.folder import Storage, default_root
 from robot.store.prepare import prepare
 from server.cli.parser import declare, host_name, number, whole
@@ -48,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--robot", default=DEFAULT_ROBOT, help=text)
     text = "where pictures come from; as a rule the robot's own; one of "
     add("--camera", help=text + ", ".join(camera_names()))
-    add("--learner", help="what learns (default: default)")
+    add("--learner", help="what learns (default: default), also as KIND-NUMBER")
     number_of_nodes = whole(1, MOST_NODES, or_word="auto")
     text = "how many images it remembers (default: 32); auto: as many as --rate allows here"
     add("--max-nodes", type=number_of_nodes, metavar="N", help=text)
@@ -208,11 +208,12 @@ def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
 
 def _name_learner(args: argparse.Namespace) -> str:
     """Return the learner's name; `auto` measures this machine first."""
-    kind = args.learner or "default"
+    learner = args.learner or "default"
     if args.max_nodes != "auto":
-        return f"{kind}-{args.max_nodes or '32'}"
+        return full_name(learner, args.max_nodes, 32)
     from robot.policy.autosize import choose_max_nodes
 
+    kind, _ = split_name(full_name(learner, None, 32))
     cost = choose_max_nodes(args.rate, kind=kind)
     print(
         f"This machine holds {args.rate:g} frames a second with {cost.max_nodes} images "

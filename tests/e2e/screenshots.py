@@ -322,7 +322,7 @@ def _drive_phases(browser: Any, world: World, conductor: Conductor) -> None:
     context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, world.address)
     while (session := conductor.session) is not None and (phase := session.phase) is not None:
-        choose(page, world, phase.kind.mode)
+        choose(page, world, phase.mode)
         page.wait_for_timeout(200)
     context.close()
 
