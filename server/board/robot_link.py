@@ -133,8 +133,9 @@ class RobotLink:
             self.stop.close()
 
     def _lose(self, status: Status, detail: str) -> None:
-        if (status, detail) != (self.status, self.detail):
-            log.warning("robot=%s status=%s detail=%r", self.address, status.value, detail)
+        if (status, detail) != (self.status, self.detail):  # a class's robots start after its board
+            level = logging.DEBUG if self.status is Status.CONNECTING else logging.WARNING
+            log.log(level, "robot=%s status=%s detail=%r", self.address, status.value, detail)
         self.status, self.detail, self.delay_ms = status, detail, None
         self.stop.channel = None
         self._on_news(self)
