@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, told_as
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, full_name, make_policy
 from robot.store.episodes.store import EpisodeStore
@@ -108,10 +108,8 @@ def _compare(policy: Policy, episodes: list[EditedEpisode], args: argparse.Names
 def _save(out: str, storage: Storage, policy: Policy, taught: Counter[Action]) -> None:
     model = take_model(policy, taught, saved_at_s=time.time())
     if out.endswith(".npz"):
-        try:
+        with told_as(ConfigurationError, f"cannot write {out}"):
             write_whole(Path(out), encode_model(model))
-        except OSError as error:
-            raise ConfigurationError(f"cannot write {out}: {error}") from error
         print(f"saved as {out}")
     else:
         store = ModelStore(storage)

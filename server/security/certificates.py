@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, MissingExtraError, told_as
 from robot.store.folder import write_whole
 from server.config import as_address, read_networks
 
@@ -50,7 +50,8 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
     files = Certificates(
         key=folder / "server.key", chain=folder / "server.crt", authority=folder / "ca.crt"
     )
-    try:
+    about = f"the certificates in {folder} cannot be made"
+    with told_as(ConfigurationError, about, OSError, ValueError, do="repair or remove that folder"):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         authority = _load_or_make_authority(folder, names, now)
         key = ec.generate_private_key(ec.SECP256R1())
@@ -65,10 +66,6 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
         certificate = _sign("Drivelesson", key, authority, now, _SERVER_DAYS, extensions)
         write_whole(files.key, _key_pem(key), mode=0o600)
         write_whole(files.chain, _pem(certificate) + _pem(authority[0]), mode=0o600)
-    except (OSError, ValueError) as error:
-        raise ConfigurationError(
-            f"the certificates in {folder} cannot be made: {error}; repair or remove that folder"
-        ) from error
     return files
 
 
