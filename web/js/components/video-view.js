@@ -110,8 +110,10 @@ export class VideoView extends HTMLElement {
     if (robot?.distance_m != null) facts.push(t('distance', { cm: Math.round(robot.distance_m * 100) }));
     if (robot?.game) facts.push(t(robot.game.is_over ? 'game_over' : 'game', { number: robot.game.number, score: Math.round(robot.game.score * 10) / 10 }));
     if (robot?.bumped) facts.push(t(whichBumper(robot.bumpers)));
-    const ageMs = this.page?.store.state.pictureAgeMs;
-    const parts = this.page && ageParts(this.page.store.state);
+    const state = this.page?.store.state;
+    const ageMs = state?.pictureAgeMs;
+    // The parts say why pictures are old when they are drawn, not why none comes any more.
+    const parts = state && (state.drawnAgeMs ?? 0) > OLD_PICTURE_MS ? ageParts(state) : null;
     const total = parts ? Object.values(parts).reduce((sum, ms) => sum + ms) : Math.round((ageMs ?? 0) / 10) * 10;
     const isOld = (ageMs ?? 0) > OLD_PICTURE_MS;
     if (robot && isOld) facts.push(parts ? t(parts.brick === undefined ? 'age_parts' : 'age_parts_brick', { total, ...parts }) : t('picture_age', { ms: total }));
