@@ -107,7 +107,7 @@ class Persistence(StartStop):
     def _recover(self) -> None:
         if self.models.set_failed_aside():
             return  # what failed would only come back
-        recovered = recover(self.storage.journal, self.models)
+        recovered = recover(self.storage.journal, self.models, self._loop.history.declared)
         if recovered is not None:
             try_model(recovered.model)
             self.autosave.adopt(recovered)

@@ -17,14 +17,10 @@ _MOST_BYTES = 32 * 2**20
 def read_picture_file(folder: Path, name: str) -> Picture:
     """Read a picture of a folder, by an untrusted name; RecordingError if the name leads out of the
     folder, there is no such file, or it is no picture of a sensible size."""
-    with told_as(
-        RecordingError,
-        f"the picture {name[:80]!r} cannot be read",
-        OSError,
-        RuntimeError,
-        ValueError,
-    ):  # of a loop of links, too
-        path = (folder / name).resolve()
+    wrong = f"the picture {name[:80]!r} cannot be read"
+    # RuntimeError is that of a loop of links.
+    with told_as(RecordingError, wrong, OSError, RuntimeError, ValueError):
+        path = (folder / name.replace("\\", "/")).resolve()  # tables are written on Windows, too
         if not path.is_relative_to(folder.resolve()):
             raise ValueError(f"it leads out of the folder {folder}")
         data = read_regular(path, _MOST_BYTES)

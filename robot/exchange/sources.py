@@ -47,7 +47,7 @@ def find_drives(path: Path) -> list[Source]:
     """Return the drives at a path, or in its folders; RecordingError if there is none that is
     known, or a dataset without a readable description."""
     if not path.is_dir() and path.suffix == ".npz":
-        return [Source(path.name, lambda _, report: load_recording(path, report))]
+        return [_recording(path)]
     if path.is_file() and path.suffix == ".csv":
         return [Source(path.name, partial(read_folder, path.parent, table=path))]
     found = _within(path, _DEEPEST) if path.is_dir() else []
@@ -69,12 +69,15 @@ def _within(folder: Path, depth: int) -> list[Source]:
         return [Source(folder.name, partial(read_tub, folder))]
     if any(folder.glob("*.csv")):
         return [Source(folder.name, partial(read_folder, folder))]
-    if depth == 0:
-        return []
+    found = [_recording(each) for each in sorted(folder.glob("[!._]*.npz")) if each.is_file()]
     inner = sorted(each for each in folder.iterdir() if each.is_dir() and not each.is_symlink())
-    return [
-        found for each in inner if each.name[0] not in "._" for found in _within(each, depth - 1)
-    ]
+    for each in inner if depth else ():
+        found += _within(each, depth - 1) if each.name[0] not in "._" else []
+    return found
+
+
+def _recording(path: Path) -> Source:
+    return Source(path.name, lambda _, report: load_recording(path, report))
 
 
 @contextlib.contextmanager

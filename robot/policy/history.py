@@ -97,7 +97,7 @@ class TrainingHistory:
         on_event: Callable[[HistoryEvent], None] | None = None,
         declared: Collection[Move] = (),
     ) -> None:
-        self._declared = declared
+        self.declared = declared
         self._on_event = on_event or (lambda event: None)
         self.changes = 0
         """How often the learner was changed, in any way; it only grows. Any thread may read it:
@@ -111,7 +111,7 @@ class TrainingHistory:
         self._is_ours = all(
             type(part).__module__.startswith("robot.") for part in (policy.learner, policy.features)
         )
-        policy.kinds.describe(self._declared)
+        policy.kinds.describe(self.declared)
         self.taught = taught
         self._is_drive_new = True
         self.teaching_s = 0.0

@@ -142,7 +142,7 @@ def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
 
     wrong = f"{where} is not TOML"
     with told_as(ConfigurationError, wrong, tomllib.TOMLDecodeError, do="mend that line"):
-        table = tomllib.loads(text)
+        table = tomllib.loads(text.removeprefix("\ufeff"))
     plan = _Plan.read(table, where)
     named = [{"name": phase.get("kind"), **phase} for phase in plan.phase]
     phases = PlannedPhase.read_all(named, where, "phase", 1, MOST_PHASES)

@@ -54,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         parser = make_parser(name, words)
         return int(load_command(name).run(parser.parse_args(words)))
-    except RobotError as error:
+    except (RobotError, OSError) as error:
         print(f"drivelesson: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

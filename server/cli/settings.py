@@ -93,7 +93,7 @@ def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
 
 def _read_file(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(file.read_text())
+        return tomllib.loads(file.read_text("utf-8-sig"))
     except OSError as error:
         raise ConfigurationError(f"cannot read {file}: {error.strerror}") from error
     except ValueError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import BinaryIO
 
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
-from robot.policy.history import Taught, Undone
+from robot.policy.history import Edited, Taught, Undone
 from robot.store.episodes.edits import Edit, Notes, Range, trim
 from robot.store.episodes.episode import Episode, taught_frames
 from robot.store.episodes.messages import MODEL_BEFORE, Fields, Topic
@@ -19,6 +20,9 @@ from robot.store.episodes.teaching import plan
 from robot.store.episodes.writer import FORMAT, EpisodeWriter
 from robot.store.models.events import describe_event, read_point
 from robot.types import Action, Point
+
+_SOON_S = 0.5
+"""What comes later than this after a picture is not about it: the robot stood in between."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,9 +96,10 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
 
 
 def _next_of(messages: Sequence[tuple[float, Fields]], at_s: float) -> Fields:
-    """Return the first message that is not older; an empty one if none follows."""
+    """Return the first message that is not older; an empty one if none follows soon."""
     index = bisect_left(messages, at_s, key=itemgetter(0))
-    return messages[index][1] if index < len(messages) else {}
+    next_s, fields = messages[index] if index < len(messages) else (math.inf, {})
+    return fields if next_s - at_s < _SOON_S else {}
 
 
 def edit_of(verb: str, between: Range, episode: Episode, label: str | None = None) -> Edit:
@@ -126,8 +131,13 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
     before = episode.attachments.get(MODEL_BEFORE)
     run = {**episode.run, "format": str(FORMAT)}
     writer = EpisodeWriter(file, run, before)
+    kept_s = [each.captured_s for i, each in episode.frames.items() if not notes.is_deleted(i)]
+    first_s, last_s = (kept_s[0], kept_s[-1]) if kept_s else (-math.inf, math.inf)
     for record in scan(episode.path):
         if not isinstance(record, Message) or record.topic == Topic.LESSON:
+            continue
+        at_s = (record.log_ns - episode.origin_ns) / 1e9
+        if not first_s - _SOON_S <= at_s <= last_s + _SOON_S:
             continue
         if record.topic != Topic.CAMERA or not notes.is_deleted(record.sequence):
             writer.write_copy(record)
@@ -139,6 +149,8 @@ def _write_events(writer: EpisodeWriter, episode: Episode, notes: Notes) -> None
     """Write what is to be learned, and what was undone of an earlier recording."""
     now_s = episode.start_s
     for _, event in plan([(episode, notes)]):
+        if isinstance(event, Edited) and notes.edits:
+            continue  # without these frames it would change other learned images
         if isinstance(event, Taught) and event.example.frame_id in episode.frames:
             now_s = episode.frames[event.example.frame_id].captured_s
         writer.write_message(Topic.LESSON, now_s, describe_event(event))

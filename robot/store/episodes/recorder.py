@@ -118,6 +118,8 @@ class Recorder:
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
         if began:
+            if self.queue.fault is not None:  # the disk has closed what was open
+                self.finish()
             self.queue.fault = None
         if not self._is_open and (is_moving or events):
             self._open(now_s)

@@ -150,7 +150,7 @@ class EpisodeStore:
             after = [i for i in episode.frames if i >= frame_id and not notes.is_deleted(i)]
             if not before or not after:
                 raise ConfigurationError("there must be pictures on both sides of the cut")
-            new = self.new_path(f"{episode_id}-2")
+            new = self.new_path(f"{episode_id[:60]}-2")
             with whole_file(new) as file:
                 second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
                 write_edited(episode, second, file)

@@ -6,12 +6,13 @@ import json
 import logging
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from robot.driver import Move
 from robot.errors import UNREADABLE, RobotError
 from robot.policy.history import DriveBegun, Edited, HistoryEvent, LogEvent, Taught, replay
 from robot.store.models.events import read_event
@@ -50,16 +51,21 @@ class _Run:
     drives: set[int] = field(default_factory=set)
     last: int = 0
     saved: int = -1
+    declared: Iterable[Move] = ()
 
 
-def recover(folder: Path, store: ModelStore) -> Recovered | None:
-    """Return the last state of the last run; None if it was saved, or the journal has it not."""
+def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> Recovered | None:
+    """Return the last state of the last run; None if it was saved, or the journal has it not.
+
+    `declared` are the moves that the robot's driver declares.
+    """
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
     runs = (_read_run(folder, [part for part in parts if part.boot == boot]) for boot in boots)
     run = next((run for run in runs if run.checkpoint is not None), None)
     if run is None or run.saved >= run.last:
         return None
+    run.declared = declared
     if newest_boot(store) > run.boot:
         return None  # a later start saved it, and was over before it wrote to the journal
     try:
@@ -161,6 +167,7 @@ def newest_boot(store: ModelStore) -> int:
 def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
     """Return the model after these changes, as they were made."""
     policy, taught = model.to_policy(), Counter(model.summary.taught)
+    policy.kinds.describe(run.declared)
     policy.restore(model.state)  # it was taken in the middle of a drive
     events: list[LogEvent] = []
     for number in numbers:
