@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import urlsplit
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, told_as
 from robot.store.folder import default_root
 
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
@@ -156,10 +156,8 @@ def as_address(text: str) -> Address | None:
 
 def read_networks(text: str) -> tuple[Network, ...]:
     """Read addresses and networks, with commas in between."""
-    try:
+    with told_as(ConfigurationError, "--proxy-at", ValueError):
         return tuple(ipaddress.ip_network(one.strip(), strict=False) for one in text.split(","))
-    except ValueError as error:
-        raise ConfigurationError(f"--proxy-at {error}") from error
 
 
 def _find_web() -> Path:

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from robot.errors import RecordingError, need
+from robot.errors import RecordingError, need, told_as
 from robot.exchange.lerobot_stats import Columns
 
 PILOT = "pilot"
@@ -25,7 +25,8 @@ def read_table(
     """Read rows, of one episode or all, with those of the columns that are there; RecordingError if
     it is damaged, or unpacks to more than 1 GB."""
     pa, pq = need(*PYARROW), need(*_PARQUET)
-    try:
+    errors = pa.lib.ArrowException, OSError, ValueError, KeyError
+    with told_as(RecordingError, f"{path} cannot be read", *errors):
         with pq.ParquetFile(path) as file:
             groups = range(file.metadata.num_row_groups)
             size = sum(file.metadata.row_group(group).total_byte_size for group in groups)
@@ -36,8 +37,6 @@ def read_table(
         chosen = None if columns is None else [name for name in columns if name in there]
         table = pq.read_table(path, columns=chosen, filters=rows, partitioning=None)
         found: list[dict[str, Any]] = table.to_pylist()
-    except (pa.lib.ArrowException, OSError, ValueError, KeyError) as error:
-        raise RecordingError(f"{path} cannot be read: {str(error)[:80]}") from error
     return found
 
 

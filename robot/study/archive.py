@@ -144,10 +144,8 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
         raise ConfigurationError(f"{path} cannot be read as a zip: {error}") from error
     if PLAN not in files:
         raise ConfigurationError(f"{path} is no study: {PLAN} is missing in it")
-    try:
+    with told_as(ConfigurationError, f"{path}: {PLAN} is not UTF-8", UnicodeDecodeError):
         plan_text = files.pop(PLAN).decode()
-    except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: {PLAN} is not UTF-8") from error
     logs = {
         name.removeprefix(EVENTS).removesuffix(".csv"): files.pop(name)
         for name in list(files)

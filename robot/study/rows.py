@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from robot.control.profile import THRESHOLDS_M, Profile, behavior_profile, compare
-from robot.errors import RecordingError
+from robot.errors import RecordingError, told_as
 from robot.store.table import Cell
 from robot.study.events import StudyEvent, check_begun, number_in, read_events
 from robot.study.plan import Condition, PhaseKind, PlannedPhase, StudyPlan
@@ -176,8 +176,6 @@ def _moment(event: StudyEvent) -> str:
 
 def _plain(text: str) -> int | float | None:
     """Return what is a number in the log as one; RecordingError if it is none."""
-    try:
+    with told_as(RecordingError, "a log has no number where one belongs", ValueError):
         number = number_in(text)
-    except ValueError as error:
-        raise RecordingError(f"a log has {text!r} where a number belongs") from error
     return int(number) if number is not None and text.isdecimal() else number

@@ -11,7 +11,7 @@ from enum import StrEnum
 from typing import Any
 
 from robot.control.state import Tick
-from robot.errors import ConfigurationError, RecordingError
+from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.study.events import StudyEvent, check_begun
 from robot.study.plan import Condition, PlannedPhase, StudyPlan
 from robot.study.questions import Question
@@ -193,9 +193,7 @@ def follow_log(plan: StudyPlan, participant: str, events: Iterable[StudyEvent]) 
     events = list(events)
     where = f"the event log of {participant}"
     session = StudySession(plan, participant, check_begun(events, where))
-    try:
+    with told_as(RecordingError, f"{where} does not follow its plan", KeyError, IndexError):
         for event in events[1:]:
             session.follow(event)
-    except (KeyError, IndexError) as error:
-        raise RecordingError(f"{where} does not follow its plan") from error
     return session

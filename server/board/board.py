@@ -111,7 +111,8 @@ class Board:
     def stop(self, number: object = None) -> None:
         """Stop one robot, or all of them, at once; NotFoundError if there is none."""
         robots = self._chosen(number)
-        self.at_leisure.clear()
+        if robots:
+            self.at_leisure.clear()
         for robot in robots:
             robot.stop.press()
 

@@ -177,7 +177,8 @@ class RobotLink:
                 self._note_event(message)
 
     def _note_state(self, state: dict[str, Any]) -> None:
-        self.stop.note_state(is_stopped=state.get("emergency") is True)
+        is_ours = state.get("stopped_by_teacher") is True  # pupils may release what they stopped
+        self.stop.note_state(is_stopped=is_ours and state.get("emergency") is True)
         self.state = {name: state.get(name) for name in _FIELDS}
         self._on_news(self)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from robot.devices.outside import Outside, number, reader, whole
-from robot.errors import ConfigurationError, did_you_mean
+from robot.errors import ConfigurationError, did_you_mean, told_as
 
 PREFIX = "DRIVELESSON_"
 TABLES = ("limits", "gate", "governor", "patience")
@@ -84,10 +84,8 @@ def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
             )
         is_whole = known[key].type == "int"
         declared = whole(least=0) if is_whole else number(least=0)
-        try:
+        with told_as(ConfigurationError, f"[{name}] {key}", ConfigurationError):
             reader(int if is_whole else float, declared, Outside)(value)
-        except ConfigurationError as error:
-            raise ConfigurationError(f"[{name}] {key} {error}") from error
     return kind(**table)
 
 

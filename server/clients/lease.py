@@ -16,12 +16,13 @@ class Lease:
 
     def __init__(self) -> None:
         self.owner: str | None = None
-        self.asked_by: str | None = None
+        self._asked: dict[str, None] = {}  # in their order
         self._renewed_s = -math.inf
 
     def join(self, client: str, now_s: float) -> bool:
         """Give the wheel to a client that may drive, if it is free; True if it was."""
-        if self.owner is None or self._has_lapsed(now_s):
+        is_next = client == next(iter(self._asked), client)
+        if self.owner is None or (is_next and self._has_lapsed(now_s)):
             self._give(client, now_s)
             return True
         return False
@@ -30,7 +31,7 @@ class Lease:
         """Ask for the wheel; True if the client has it now, False if it waits for it."""
         if self.owner == client or self.join(client, now_s):
             return True
-        self.asked_by = client
+        self._asked[client] = None
         return False
 
     def renew(self, now_s: float) -> None:
@@ -38,20 +39,19 @@ class Lease:
 
     def give_up(self, client: str, now_s: float) -> bool:
         """`client` yields or has disconnected; True if it was the owner. Who waits is next."""
-        if self.asked_by == client:
-            self.asked_by = None
+        self._asked.pop(client, None)
         if self.owner != client:
             return False
         self.owner = None
-        if self.asked_by is not None:
-            self._give(self.asked_by, now_s)
+        if self._asked:
+            self._give(next(iter(self._asked)), now_s)
         return True
 
     def pass_on_if_lapsed(self, now_s: float) -> bool:
         """Give a lapsed wheel to the waiting client; True if the owner changed."""
-        if self.asked_by is None or not self._has_lapsed(now_s):
+        if not self._asked or not self._has_lapsed(now_s):
             return False
-        self._give(self.asked_by, now_s)
+        self._give(next(iter(self._asked)), now_s)
         return True
 
     def _has_lapsed(self, now_s: float) -> bool:
@@ -60,4 +60,4 @@ class Lease:
     def _give(self, client: str, now_s: float) -> None:
         self.owner = client
         self._renewed_s = now_s
-        self.asked_by = None
+        self._asked.pop(client, None)

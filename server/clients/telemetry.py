@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -95,4 +96,5 @@ def _rounded(value: Any) -> Any:
         return value
     if not isinstance(value, float) and isinstance(value, Mapping):
         return {key: _rounded(part) for key, part in value.items()}
-    return round(float(value), 4)
+    number = float(value)
+    return round(number, 4) if math.isfinite(number) else None  # JSON has no infinity

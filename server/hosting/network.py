@@ -76,16 +76,16 @@ def announced(
         yield
         return
     kind = "_https._tcp.local." if tls else "_http._tcp.local."
-    service = ServiceInfo(
-        kind,
-        f"Drivelesson {hostname}.{kind}",
-        port=port,
-        addresses=[socket.inet_aton(address) for address in addresses],
-        server=f"{hostname}.local.",
-        properties={"path": "/", ROBOT: robot, ADDRESS: addresses[0] if addresses else ""},
-    )
     with contextlib.ExitStack() as stack:
         try:
+            service = ServiceInfo(
+                kind,
+                f"Drivelesson {hostname}.{kind}",
+                port=port,
+                addresses=[socket.inet_aton(address) for address in addresses],
+                server=f"{hostname}.local.",
+                properties={"path": "/", ROBOT: robot, ADDRESS: addresses[0] if addresses else ""},
+            )
             responder = Zeroconf(interfaces=list(addresses))
             stack.callback(responder.close)
             responder.register_service(service, allow_name_change=True)

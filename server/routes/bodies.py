@@ -72,10 +72,10 @@ HANDLERS: dict[Any, Any] = {
 """What every application does with errors."""
 
 
-def _require_no_session(request: Request) -> None:
-    """Dependency of what changes the model in use: 409 while a participant's session is on."""
+def require_no_session(request: Request) -> None:
+    """Refuse what changes the model in use: 409 while a participant's session is on."""
     for extension in services_of(request).extensions.values():
         extension.require_free_model()
 
 
-NO_SESSION = Depends(_require_no_session)
+NO_SESSION = Depends(require_no_session)

@@ -17,7 +17,7 @@ from robot.types import Action
 from server.clients.telemetry import describe_body
 from server.identity import COLOURS
 from server.routes.answers import Route
-from server.routes.bodies import Short, do
+from server.routes.bodies import Short, do, require_no_session
 from server.services import persistence_of, services_of
 
 router = APIRouter(prefix="/api/settings", route_class=Route)
@@ -106,6 +106,9 @@ async def change_settings(request: Request, body: SettingsChange) -> Changed:
     """Change settings; a new `max_nodes` or `moves` start an empty model, 409 if it drives."""
     services = services_of(request)
     loop = services.robot.loop
+    begins_anew = body.max_nodes is not None or body.moves is not None
+    if begins_anew:
+        require_no_session(request)
     if body.speed is not None:
         loop.speed_share = body.speed
     given = {"name": body.name, "colour": body.colour}
@@ -114,7 +117,7 @@ async def change_settings(request: Request, body: SettingsChange) -> Changed:
         now = await do(lambda: services.identity.change(**named))
         services.hub.name = now.name
         services.hub.announce("renamed", robot=now.name, colour=now.colour)
-    if body.max_nodes is not None or body.moves is not None:
+    if begins_anew:
         kind, size = split_name(loop.state.learner)
         learner = f"{kind}-{body.max_nodes or size}"
         moves = loop.state.moves if body.moves is None else _choose(body.moves, request)

@@ -183,6 +183,9 @@ class Door:
     def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
         """Add a new connection as pending; `close` ends it, maybe before `left` is called."""
         self.expire(now_s)
+        if before := self.connections.get(peer):  # which has ended: its port is used again
+            self.left(peer)
+            before.close()
         # No session has such a name: where nobody is paired, a session is named by the address.
         stranger = Session(Role.VIEWER, f"stranger {address_key(peer[0])}")
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))

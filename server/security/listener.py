@@ -135,6 +135,7 @@ class _Connection(socket.socket):
 
     def abort(self) -> None:
         """Reset the connection, so that both sides see the end; its owner then closes it."""
+        self.door = None  # its place is given back
         with contextlib.suppress(OSError):
             self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
             self.shutdown(socket.SHUT_RDWR)

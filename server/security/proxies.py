@@ -138,7 +138,7 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
 
 
 def _hop(client: str, host: str, scheme: str) -> _Hop:
-    without_port = re.match(r"\[(.+)\]|([\d.]+):", client)
+    without_port = re.match(r"\[(.+)\]|(\d+\.[\d.]+):", client)
     return _Hop(without_port[1] or without_port[2] if without_port else client, host, scheme)
 
 

@@ -93,9 +93,8 @@ def join(
         DriveError: If nobody answers, the agent refuses, or it is another than ours.
     """
     host, port = split_address(address, PORT, "--brick")
-    with told_as(
-        DriveError, f"no agent answers at {host} port {port}", do=f"start it with: {_renew(host)}"
-    ):
+    do = f"start it with: {_renew(host)}"
+    with told_as(DriveError, f"no agent answers at {host} port {port}", do=do):
         line = dial((host, port))
     try:
         connection = BrickConnection(line, host, secret or kept_secret(host))

@@ -10,6 +10,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from robot.devices.wheels import USUAL_THROTTLE
 from robot.driver import Move, side_of
-from robot.errors import CameraError, ConfigurationError, need
+from robot.errors import CameraError, ConfigurationError, need, told_as
 from robot.types import Action, Game, Point
 
 Pixels = NDArray[np.uint8]
@@ -70,16 +71,12 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("PYGLET_HEADLESS", "1")  # MiniWorld's library asks for a screen
     module, _, attribute = name.rpartition(":")
-    try:
+    wrong = f"the environment {name!r} cannot be made"
+    do = "--env is a name such as CarRacing-v3, or MODULE:NAME for one that another package brings"
+    with told_as(ConfigurationError, wrong, Exception, do=do):  # it is other people's code
         made = getattr(importlib.import_module(module), attribute, None) if module else None
-        if made is not None:
-            return made(**{"render_mode": "rgb_array", **options})
-        return gymnasium.make(name, **{"render_mode": "rgb_array", **options})
-    except Exception as error:  # other people's code: whatever it raises
-        raise ConfigurationError(
-            f"the environment {name!r} cannot be made: {error}; --env is a name such as "
-            "CarRacing-v3, or module:NAME for one that another package brings"
-        ) from error
+        maker = made or partial(gymnasium.make, name)
+        return maker(**{"render_mode": "rgb_array", **options})
 
 
 class Environment:
@@ -208,16 +205,15 @@ def _read(table: str, space: Any) -> dict[Action, Any]:
     actions: dict[Action, Any] = {}
     for part in filter(None, (part.strip() for part in table.split(";"))):
         name, _, numbers = part.partition("=")
-        try:
+        bad = f"--env-moves: {part!r}"
+        with told_as(ConfigurationError, f"{bad} is not read", ValueError, OverflowError, do=_HELP):
             move = Action(name.strip())
             values = [float(number) for number in numbers.split(",")]
             action: Any = np.asarray(values, dtype=space.dtype)
-        except (ValueError, OverflowError) as error:
-            raise ConfigurationError(f"--env-moves: {part!r} cannot be read; {_HELP}") from error
         if not space.shape:
             action = int(values[0]) if values[0].is_integer() and len(values) == 1 else None
         if action is None or not space.contains(action) or move is Action.STOP or move in actions:
-            raise ConfigurationError(f"--env-moves: {part!r} is no action of {space}; {_HELP}")
+            raise ConfigurationError(f"{bad} is no action of {space}; {_HELP}")
         actions[move] = action
     return actions
 

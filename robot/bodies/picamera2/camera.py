@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError, need
+from robot.errors import CameraError, need, told_as
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
@@ -50,13 +50,10 @@ class Picamera2Camera(WatchedCamera):
                 f"there is no camera module {options.camera_number} ({n_cameras} found); check its "
                 "ribbon cable, and `rpicam-hello --list-cameras`"
             )
-        try:
+        wrong = f"the camera module {options.camera_number} cannot be opened"
+        # The library has no errors of its own.
+        with told_as(CameraError, wrong, Exception, do="does another program use it?"):
             self._device = device = library.Picamera2(options.camera_number)
-        except Exception as error:  # the library has no errors of its own
-            raise CameraError(
-                f"the camera module {options.camera_number} cannot be opened ({error}); does "
-                "another program use it?"
-            ) from error
         try:
             device.configure(
                 device.create_video_configuration(

@@ -7,9 +7,11 @@ import random
 import pytest
 
 from robot.types import Action
-from server.board.board import Onlooker
+from server.board.board import Board, Onlooker
+from server.board.class_key import ClassKey
 from server.board.stopping import CONFIRM_S, Stopping
 from server.board.teacher_session import Status
+from server.board.transport import NetworkTransport
 
 from .classroom_world import FAULTS, OPEN_FAULTS, ClassWorld, Pupil, break_down, in_class
 
@@ -102,6 +104,30 @@ def test_a_robot_that_stands_already_confirms_the_next_stop_on_the_open_line() -
             await world.until(lambda: stages() == {Stopping.STOPPED}, CONFIRM_S, "all confirm it")
             await world.clock.pause(0.7)
         assert not any("/api/stop" in path for _, path in world.network.requests)
+
+    in_class(scenario)
+
+
+def test_a_pupil_s_own_stop_confirms_none_of_the_teacher() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        one, *_ = world.pupils.values()
+        await world.until_there([one])
+        link = world.link(one)
+        link.stop.stage = Stopping.ASKED
+        link._note_state({"emergency": True, "stopped_by_teacher": False})
+        assert link.stop.stage is Stopping.ASKED, "the pupil may release it again"
+        link._note_state({"emergency": True, "stopped_by_teacher": True})
+        assert link.stop.stage is Stopping.STOPPED
+
+    in_class(scenario)
+
+
+def test_a_stop_for_nobody_silences_no_page() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        board = Board(ClassKey("k" * 40), NetworkTransport(), world.clock)
+        board.stop()
+        assert board.at_leisure.is_set(), "who is no robot of the class is told all the same"
+        await board.close()
 
     in_class(scenario)
 

@@ -42,3 +42,17 @@ def test_a_lease_lasts_to_its_very_end_and_a_second_and_a_half_by_default() -> N
     assert not lease.pass_on_if_lapsed(11.5)
     assert lease.pass_on_if_lapsed(11.5 + 1e-6)
     assert lease.owner == "c2"
+
+
+def test_who_asks_waits_in_turn_and_no_newcomer_goes_before() -> None:
+    lease = Lease()
+    lease.join("a", 0.0)
+    for client in "bcdb":
+        assert not lease.take(client, 0.1)
+    assert not lease.join("new", 2.0), "it has lapsed, but others wait"
+    assert lease.take("b", 2.0), "the first who asked"
+    assert not lease.give_up("c", 2.1)
+    assert lease.give_up("b", 2.2)
+    assert lease.owner == "d"
+    assert lease.give_up("d", 2.3)
+    assert lease.owner is None

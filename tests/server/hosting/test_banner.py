@@ -40,6 +40,15 @@ def test_without_zeroconf_the_extra_is_named_and_the_robot_drives(
         assert "the name r.local needs drivelesson[lan]" in caplog.text
 
 
+@pytest.mark.parametrize("address", ["fd00::1", "raspberrypi", ""])
+def test_what_has_no_address_of_four_numbers_starts_without_a_name(
+    address: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip("zeroconf")
+    with announced("r", 1, [address], "Ada", tls=False):
+        assert "mdns off" in caplog.text
+
+
 def test_two_robots_announce_themselves_and_the_board_finds_both() -> None:
     zeroconf = pytest.importorskip("zeroconf")
     kind, here = "_http._tcp.local.", ["127.0.0.1"]

@@ -6,6 +6,7 @@ import asyncio
 import errno
 import itertools
 import socket
+import struct
 from typing import Any
 
 import pytest
@@ -39,6 +40,7 @@ def test_a_listening_socket_counts_evicts_turns_away_and_lets_others_work(
 ) -> None:
     a_connection_is_counted_from_accept_to_close()
     an_evicted_connection_sees_the_end()
+    who_uses_a_port_again_is_counted()
     for number in (errno.EMFILE, errno.ENFILE):
         without_descriptors_it_turns_away_and_does_not_spin(number, monkeypatch)
     what_has_come_is_read_before_it_is_pushed_out()
@@ -85,6 +87,33 @@ def an_evicted_connection_sees_the_end() -> None:
             and door.pending.evicted == 1
             and len(door.connections) == 0
         )
+
+    asyncio.run(scenario())
+
+
+def who_uses_a_port_again_is_counted() -> None:
+    """The one before is closed late: it must not free the place of the one that is there."""
+    door = Door(Limits(), 10)
+
+    async def scenario() -> None:
+        listener = _listener(door)
+        port = 0
+        held = []
+        for _ in range(3):
+            with socket.socket() as client:
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                client.bind(("127.0.0.1", port))
+                client.connect(listener.getsockname())
+                port = client.getsockname()[1]
+                held += await _accept_all(listener)
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        assert len(held) == 3
+        for connection in held[:-1]:
+            connection.close()
+            assert (len(door.connections), door.pending.taken) == (1, 1)
+        held[-1].close()
+        assert (len(door.connections), door.pending.taken) == (0, 0)
+        listener.close()
 
     asyncio.run(scenario())
 

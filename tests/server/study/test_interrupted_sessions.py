@@ -28,10 +28,12 @@ from tests.server.test_teaching_routes import ask
 from tests.server.virtual_server import VirtualServer
 
 CHANGES_THE_MODEL = (
-    ("POST", "/api/models"),
-    ("POST", "/api/models/mine/load"),
-    ("DELETE", "/api/models/mine"),
-    ("POST", "/api/retraining/keep"),
+    ("POST", "/api/models", {}),
+    ("POST", "/api/models/mine/load", {}),
+    ("DELETE", "/api/models/mine", {}),
+    ("POST", "/api/retraining/keep", {}),
+    ("PUT", "/api/settings", {"max_nodes": 16, "name": "Mallory"}),
+    ("PUT", "/api/settings", {"moves": ["forward", "right"], "speed": 0.5}),
 )
 
 
@@ -79,8 +81,8 @@ def test_a_session_that_is_left_leaves_no_model_and_goes_on_where_it_was(
             post(server, "/api/session/answers", answers={"trust_reliable": 2})
         server.set_mode(Mode.STOPPED)
         there = session(server)
-        for method, path in CHANGES_THE_MODEL:
-            refused = ask(server, method, path, json={})
+        for method, path, body in CHANGES_THE_MODEL:
+            refused = ask(server, method, path, json=body)
             assert refused.status_code == 409 and "session is on" in refused.text, path
         assert session(server) == there
         taught = dict(server.rig.loop.state.taught)

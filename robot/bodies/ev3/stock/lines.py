@@ -163,9 +163,8 @@ def _open_bluetooth(wanted: str) -> BrickLine:
     address = ":".join(wanted[i : i + 2] for i in range(0, 12, 2)).upper()
     if not hasattr(socket, "AF_BLUETOOTH"):
         raise DriveError("this Python has no Bluetooth; use --line wifi or --line usb")
-    with told_as(
-        DriveError, f"the brick {address} cannot be reached by Bluetooth", do="is it paired and on?"
-    ):
+    wrong = f"the brick {address} cannot be reached by Bluetooth"
+    with told_as(DriveError, wrong, do="is it paired and on?"):
         sock = socket.socket(socket.AF_BLUETOOTH, socket.SOCK_STREAM, socket.BTPROTO_RFCOMM)
         sock.settimeout(_CONNECT_S)
         sock.connect((address, 1))
@@ -173,11 +172,8 @@ def _open_bluetooth(wanted: str) -> BrickLine:
 
 
 def _open_usb(path: Path) -> BrickLine:
-    with told_as(
-        DriveError,
-        f"the brick at {path} cannot be opened",
-        do="docs/howto/ev3-stock.md says how a user is given the right",
-    ):
+    do = "docs/howto/ev3-stock.md says how a user is given the right"
+    with told_as(DriveError, f"the brick at {path} cannot be opened", do=do):
         return UsbLine(str(path), FileIO(os.open(path, os.O_RDWR | os.O_NONBLOCK), "r+"))
 
 

@@ -1,0 +1,33 @@
+"""What a state message carries, whatever a body senses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from robot.types import Sensors
+from tests.server.virtual import ServedWorld, virtually
+
+
+@pytest.mark.parametrize("distance_m", [math.inf, -math.inf, math.nan, 1e308, 0.25])
+def test_a_reading_that_is_no_number_silences_no_page(distance_m: float) -> None:
+    """Sensors say infinity where nothing is in reach; JSON has no word for it."""
+
+    async def scenario(world: ServedWorld) -> None:
+        pilot = await world.pilot(sees=True)
+        driver = world.loop._driver
+        sense = driver.sense
+
+        def odd() -> Sensors:
+            return replace(sense(), distance_m=distance_m)
+
+        driver.sense = odd  # type: ignore[method-assign]
+        before = pilot.state["frame"]
+        await world.clock.pause(2.0)
+        assert pilot.state["frame"] > before + 10
+        finite = distance_m if math.isfinite(distance_m) else None
+        assert pilot.state["distance_m"] == finite
+
+    virtually(scenario, seed=3)
