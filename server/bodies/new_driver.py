@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from robot.devices.plugins import driver_names
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, told_as
 
 _FILES = ("pyproject.toml", "drivelesson_mybot.py", "conftest.py")
 _NAME = re.compile(r"[a-z][a-z0-9]{1,20}")
@@ -32,18 +32,16 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigurationError(f"the robot {name!r} exists already; choose another name")
     folder: Path = args.out or Path(f"drivelesson-{name}")
     template = files("robot.bodies.mybot")
-    try:
+    if folder.exists():
+        raise ConfigurationError(f"{folder} exists already; choose another with --out")
+    with told_as(ConfigurationError, f"cannot write {folder}"):
         folder.mkdir(parents=True)
         for file in _FILES:
             text = template.joinpath(file).read_text(encoding="utf-8")
             text = text.replace("mybot", name).replace("Mybot", name.capitalize())
             (folder / file.replace("mybot", name)).write_text(text, encoding="utf-8")
-    except FileExistsError as error:
-        raise ConfigurationError(f"{folder} exists already; choose another with --out") from error
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {folder}: {error.strerror or error}") from error
     print(f"{folder} has a driver for {name!r}. Try it:")
     print(f"  pip install -e {folder}")
     print(f"  cd {folder} && pytest --drivelesson-driver {name}")
-    print(f"  drivelesson serve --robot {name} --{name}-address HOST:PORT")
+    print(f"  drivelesson serve --robot {name} --{name}-address HOST:PORT --lan --tls")
     return 0

@@ -22,7 +22,7 @@ class MybotDriver(Driver):
     """Every move carries its time limit, so the robot stops by itself."""
 
     name = "mybot"
-    default_camera = "replay"
+    default_camera = "phone"
     options_type = MybotOptions
     is_remote = True
     declared_moves = (
