@@ -42,11 +42,10 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
     """Declare the chosen robot's options, and take the file's settings as defaults."""
     args, _ = parser.parse_known_args(list(words))
     settings = read_settings(args.config if args.config.exists() else None, os.environ)
-    names = set()
-    for option in options_of(load_driver(args.robot).options_type):
+    options = options_of(load_driver(args.robot).options_type)
+    for option in options:
         declare(parser, option)
-        names.add(option.name)
-    known = {name: value for name, value in settings.flags.items() if name in names}
+    known = {o.name: settings.flags[o.name] for o in options if o.name in settings.flags}
     apply_to(parser, replace(settings, flags=known, environ={}))
 
 
@@ -65,9 +64,10 @@ def run(args: argparse.Namespace) -> int:
     }
     keep(args.config, measures)
     said = ", ".join(f"{name} = {value}" for name, value in measures.items())
+    brick = f" --brick {args.brick}" if args.robot == "ev3-remote" else ""
     print(
-        f"\nKept in {args.config}: {said}.\n"
-        f"Drive with: drivelesson serve --robot {args.robot} --config {quoted(str(args.config))}"
+        f"\nKept in {args.config}: {said}.\nDrive with: "
+        f"drivelesson serve --robot {args.robot}{brick} --config {quoted(str(args.config))}"
     )
     return 0
 
@@ -150,7 +150,7 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
         ConfigurationError: If the file cannot be written.
     """
     with told_as(ConfigurationError, f"cannot write {file}"):
-        text = file.read_text() if file.exists() else ""
+        text = file.read_text("utf-8-sig") if file.exists() else ""
         table = _TABLE.search(text)
         head, rest = (text[: table.start()], text[table.start() :]) if table else (text, "")
         for name, value in values.items():

@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from robot.bodies.ev3.driver import Ev3Driver, Ev3Options
 from robot.bodies.ev3.fake_brick import FakeBrick
+from robot.devices.options import option
 from robot.errors import ConfigurationError
 from robot.testing import VirtualClock
 from robot.types import Action
@@ -42,10 +44,11 @@ def test_wheels_roll_forwards_however_the_motors_are_mounted(
 
 def test_the_file_keeps_all_else(tmp_path: Path) -> None:
     file = tmp_path / "drivelesson.toml"
-    file.write_text("# mine\ntrack-m = 0.1 # old\nport = 8001\n\n[gate]\npilot_silent_s = 0.3\n")
+    text = "# für mich\ntrack-m = 0.1 # old\nport = 8001\n\n[gate]\npilot_silent_s = 0.3\n"
+    file.write_text(text, "utf-8-sig")
     keep(file, {"track_m": 0.12, "wheel_diameter_m": 0.055})
-    assert file.read_text() == (
-        "# mine\ntrack_m = 0.12\nport = 8001\nwheel_diameter_m = 0.055\n\n"
+    assert file.read_text("utf-8") == (
+        "# für mich\ntrack_m = 0.12\nport = 8001\nwheel_diameter_m = 0.055\n\n"
         "[gate]\npilot_silent_s = 0.3\n"
     )
 
@@ -55,7 +58,13 @@ def brick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeBrick
     """A brick that the command drives in virtual time."""
     clock = VirtualClock(100.0)
 
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class OptionsOfBoth(Ev3Options):
+        brick: str = option("", "as ev3-remote has it")
+
     class TimedDriver(Ev3Driver):
+        options_type = OptionsOfBoth
+
         def __init__(self, options: Ev3Options) -> None:
             super().__init__(options, clock)
 
@@ -64,7 +73,9 @@ def brick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeBrick
         yield fake
 
 
+@pytest.mark.parametrize("robot", ["ev3", "ev3-remote --brick ev3.local"])
 def test_a_brick_is_calibrated_by_driving(
+    robot: str,
     brick: FakeBrick,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -76,6 +87,8 @@ def test_a_brick_is_calibrated_by_driving(
     monkeypatch.setattr("sys.stdin", io.StringIO("\nabout so\n13,2\n\n7.4\n"))
     words = [
         "calibrate",
+        "--robot",
+        *robot.split(),
         "--config",
         str(file),
         "--brick-root",
@@ -88,6 +101,7 @@ def test_a_brick_is_calibrated_by_driving(
     assert main(words) == 0
     said = capsys.readouterr().out
     assert "A number above 0, please." in said
+    assert f"drivelesson serve --robot {robot} --config {file}" in said
     kept = dict(line.split(" = ") for line in file.read_text().splitlines())
     assert float(kept["wheel_diameter_m"]) == pytest.approx(0.0509 * 1.1, rel=0.1)
     assert float(kept["track_m"]) == pytest.approx(0.124 * 1.1 * 1.5, rel=0.15)
