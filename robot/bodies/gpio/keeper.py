@@ -23,6 +23,7 @@ from robot.clock import Clock, RealClock
 
 READY = b"ready"
 FAILED = b"failed "
+NO_PINS = "this computer has no GPIO pins that gpiozero can use; run it on the Raspberry Pi"
 _LONGEST_ORDER = 200
 
 
@@ -68,8 +69,8 @@ def hold(settings: dict[str, Any]) -> None:
     try:
         motors = make_motors(settings)
     except Exception as error:  # a sentence, whatever the library says
-        reason = " ".join(f"{type(error).__name__}: {error}".split())
-        line.send_bytes(FAILED + reason.encode())
+        reason = NO_PINS if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
+        line.send_bytes(FAILED + " ".join(reason.split()).encode())
         return
     line.send_bytes(READY)
     keep(motors, line, RealClock())

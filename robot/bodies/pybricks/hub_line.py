@@ -13,6 +13,7 @@ from typing import Any
 
 from robot.bodies.remote.kept import KeptLine
 from robot.clock import Clock
+from robot.errors import told_as
 
 SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
 COMMAND_EVENT = "c5f50002-8280-46da-89f4-6d8051e4aeef"
@@ -51,13 +52,14 @@ class HubLine(KeptLine):
 
     async def _connect_once(self, connected: Callable[[], None]) -> None:
         """Find the hub, start its program, and return when the connection is lost."""
-        device = await self._bluetooth.BleakScanner.find_device_by_filter(
-            lambda found, said: (
-                SERVICE in said.service_uuids and self._hub in ("", said.local_name, found.name)
-            ),
-            timeout=SCAN_S,
-            service_uuids=[SERVICE],
-        )
+        with told_as(ConnectionError, "this computer's Bluetooth is off or missing"):
+            device = await self._bluetooth.BleakScanner.find_device_by_filter(
+                lambda found, said: (
+                    SERVICE in said.service_uuids and self._hub in ("", said.local_name, found.name)
+                ),
+                timeout=SCAN_S,
+                service_uuids=[SERVICE],
+            )
         if device is None:
             raise ConnectionError(
                 "none in reach says that it has Pybricks; is it on, and not connected elsewhere?"

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.driver import Move, move_at, side_of
-from robot.errors import ConfigurationError, MissingExtraError, did_you_mean
+from robot.errors import ConfigurationError, did_you_mean, need
 from robot.types import Action, Point
 
 Picture = NDArray[np.uint8]
@@ -41,12 +41,8 @@ class ForeignWorld(ABC):
     frames = 1
 
     def __init__(self, name: str, package: str, **options: Any) -> None:
-        try:
-            import gymnasium
-
-            __import__(package)
-        except ImportError as error:
-            raise MissingExtraError(f"the world {name}", "ground") from error
+        gymnasium = need("gymnasium", f"the world {name}", "ground")
+        need(package, f"the world {name}", "ground")
         self._env = gymnasium.make(name, **options)
         self.inner: Any = self._env.unwrapped
         self.moves = tuple(self.codes)

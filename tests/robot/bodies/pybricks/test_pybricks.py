@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from unittest import mock
 
 import pytest
@@ -190,6 +191,16 @@ def a_hub_without_our_program_is_told(hub: FakeHub) -> None:
 def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "bleak", None)
     with pytest.raises(MissingExtraError, match=r"drivelesson\[pybricks\]"):
+        PybricksDriver(PybricksOptions()).connect()
+
+
+def test_a_computer_without_bluetooth_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def find(*_: object, **__: object) -> None:
+        raise FileNotFoundError(2, "No such file or directory")
+
+    scanner = SimpleNamespace(find_device_by_filter=find)
+    monkeypatch.setitem(sys.modules, "bleak", SimpleNamespace(BleakScanner=scanner))
+    with pytest.raises(DriveError, match="this computer's Bluetooth is off or missing"):
         PybricksDriver(PybricksOptions()).connect()
 
 
