@@ -32,7 +32,9 @@ def add_data(parser: argparse.ArgumentParser) -> None:
 def find_id(store: EpisodeStore, name: str) -> str:
     """Return the id of the episode with this name, or the only one that begins with it."""
     ids = store.ids()
-    if name == "last" and name not in ids and ids:
+    if not ids:
+        raise NotFoundError("nothing is recorded yet")
+    if name == "last" and name not in ids:
         return store.summaries()[0].id  # by its time, and never by its name
     found = [i for i in ids if i == name] or [i for i in ids if i.startswith(name)]
     if len(found) != 1:

@@ -40,7 +40,7 @@ def check_body(body: Any, condition: Condition) -> None:
     if here not in (None, condition.world):
         raise ConfigurationError(
             f"this is driven in the world {condition.world!r}, and this is {here!r}; "
-            f"start the simulator with --world {condition.world}"
+            f"choose {condition.world!r} under Settings, Place, while no session is on"
         )
     missing = set(condition.moves) - set(body.moves)
     if missing:

@@ -41,6 +41,12 @@ def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> N
     assert "FFFFLLLLRRRR" in pilot
 
 
+def test_before_anything_is_recorded_that_is_said(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "nothing is recorded yet" in say("episodes show last", capsys, status=1)
+
+
 def test_mend_and_undo(episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store = EpisodeStore(Storage(data))
     assert "1 edit; " in say("episodes trim last --from 0.5 --to 2.5", capsys)

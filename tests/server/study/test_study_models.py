@@ -28,7 +28,9 @@ def test_a_trial_in_another_world_is_refused_with_a_sentence(world: str, trial: 
     if world == TRIALS[trial][0]:
         check_body(body, condition(trial))
         return
-    with pytest.raises(ConfigurationError, match=f"--world {TRIALS[trial][0]}") as refused:
+    with pytest.raises(
+        ConfigurationError, match=f"choose {TRIALS[trial][0]!r} under Settings"
+    ) as refused:
         check_body(body, condition(trial))
     assert repr(world) in str(refused.value)
 
