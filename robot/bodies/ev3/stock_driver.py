@@ -155,7 +155,7 @@ class Ev3StockOptions(ChassisOptions):
     """How the robot is built, and how to reach its brick."""
 
     line: str = option("usb", "way to the brick", choices=("usb", "bluetooth", "wifi"))
-    brick: str = option("", "the brick's ID, as 00:16:53:3f:0c:1e; needed for Bluetooth only")
+    brick: str = option("", "its ID, as 00:16:53:3f:0c:1e: for Bluetooth, or if there are several")
     beacon_port: int = option(BEACON_PORT, "UDP port of bricks on Wi-Fi", range=(1, 65535))
 
 
