@@ -31,7 +31,8 @@ episodes/   one MCAP file a run: open with Foxglove, or with the mcap library
 exports/    what was made for other programs
 trash/      what was deleted; move it back, or empty it with: drivelesson episodes empty-trash
 
-All of it can be copied and moved while the program does not run.
+All of it can be copied and moved while the program does not run. Keep paired.json,
+class.key and tls/ to yourself: they are secret.
 """
 
 _HALF_DONE_S = 60.0
