@@ -249,7 +249,7 @@ export default {
   'settings.language': 'Language',
   'settings.hints': 'Show the hints again',
   'settings.keys': 'Keys',
-  'settings.keys_hint': 'Arrows or WASD drive while held. Space stops. A game controller drives by its cross or left stick, and its triggers set the speed; its B stops.',
+  'settings.keys_hint': 'Arrows or WASD drive while held. Space stops. A game controller drives by its cross or left stick, and by degrees its triggers set the speed; its B stops.',
   episodes: 'Recordings',
   'episodes.none': 'Nothing is recorded yet. Every drive is recorded by itself.',
   'episodes.full': 'Recordings fill their space. The oldest could go: {names}. Nothing is deleted by itself.',

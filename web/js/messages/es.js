@@ -248,7 +248,7 @@ export default {
   'settings.language': 'Idioma',
   'settings.hints': 'Mostrar los consejos otra vez',
   'settings.keys': 'Teclas',
-  'settings.keys_hint': 'Flechas o WASD conducen mientras se mantienen. Espacio para. Un mando conduce con la cruz o la palanca izquierda, y los gatillos dan la velocidad; su B para.',
+  'settings.keys_hint': 'Flechas o WASD conducen mientras se mantienen. Espacio para. Un mando conduce con la cruz o la palanca izquierda, y por grados los gatillos dan la velocidad; su B para.',
   episodes: 'Grabaciones',
   'episodes.none': 'Aún no hay nada grabado. Cada viaje se graba solo.',
   'episodes.full': 'Las grabaciones llenan su espacio. Las más antiguas podrían irse: {names}. Nada se borra solo.',

@@ -248,7 +248,7 @@ export default {
   'settings.language': '语言',
   'settings.hints': '再次显示提示',
   'settings.keys': '按键',
-  'settings.keys_hint': '按住方向键或 WASD 驾驶。空格键停车。手柄用十字键或左摇杆驾驶，扳机控制速度，B 键停车。',
+  'settings.keys_hint': '按住方向键或 WASD 驾驶。空格键停车。手柄用十字键或左摇杆驾驶，按角度驾驶时扳机控制速度，B 键停车。',
   episodes: '记录',
   'episodes.none': '还没有记录。每次驾驶都会自动记录。',
   'episodes.full': '记录已占满空间。最早的可以删除：{names}。程序不会自行删除任何东西。',
