@@ -78,6 +78,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Page, **_: object) -> str:
     """Let a link that leaves `docs` lead to the page that was added from the root."""
     up = "../" * page.file.src_uri.count("/")
+    markdown = markdown.replace(f"](../{up}README.md", f"]({up}{FROM_ROOT['README.md']}")
     return markdown.replace(f"](../{up}", f"]({up}")
 
 
