@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any, ClassVar, Self
 
+from robot.errors import told_as
 from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
@@ -157,7 +158,8 @@ def from_text(text: str) -> tuple[Move, ...]:
     """
     if not text:
         return ()
-    try:
+    errors = KeyError, TypeError, AttributeError, RecursionError
+    with told_as(ValueError, "the moves are described in another form", *errors):
         return tuple(
             Move(
                 Action(plain["name"]),
@@ -169,8 +171,6 @@ def from_text(text: str) -> tuple[Move, ...]:
             )
             for plain in json.loads(text)
         )
-    except (KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise ValueError(f"the moves are described in another form: {error}") from error
 
 
 class BodyButton(StrEnum):

@@ -213,14 +213,13 @@ def _name_learner(args: argparse.Namespace) -> str:
         return full_name(learner, args.max_nodes, 32)
     from robot.policy.autosize import choose_max_nodes
 
-    kind, _ = split_name(full_name(learner, None, 32))
-    cost = choose_max_nodes(args.rate, kind=kind)
+    cost = choose_max_nodes(args.rate, kind=split_name(full_name(learner, None, 32))[0])
     print(
         f"This machine holds {args.rate:g} frames a second with {cost.max_nodes} images "
         f"({1000 * cost.frame_s:.1f} ms a frame).",
         flush=True,
     )
-    return f"{kind}-{cost.max_nodes}"
+    return full_name(learner, cost.max_nodes, None)
 
 
 def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) -> None:

@@ -137,9 +137,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
         if not isinstance(record, Message) or record.topic == Topic.LESSON:
             continue
         at_s = (record.log_ns - episode.origin_ns) / 1e9
-        if not first_s - _SOON_S <= at_s <= last_s + _SOON_S:
-            continue
-        if record.topic != Topic.CAMERA or not notes.is_deleted(record.sequence):
+        is_near = first_s - _SOON_S <= at_s <= last_s + _SOON_S
+        if is_near and (record.topic != Topic.CAMERA or not notes.is_deleted(record.sequence)):
             writer.write_copy(record)
     _write_events(writer, episode, notes)
     writer.close({"dropped_frames": "0", "lost_words": "0"})

@@ -117,9 +117,8 @@ class Recorder:
         began = is_moving and self._mode is Mode.STOPPED
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
-        if began:
-            if self.queue.fault is not None:  # the disk has closed what was open
-                self.finish()
+        if began and self.queue.fault is not None:
+            self.finish()  # the disk has closed what was open
             self.queue.fault = None
         if not self._is_open and (is_moving or events):
             self._open(now_s)
