@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.devices.pictures import read_picture
-from robot.errors import RecordingError
+from robot.errors import RecordingError, told_as
 from robot.exchange.drive import Drive, Shot, drive_of
 from robot.exchange.film import of_size, to_jpeg
 from robot.exchange.report import ImportReport
@@ -46,13 +46,9 @@ def load_recording(path: Path | str, report: ImportReport | None = None) -> Driv
         RecordingError: If it is missing, broken or in another format.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            arrays = read_arrays(file.read(MAX_BYTES + 1), max_bytes=MAX_BYTES)
-    except FileNotFoundError as error:
-        raise RecordingError(f"there is no recording {path}") from error
-    except (OSError, RecordingError) as error:
-        raise RecordingError(f"the recording {path} cannot be read: {error}") from error
+    wrong = f"the recording {path} cannot be read"
+    with told_as(RecordingError, wrong, OSError, RecordingError), path.open("rb") as file:
+        arrays = read_arrays(file.read(MAX_BYTES + 1), max_bytes=MAX_BYTES)
     return _checked(path, arrays, report or ImportReport())
 
 

@@ -32,7 +32,7 @@ def read_list(text: str) -> list[RobotAddress]:
     file = Path(text)
     if "," not in text and (file.is_file() or file.suffix == ".txt"):
         with told_as(ConfigurationError, f"cannot read {file}", OSError, ValueError):
-            lines = file.read_text("utf-8").splitlines()
+            lines = file.read_text("utf-8-sig").splitlines()
         words = [line.partition("#")[0].strip() for line in lines]
     else:
         words = [word.strip() for word in text.split(",")]

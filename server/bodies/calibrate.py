@@ -149,7 +149,7 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
     Raises:
         ConfigurationError: If the file cannot be written.
     """
-    with told_as(ConfigurationError, f"cannot write {file}"):
+    with told_as(ConfigurationError, f"cannot write {file}", OSError, ValueError):
         text = file.read_text("utf-8-sig") if file.exists() else ""
         table = _TABLE.search(text)
         head, rest = (text[: table.start()], text[table.start() :]) if table else (text, "")

@@ -90,12 +90,10 @@ def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
 
 
 def _read_file(file: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(file.read_text("utf-8-sig"))
-    except OSError as error:
-        raise ConfigurationError(f"cannot read {file}: {error.strerror}") from error
-    except ValueError as error:
-        raise ConfigurationError(f"{file} is not valid TOML: {error}") from error
+    with told_as(ConfigurationError, f"cannot read {file}"):
+        data = file.read_bytes()
+    with told_as(ConfigurationError, f"{file} is not valid TOML", ValueError):
+        return tomllib.loads(data.decode("utf-8-sig"))
 
 
 def _as_bool(name: str, value: Any) -> bool:

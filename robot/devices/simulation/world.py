@@ -81,7 +81,7 @@ def load_world(name: str) -> World:
             "or the path of a TOML file"
         )
     try:
-        return _parse(path.stem, tomllib.loads(path.read_text("utf-8")))
+        return _parse(path.stem, tomllib.loads(path.read_text("utf-8-sig")))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise ConfigurationError(f"the world {path} cannot be read: {what}") from error

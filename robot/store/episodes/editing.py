@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import BinaryIO
 
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
-from robot.policy.history import Edited, Taught, Undone
+from robot.policy.history import Edited, HistoryEvent, Taught, Undone
 from robot.store.episodes.edits import Edit, Notes, Range, trim
 from robot.store.episodes.episode import Episode, taught_frames
 from robot.store.episodes.messages import MODEL_BEFORE, Fields, Topic
@@ -98,8 +97,7 @@ def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
 def _next_of(messages: Sequence[tuple[float, Fields]], at_s: float) -> Fields:
     """Return the first message that is not older; an empty one if none follows soon."""
     index = bisect_left(messages, at_s, key=itemgetter(0))
-    next_s, fields = messages[index] if index < len(messages) else (math.inf, {})
-    return fields if next_s - at_s < _SOON_S else {}
+    return next((fields for s, fields in messages[index : index + 1] if s - at_s < _SOON_S), {})
 
 
 def edit_of(verb: str, between: Range, episode: Episode, label: str | None = None) -> Edit:
@@ -128,32 +126,44 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
     ids and predictions are unchanged.
     """
-    before = episode.attachments.get(MODEL_BEFORE)
     run = {**episode.run, "format": str(FORMAT)}
-    writer = EpisodeWriter(file, run, before)
+    writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))
     kept_s = [each.captured_s for i, each in episode.frames.items() if not notes.is_deleted(i)]
-    first_s, last_s = (kept_s[0], kept_s[-1]) if kept_s else (-math.inf, math.inf)
+    ends_s = kept_s or [episode.start_s, episode.start_s + episode.duration_s]
+    first_s, last_s = min(ends_s), max(ends_s)
     for record in scan(episode.path):
         if not isinstance(record, Message) or record.topic == Topic.LESSON:
             continue
         at_s = (record.log_ns - episode.origin_ns) / 1e9
         is_near = first_s - _SOON_S <= at_s <= last_s + _SOON_S
-        if is_near and (record.topic != Topic.CAMERA or not notes.is_deleted(record.sequence)):
+        if is_near and not (record.topic == Topic.CAMERA and notes.is_deleted(record.sequence)):
             writer.write_copy(record)
-    _write_events(writer, episode, notes)
+    _write_events(writer, episode, notes, first_s)
     writer.close({"dropped_frames": "0", "lost_words": "0"})
 
 
-def _write_events(writer: EpisodeWriter, episode: Episode, notes: Notes) -> None:
-    """Write what is to be learned, and what was undone of an earlier recording."""
-    now_s = episode.start_s
+def _write_events(writer: EpisodeWriter, episode: Episode, notes: Notes, now_s: float) -> None:
+    """Write what was undone of an earlier recording, and what is to be learned."""
+    for undone in _reaching_back(event for _, event in episode.events):
+        writer.write_message(Topic.LESSON, now_s, describe_event(undone))
     for _, event in plan([(episode, notes)]):
         if isinstance(event, Edited) and notes.edits:
             continue  # without these frames it would change other learned images
         if isinstance(event, Taught) and event.example.frame_id in episode.frames:
             now_s = episode.frames[event.example.frame_id].captured_s
         writer.write_message(Topic.LESSON, now_s, describe_event(event))
-    own = {made.example.frame_id for _, made in episode.events if isinstance(made, Taught)}
-    for at_s, late in episode.events:
-        if isinstance(late, Undone) and not own.issuperset(late.frame_ids):
-            writer.write_message(Topic.LESSON, at_s, describe_event(late))
+
+
+def _reaching_back(events: Iterable[HistoryEvent]) -> Iterator[Undone]:
+    """Yield what was undone of an earlier recording: examples, or an edit of an image."""
+    own, edits = set(), 0
+    for event in events:
+        if isinstance(event, Taught):
+            own.add(event.example.frame_id)
+        elif isinstance(event, Edited):
+            edits += 1
+        elif isinstance(event, Undone):
+            if not (own.issuperset(event.frame_ids) if event.frame_ids else edits):
+                yield event
+            elif not event.frame_ids:
+                edits -= 1

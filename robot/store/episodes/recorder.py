@@ -118,7 +118,9 @@ class Recorder:
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
         if began and self.queue.fault is not None:
-            self.finish()  # the disk has closed what was open
+            if self._is_open:  # the disk has closed it; the model that is taken has the events
+                self.finish()
+                events = ()
             self.queue.fault = None
         if not self._is_open and (is_moving or events):
             self._open(now_s)
@@ -226,8 +228,6 @@ class Recorder:
 
     def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         """End after a pause, and where an undo reached back beyond this recording."""
-        if not self._is_open:
-            return
         reached_back = any(
             isinstance(event, Undone) and not self._taught.issuperset(event.frame_ids)
             for event in events

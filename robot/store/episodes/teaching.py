@@ -122,7 +122,8 @@ def learn_again(
     is_faithful = all(
         episode.run.get("learner") == policy.name and not notes.edits for episode, notes in episodes
     )
-    policy.kinds.describe([move for episode, _ in episodes for move in episode.declared_moves])
+    if declared := [move for episode, _ in episodes for move in episode.declared_moves]:
+        policy.kinds.describe(declared)
     report = Report(taught=Counter())
     for step in filter(only, plan(episodes)):
         if isinstance(step.event, Taught):

@@ -56,9 +56,7 @@ class _Run:
 
 def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> Recovered | None:
     """Return the last state of the last run; None if it was saved, or the journal has it not.
-
-    `declared` are the moves that the robot's driver declares.
-    """
+    The driver's `declared` moves are told to the policy that learns on."""
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
     runs = (_read_run(folder, [part for part in parts if part.boot == boot]) for boot in boots)
