@@ -63,20 +63,23 @@ def test_compacting_teaches_the_same_also_where_images_were_edited(
     assert same_nodes(before, after)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("edits_again", [False, True])
+@pytest.mark.parametrize("between", ["nothing", "an edit", "an edit taken back"])
 def test_what_a_recording_took_back_of_the_one_before_stays_taken_back(
-    tmp_path: Path, edits_again: bool
+    tmp_path: Path, between: str
 ) -> None:
     chance, storage = random.Random(1), Storage(tmp_path)
     robot = RecordedBench(storage.episodes, "default-8")
     history = robot.loop.history
     drive_and_edit_an_image(robot, range(40), chance)
     robot.stand(12)
+    if between == "an edit taken back":
+        drive_and_edit_an_image(robot, range(40, 60), chance)
+        robot.loop.submit(history.undo_edit)
     robot.loop.submit(history.undo_edit)
-    if edits_again:
+    if between == "an edit":
         drive_and_edit_an_image(robot, range(40, 60), chance)
     else:
-        robot.drive(range(40, 60))
+        robot.drive(range(60, 80))
     first, second = [path.stem for path in robot.finish()]
     store = EpisodeStore(storage)
     before, left_out = learned(store, first, second)
@@ -92,9 +95,13 @@ def test_each_part_of_a_split_lasts_as_long_as_its_pictures(tmp_path: Path, shar
     robot = RecordedBench(storage.episodes, "default-8")
     robot.drive(range(60))
     robot.stand(12)
+    robot.start(Mode.AUTONOMOUS, 100)
+    for scene in range(100, 240):
+        robot.step(scene, None)
     robot.loop.submit(lambda: robot.loop.history.undo(0.2))  # of the recording before
-    robot.drive(range(100, 240))
-    name = robot.finish()[-1].stem
+    robot.tick()
+    robot.stop()
+    name = robot.finish()[1].stem
     store = EpisodeStore(storage)
     ids = list(store.open(name).frames)
     second = store.split(name, ids[int(share * len(ids))])
