@@ -63,8 +63,7 @@ def find_drives(path: Path) -> list[Source]:
 def _within(folder: Path, depth: int) -> list[Source]:
     if is_dataset(folder):
         dataset = LerobotDataset(folder)
-        numbers = dataset.episodes()
-        return [Source(f"{folder.name} {n}", partial(dataset.read, n)) for n in numbers]
+        return [Source(f"{folder.name} {n}", partial(dataset.read, n)) for n in dataset.episodes()]
     if is_tub(folder):
         return [Source(folder.name, partial(read_tub, folder))]
     if any(folder.glob("*.csv")):

@@ -115,15 +115,17 @@ def test_moves_come_back_from_their_angles(action: Action) -> None:
     ("table", "labels"),
     [
         ("file,label\na.jpg,left\nb.jpg,\n", [Action.LEFT, None]),
+        ("file,label\r\n.\\a.jpg,left\r\nin\\b.jpg,\r\n", [Action.LEFT, None]),
         ("image,angle,throttle\na.jpg,-0.5,0.4\nb.jpg,0.1,0.4\n", [Action.LEFT, Action.FORWARD]),
         ("\ufeffPath, Steering ,t\na.jpg,0.9,10.0\nb.jpg,0,10.5\n", [Action.RIGHT, Action.FORWARD]),
     ],
 )
 def test_a_folder_with_a_table(tmp_path: Path, table: str, labels: list[Action | None]) -> None:
     folder = tmp_path / "folder"
-    folder.mkdir()
     for number, name in enumerate(("a.jpg", "b.jpg")):
-        (folder / name).write_bytes(jpeg(number))
+        for place in (folder, folder / "in"):
+            place.mkdir(exist_ok=True)
+            (place / name).write_bytes(jpeg(number))
     (folder / "table.csv").write_text(table, encoding="utf-8")
     assert imported(folder, tmp_path) == labels
 

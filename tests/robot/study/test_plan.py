@@ -39,6 +39,11 @@ def test_a_condition_has_its_own_times_and_the_last_questions_come_at_the_end() 
     assert last - first == {"remark"}
 
 
+def test_a_plan_that_was_written_on_windows_is_a_plan() -> None:
+    text = SMALL_PLAN.replace("\n", "\r\n")
+    assert parse_plan(f"\ufeff{text}") == parse_plan(SMALL_PLAN)
+
+
 FAULTS = [
     (
         'kind = "teach"',

@@ -33,6 +33,53 @@ def say(words: str, capsys: pytest.CaptureFixture[str], status: int = 0) -> str:
     return captured.out if status == 0 else captured.err
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("episodes compact last", "episodes title last x", "learn last --out m"),
+        *("episodes export last --as folder", "episodes import OUT/mine --name again"),
+    ],
+)
+def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
+    episode_id: str,
+    data: Path,
+    tmp_path: Path,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    say(f"episodes export last --as folder --out {tmp_path}/mine", capsys)
+    before = {path: path.read_bytes() for path in data.rglob("*.*") if path.is_file()}
+
+    def refuse(self: object, *_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    for name in ("robot.store.folder.os.fsync", "pathlib.Path.write_bytes"):
+        monkeypatch.setattr(name, refuse)
+    told = say(words.replace("OUT", str(tmp_path)), capsys, status=1)
+    assert told.splitlines()[-1].endswith("No space left on device")
+    assert "Traceback" not in told
+    assert {path: path.read_bytes() for path in data.rglob("*.*") if path.is_file()} == before
+
+
+def test_models_among_recordings_are_named_and_hold_up_nothing(
+    episode_id: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "drives"
+    folder.mkdir()
+    say(f"episodes export last --as npz --out {folder}/b.npz", capsys)
+    say(f"learn last --out {folder}/a-model.npz", capsys)
+    (folder / "c.npz").write_bytes(b"no archive")
+    told = say(f"episodes import {folder}", capsys)
+    assert "b: 60 pictures from b.npz (npz)" in told and "skipped: 2" in told
+    for name, why in (("a-model.npz", "jpeg"), ("c.npz", "cannot be read")):
+        line = next(line for line in told.splitlines() if name in line)
+        assert why in line
+    say(f"episodes import {folder} --strict", capsys, status=1)
+    (folder / "b.npz").unlink()
+    assert "no drive to use" in say(f"episodes import {folder}", capsys, status=1)
+
+
 def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert episode_id in say("episodes list", capsys)
     shown = say("episodes show last", capsys)

@@ -8,7 +8,8 @@ import sys
 import pytest
 
 from robot import __version__
-from server.cli.main import commands, main
+from robot.errors import DriveError
+from server.cli.main import commands, load_command, main
 
 WRONG = [
     (["serv"], "unknown command 'serv' (did you mean 'serve'?)"),
@@ -42,6 +43,29 @@ def test_a_wrong_call_is_told_what_would_be_right(
     assert status in (1, 2)
     assert sentence in said
     assert not [name for name in INTERNAL if name in said]
+
+
+FAULTS = [
+    (OSError(28, "No space left on device"), "No space left on device"),
+    (OSError(28, "No space left on device", "a.mcap"), "No space left on device: 'a.mcap'"),
+    (PermissionError(13, "Permission denied", "b", None, "c"), "Permission denied: 'b' -> 'c'"),
+    (TimeoutError("it took too long"), "it took too long"),
+    (DriveError("the motor is gone"), "the motor is gone"),
+]
+
+
+@pytest.mark.parametrize(("fault", "said"), FAULTS, ids=lambda value: str(value)[:30])
+def test_an_error_of_the_system_is_told_in_a_line_with_its_file(
+    fault: OSError, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(args: object) -> int:
+        raise fault
+
+    monkeypatch.setattr(load_command("completion"), "run", fail)
+    assert main(["completion", "bash"]) == 1
+    told = capsys.readouterr().err
+    assert told.startswith("drivelesson: ") and told.endswith(f"{said}\n")
+    assert told.count("\n") == 1
 
 
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
+import subprocess
+import sys
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -36,6 +39,34 @@ def test_flags_go_before_environment_before_file(tmp_path: Path) -> None:
     assert (args.port, args.hostname, args.lan, args.jpeg_quality) == (8003, "hall", True, 70)
     assert _parse(file, {"DRIVELESSON_LAN": "no"}).lan is False
     assert _parse(file, {}).port == 8001
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+@pytest.mark.parametrize("name", ["Müller", "李", "kitchen", "\ufeff"])
+def test_a_file_is_utf_8_whatever_the_system_writes(
+    tmp_path: Path, encoding: str, end: str, name: str
+) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_bytes(f'name = "{name}"{end}port = 8001{end}'.encode(encoding))
+    assert read_settings(file, {}).flags == {"name": name, "port": 8001}
+    # Python's own encoding is another on Windows; here a C locale without UTF-8 mode stands for it.
+    program = f"""
+from pathlib import Path
+from server.cli.settings import read_settings
+print(ascii(read_settings(Path({str(file)!r}), {{}}).flags["name"]))
+"""
+    words = [sys.executable, "-X", "utf8=0", "-c", program]
+    environ = {**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
+    done = subprocess.run(words, env=environ, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ascii(name)
+
+
+def test_a_file_in_another_encoding_is_refused_by_its_name(tmp_path: Path) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_bytes('name = "Müller"'.encode("cp1252"))
+    with pytest.raises(ConfigurationError, match=r"robot.toml is not valid TOML: 'utf-8'.*0xfc"):
+        read_settings(file, {})
 
 
 @pytest.mark.parametrize(

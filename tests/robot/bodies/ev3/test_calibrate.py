@@ -19,6 +19,7 @@ from robot.types import Action
 from server.__main__ import main
 from server.bodies import calibrate
 from server.bodies.calibrate import correction, keep
+from server.cli.settings import read_settings
 
 
 def test_what_cannot_be_is_refused() -> None:
@@ -51,6 +52,17 @@ def test_the_file_keeps_all_else(tmp_path: Path) -> None:
         "# für mich\ntrack_m = 0.12\nport = 8001\nwheel_diameter_m = 0.055\n\n"
         "[gate]\npilot_silent_s = 0.3\n"
     )
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_a_file_of_any_letters_keeps_them(tmp_path: Path, encoding: str) -> None:
+    file = tmp_path / "drivelesson.toml"
+    file.write_bytes('name = "Müller 李"\n'.encode(encoding))
+    keep(file, {"track_m": 0.12})
+    assert read_settings(file, {}).flags == {"name": "Müller 李", "track_m": 0.12}
+    file.write_bytes("name = 'Müller'\n".encode("cp1252"))
+    with pytest.raises(ConfigurationError, match=r"cannot write .*drivelesson.toml: .*utf-8"):
+        keep(file, {"track_m": 0.12})
 
 
 @pytest.fixture

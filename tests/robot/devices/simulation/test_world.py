@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from robot.devices.simulation import world
 from robot.devices.simulation.world import load_world, tinted, world_names
 from robot.errors import ConfigurationError
 
@@ -21,6 +22,13 @@ def test_the_worlds_of_the_paper_are_there() -> None:
 def test_an_unknown_world_names_those_that_exist() -> None:
     with pytest.raises(ConfigurationError, match=r"unknown world 'moon'.*box.*office"):
         load_world("moon")
+
+
+def test_a_world_that_was_written_on_windows_is_a_world(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    text = (Path(world.__file__).parent / "worlds" / "box.toml").read_text("utf-8")
+    path.write_text(text, encoding="utf-8-sig", newline="\r\n")
+    assert load_world(str(path)).start == load_world("box").start
 
 
 @pytest.mark.parametrize(

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from robot.driver import Move, names
 from robot.errors import ConfigurationError
+from robot.policy.autosize import sample_frames
 from robot.policy.gallery import images
-from robot.policy.history import Taught
+from robot.policy.history import HistoryEvent, Taught, TrainingHistory
+from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.episodes.edits import Edit, Notes, trim
 from robot.store.episodes.episode import Episode, open_episode
+from robot.store.episodes.messages import Topic
 from robot.store.episodes.teaching import learn_again, plan
+from robot.store.episodes.writer import EpisodeWriter, describe_run
+from robot.store.models.events import describe_event
 from robot.store.models.model import Model, same_nodes
 from robot.types import Action, Example, Mode, Point
 
@@ -92,6 +99,60 @@ def test_several_recordings_of_one_run_with_an_undo_across_them(
     going_on = before.to_policy()
     learn_again(going_on, episodes[-1:])
     assert same_nodes(going_on.get_state(), live)
+
+
+OWN = tuple(
+    Move(Action(name), steering=steering, throttle=0.5)
+    for name, steering in (("ahead", 0.0), ("port", -0.8), ("starboard", 0.8))
+)
+
+
+def record_own_moves(path: Path, learner: str, declared: tuple[Move, ...]) -> tuple[Policy, Path]:
+    """Teach a body its own moves, by degrees now and then; return what came of it."""
+    policy, told = make_policy(learner, names(OWN)), list[HistoryEvent]()
+    history = TrainingHistory(policy, told.append, OWN)
+    run = describe_run(
+        episode_id=path.stem,
+        run_id="r",
+        origin_ns=0,
+        learner=learner,
+        moves=names(OWN),
+        declared_moves=declared,
+    )
+    with path.open("xb") as file:
+        writer = EpisodeWriter(file, run)
+        for index, frame in enumerate(sample_frames(90)):
+            seen, move = replace(frame, captured_s=index / 10), OWN[index // 12 % 3]
+            point = move.point if index // 12 % 2 else None
+            example = Example(
+                frame_id=seen.frame_id, label=move.name, is_intervention=False, point=point
+            )
+            writer.write_frame(seen)
+            history.teach(example, policy.extract(seen), seen.captured_s)
+            told_last = describe_event(told[-1], with_vector=False)
+            writer.write_message(Topic.LESSON, seen.captured_s, told_last)
+        writer.close({"dropped_frames": "0", "lost_words": "0"})
+    return policy, path
+
+
+@pytest.mark.parametrize("learner", ["default-8", "default-32"])
+def test_a_bodys_own_moves_are_learned_again_bit_for_bit(tmp_path: Path, learner: str) -> None:
+    driven, path = record_own_moves(tmp_path / "a.mcap", learner, OWN)
+    again = make_policy(learner, names(OWN))
+    learn_again(again, [(open_episode(path), Notes())])
+    assert same_nodes(again.get_state(), driven.get_state())
+    assert (again.kinds.turns, again.kinds.points) == (driven.kinds.turns, driven.kinds.points)
+    assert set(again.kinds.turns.values()) == {-1, 1}
+
+
+def test_a_recording_that_declares_no_moves_takes_none_from_who_goes_on(tmp_path: Path) -> None:
+    """One of 0.1, or of another program."""
+    _, path = record_own_moves(tmp_path / "a.mcap", "default-8", ())
+    going_on = make_policy("default-8", names(OWN))
+    going_on.kinds.describe(OWN)
+    turns = dict(going_on.kinds.turns)
+    learn_again(going_on, [(open_episode(path), Notes())])
+    assert going_on.kinds.turns == turns == {"port": -1, "starboard": 1}
 
 
 def test_another_learner_learns_the_same_lessons(tmp_path: Path) -> None:

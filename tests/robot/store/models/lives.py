@@ -14,10 +14,12 @@ from typing import Any, BinaryIO, ClassVar
 
 import numpy as np
 
+from robot.driver import Move, names
 from robot.errors import RecordingError
 from robot.learner.base import State
 from robot.policy.gallery import images
 from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.store.models import journal as journal_module
 from robot.store.models.autosave import Autosave
@@ -82,8 +84,11 @@ class Life(BenchRobot):
         learner: str = "published-4",
         *,
         writes: bool = True,
+        declared: tuple[Move, ...] = (),
     ) -> None:
-        super().__init__(learner)
+        super().__init__(make_policy(learner, names(declared)) if declared else learner)
+        self.loop.history.declared = declared
+        self.policy.kinds.describe(declared)
         self._dim = 1200 if learner.startswith("published") else 1584
         Life.all.append(self)
         self.rng, self.disk = rng, Disk()
@@ -96,6 +101,7 @@ class Life(BenchRobot):
             self.store,
             self.journal,
             announce=lambda name, **fields: self.told.append(name),
+            moves=self.policy.moves,
         )
         queue = self.loop.submit
 
@@ -105,7 +111,7 @@ class Life(BenchRobot):
             return future
 
         self.loop.submit = submit  # type: ignore[method-assign]
-        recovered = recover(storage.journal, self.store)
+        recovered = recover(storage.journal, self.store, declared)
         self.recovered = recovered is not None
         self.journal.open_boot(newest_boot(self.store))
         self.loop.subscribe(self.autosave.note)
@@ -140,7 +146,7 @@ class Life(BenchRobot):
             self.frame += 1
             x = np.random.default_rng(self.rng.getrandbits(32)).integers(0, 256, self._dim)
             x = x.astype(np.uint8)
-            label = self.rng.choice(MOVES)
+            label = self.rng.choice(self.policy.moves)
             point = Point(math.sin(self.frame), 0.5) if self.frame % 3 == 0 else None
             example = Example(frame_id=self.frame, label=label, is_intervention=False, point=point)
             self.clock.advance(0.2)

@@ -11,9 +11,11 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from robot.clock import RealClock
+from robot.driver import Move
 from robot.policy.gallery import images
 from robot.store.disk import DiskThread
 from robot.store.folder import Storage
@@ -21,6 +23,7 @@ from robot.store.models.journal import list_parts
 from robot.store.models.replay import recover
 from robot.store.models.store import ModelStore
 from robot.store.records import RecordWriter, frame_record, read_records
+from robot.types import Action
 from tests.learners import installed
 
 from .lives import Life, same
@@ -117,6 +120,26 @@ def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: 
         life.policy.reset()  # a start begins a drive
         expected = life.state()
         life.die()
+
+
+@pytest.mark.parametrize("saves", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_body_with_moves_of_its_own_comes_back_as_it_was(
+    tmp_path: Path, seed: int, saves: bool
+) -> None:
+    rng = random.Random(seed)
+    steered = {f"steer_{i}": rng.choice((-0.8, -0.2, 0.0, 0.2, 0.8)) for i in range(4)}
+    own = tuple(Move(Action(n), steering=s, throttle=0.5) for n, s in steered.items())
+    life = Life(tmp_path, [0.0], rng, "default-6", declared=own)
+    for op in ("teach", "write", *(("save",) if saves else ()), *("teach",) * 15, "write"):
+        getattr(life, op)()
+    life.policy.reset()
+    life.die()
+    after = Life(tmp_path, [0.0], rng, "default-6", declared=own)
+    assert after.recovered and same(after.state(), life.state())
+    states = (after.state(), life.state())
+    assert all(np.array_equal(states[0].arrays[k], states[1].arrays[k]) for k in states[0].arrays)
+    assert after.policy.kinds.points == life.policy.kinds.points
 
 
 @pytest.mark.parametrize("learner", ["published-4", "default-6"])
