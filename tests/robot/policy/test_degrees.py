@@ -22,10 +22,11 @@ from robot.policy.recognition import BAND
 from robot.policy.registry import make_policy
 from robot.store.models.events import describe_event, read_event
 from robot.types import Action, Encoding, Example, Frame, Mode, Point
+from tests.learners import installed
 from tests.robot.bench_robot import BenchRobot
 from tests.robot.policy.test_history import same
 
-LEARNERS = ("default-8", "published-8", "integer-8")
+LEARNERS = installed("default-8", "published-8", "integer-8")
 OF_POINTS = {"degrees_sums", "node_angles", "angles"}
 """Arrays that a model has only if something was taught by degrees."""
 

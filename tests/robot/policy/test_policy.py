@@ -104,7 +104,7 @@ def test_refuses_a_label_that_is_no_move():
     assert policy.n_seen == 0
 
 
-@pytest.mark.parametrize("kind", ["default-8", "without-linear-8"])
+@pytest.mark.parametrize("kind", installed("default-8", "without-linear-8"))
 def test_confidence_falls_with_novelty_towards_a_guess(kind):
     policy = make_policy(kind)
     rng = np.random.default_rng(0)
