@@ -71,10 +71,8 @@ def endpoint(address: str, port: int) -> str:
 
 def read_class_key(file: Path) -> ClassKey:
     """Read a key; ConfigurationError if there is none, or it is no key."""
-    do = "copy it from the teacher's machine"
-    with told_as(
-        ConfigurationError, f"cannot read the class key {file}", OSError, ValueError, do=do
-    ):
+    wrong, do = f"cannot read the class key {file}", "copy it from the teacher's machine"
+    with told_as(ConfigurationError, wrong, OSError, ValueError, do=do):
         text = read_regular(file, 4096).decode("ascii").strip()
     return ClassKey(text)
 

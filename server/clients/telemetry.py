@@ -96,5 +96,4 @@ def _rounded(value: Any) -> Any:
         return value
     if not isinstance(value, float) and isinstance(value, Mapping):
         return {key: _rounded(part) for key, part in value.items()}
-    number = float(value)
-    return round(number, 4) if math.isfinite(number) else None  # JSON has no infinity
+    return round(float(value), 4) if math.isfinite(value) else None  # JSON has no infinity

@@ -62,11 +62,8 @@ class RosBridge(KeptConnection):
         self._socket: Any = None
         self._heard_s = clock.now_s()
         self._ends: dict[str, asyncio.TimerHandle] = {}
-        with told_as(
-            DriveError,
-            f"no rosbridge can be reached at {host}:{port}",
-            do="is it running? ros2 launch rosbridge_server rosbridge_websocket_launch.xml",
-        ):
+        do = "is it running? ros2 launch rosbridge_server rosbridge_websocket_launch.xml"
+        with told_as(DriveError, f"no rosbridge can be reached at {host}:{port}", do=do):
             super().__init__("rosbridge", clock)
 
     @property
