@@ -318,8 +318,8 @@ def test_a_viewer_can_change_nothing_but_its_own_pairing(lan: VirtualServer) -> 
             answer = httpx.request(method, lan.address + path, headers=viewer)
             if answer.status_code != 403:
                 allowed.add(path)
-    assert len(described) > 50
-    assert allowed == {"/api/stop", "/api/pair", "/api/unpair"} | CLASS_PATHS
+    assert len(described) > 30, "houses bring some of them"
+    assert allowed == {"/api/stop", "/api/pair", "/api/unpair"} | (CLASS_PATHS & described.keys())
 
 
 CLASS_PATHS = {"/api/class/hello", "/api/class/join"}
