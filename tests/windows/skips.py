@@ -34,7 +34,7 @@ SKIPPED = {
         ],
         NO_EXTRA.format("export"),
     ),
-    "server/cli/test_episodes_command.py::test_films_and_datasets": NO_EXTRA.format("export"),
+    "server/exchange/test_in_and_out.py::test_films_and_datasets": NO_EXTRA.format("export"),
     "server/cli/test_main.py::test_bash_completes": "there is no bash",
     **dict.fromkeys([f"{ITSELF}[{kind}" for kind in ("dangling", "loop")], LINKS),
     "server/test_strangers.py::test_a_flood": KERNEL + "a limit of descriptors",

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from server.board.discovery import read_list
+from tests.server.cli.typed import say
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
@@ -24,3 +25,8 @@ def test_a_list_of_robots_is_read_whatever_editor_wrote_it(
     )
     file.write_bytes((end.join(lines) + end).encode(encoding))
     assert read_list(str(file)) == read_list("kitchen.local:8000,10.0.0.7:8001")
+
+
+def test_a_list_that_is_not_there_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
+    told = say("board --robots /nowhere/robots.txt", capsys, status=1)
+    assert "robots.txt: No such file" in told.splitlines()[-1]

@@ -1,0 +1,146 @@
+"""`drivelesson episodes export` and `import`, as a user types them."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from robot.store.episodes.episode import Episode
+from robot.store.episodes.store import EpisodeStore
+from robot.store.folder import Storage
+from robot.store.models.store import ModelStore
+from robot.types import Frame
+from server.__main__ import main
+from tests.robot.store.episodes.drives import record_drive
+from tests.server.cli.typed import assert_refused_by_a_full_disk, say
+
+
+@pytest.fixture
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path / "data"))
+    return tmp_path / "data"
+
+
+@pytest.fixture
+def episode_id(data: Path) -> str:
+    return record_drive(Storage(data).episodes, "default-8").id
+
+
+@pytest.mark.parametrize(
+    "words", ["episodes export last --as folder", "episodes import OUT/mine --name again"]
+)
+def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
+    episode_id: str,
+    data: Path,
+    tmp_path: Path,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    say(f"episodes export last --as folder --out {tmp_path}/mine", capsys)
+    assert_refused_by_a_full_disk(words.replace("OUT", str(tmp_path)), data, monkeypatch, capsys)
+
+
+def test_models_among_recordings_are_named_and_hold_up_nothing(
+    episode_id: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "drives"
+    folder.mkdir()
+    say(f"episodes export last --as npz --out {folder}/b.npz", capsys)
+    say(f"learn last --out {folder}/a-model.npz", capsys)
+    (folder / "c.npz").write_bytes(b"no archive")
+    told = say(f"episodes import {folder}", capsys)
+    assert "b: 60 pictures from b.npz (npz)" in told and "skipped: 2" in told
+    for name, why in (("a-model.npz", "jpeg"), ("c.npz", "cannot be read")):
+        line = next(line for line in told.splitlines() if name in line)
+        assert why in line
+    say(f"episodes import {folder} --strict", capsys, status=1)
+    (folder / "b.npz").unlink()
+    assert "no drive to use" in say(f"episodes import {folder}", capsys, status=1)
+
+
+@pytest.mark.parametrize("form", ["tub", "folder", "npz"])
+def test_out_and_in_again(
+    episode_id: str, data: Path, form: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = data / f"exports/drive.{form}"
+    say(f"episodes export last --as {form} --out {out}", capsys)
+    say(f"episodes import {out} --name back", capsys)
+    say("learn back --learner default --max-nodes 8 --out back", capsys)
+    assert ModelStore(Storage(data)).load("back").summary.n_examples == 60
+
+
+@pytest.mark.parametrize("form", ["tub", "film", "npz"])
+def test_an_export_that_ends_in_an_error_is_not_there(
+    episode_id: str, data: Path, form: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if form == "film":
+        pytest.importorskip("av", reason="NOT TESTED: PyAV is not installed (the extra export)")
+    seen: list[int] = []
+
+    def read_some(episode: Episode, frame_id: int) -> Frame:
+        seen.append(frame_id)
+        if len(seen) == 9:
+            raise OSError("the disk is full")
+        return read(episode, frame_id)
+
+    read = Episode.frame
+    monkeypatch.setattr(Episode, "frame", read_some)
+    assert main(f"episodes export last --as {form}".split()) == 1
+    assert len(seen) == 9 and not any((data / "exports").iterdir())
+
+
+def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
+    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("one!", "two"):
+        say(f"episodes export last --as folder --out {tmp_path}/drives/{name}", capsys)
+        say(f"episodes export last --as tub --out {tmp_path}/drives/tub-{name}", capsys)
+    next((tmp_path / "drives/two/images").iterdir()).write_bytes(b"")
+    archive = shutil.make_archive(str(tmp_path / "all"), "zip", tmp_path / "drives")
+    assert "is not a picture" in say(f"episodes import {archive} --strict", capsys, status=1)
+    assert EpisodeStore(Storage(data)).ids() == [episode_id]
+    assert not any(path.is_dir() for path in (data / "episodes").iterdir())
+    told = say(f"episodes import {archive}", capsys)
+    assert "60 pictures from two" in told and "skipped: 1" in told
+    assert set(EpisodeStore(Storage(data)).ids()) == {
+        episode_id,
+        "one",
+        "two",
+        "tub-one",
+        "tub-two",
+    }
+
+
+def test_an_import_without_times_is_not_the_last_recording(
+    episode_id: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say(f"episodes export last --as folder --out {tmp_path}/out", capsys)
+    say(f"episodes import {tmp_path}/out --name zzz", capsys)
+    assert say("episodes show last", capsys) == say(f"episodes show {episode_id}", capsys)
+    assert "unknown" in say("episodes list", capsys)
+
+
+def test_films_and_datasets_go_to_the_exports(
+    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say("episodes export last --as film", capsys)
+    say("episodes export last --as lerobot --fps 10", capsys)
+    names = sorted(path.name for path in (data / "exports").iterdir())
+    assert names == [f"{episode_id}-film.mp4", f"{episode_id}-lerobot"]
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("episodes export last --as tub --out /proc/x", "cannot write"),
+        ("episodes import /nowhere", "nowhere does not exist"),
+        ("episodes import /nowhere --threshold 7", "--threshold"),
+    ],
+)
+def test_what_cannot_be_done_is_one_clear_line(
+    episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert complaint in say(words, capsys, status=1).splitlines()[-1]
