@@ -31,17 +31,11 @@ import os
 for name in ("uname", "O_NONBLOCK", "O_NOFOLLOW", "O_DIRECTORY", "getuid", "fork"):
     vars(os).pop(name, None)
 from robot.devices.plugins import CAMERAS, DRIVERS, load_camera, load_driver
-from robot.errors import CameraError, MissingExtraError
 from server.cli.main import main
 from tests.own_plugins import own_plugins
 for load, group in ((load_driver, DRIVERS), (load_camera, CAMERAS)):
     for name in own_plugins(group):
         load(name)
-from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
-try:
-    describe_camera("/dev/video0")
-except CaptureError as error:
-    assert "--camera opencv" in str(error)
 assert main(["completion", "bash"]) == 0
 """
 

@@ -1,0 +1,24 @@
+"""The camera of Linux where there is no Linux: it says what to take instead."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+_WITHOUT_LINUX = """
+import sys, numpy  # it asks for what is gone below
+sys.modules["fcntl"] = None
+import os
+vars(os).pop("O_NONBLOCK", None)
+from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
+try:
+    describe_camera("/dev/video0")
+except CaptureError as error:
+    print(error)
+"""
+
+
+def test_where_linux_is_not_another_camera_is_named() -> None:
+    words = [sys.executable, "-c", _WITHOUT_LINUX]
+    done = subprocess.run(words, capture_output=True, text=True, encoding="utf-8", check=True)
+    assert "--camera opencv" in done.stdout
