@@ -206,7 +206,7 @@ def _read(table: str, space: Any) -> dict[Action, Any]:
     for part in filter(None, (part.strip() for part in table.split(";"))):
         name, _, numbers = part.partition("=")
         bad = f"--env-moves: {part!r}"
-        with told_as(ConfigurationError, f"{bad} is not read", ValueError, OverflowError, do=_HELP):
+        with told_as(ConfigurationError, f"{bad} is unclear", ValueError, OverflowError, do=_HELP):
             move = Action(name.strip())
             values = [float(number) for number in numbers.split(",")]
             action: Any = np.asarray(values, dtype=space.dtype)
