@@ -79,17 +79,24 @@ def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World)
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
 
-    def lean_left() -> None:
-        tilt(40, 0)
-        fingers.press(".move.tilt")
-        page.wait_for_timeout(300)
-        assert world.action is Action.STOP, "upright is as it was when the thumb went down"
-        tilt(40, -30)
+    def lean_to(beta: float, gamma: float) -> None:
+        if fingers.are_lifted:
+            tilt(40, 0)
+            fingers.press(".move.tilt")
+            page.wait_for_timeout(300)
+            assert world.action is Action.STOP, "upright is as it was when the thumb went down"
+        tilt(beta, gamma)
 
-    press_until(page, world, lean_left, fingers.lift, turning(world))
-    assert world.action is Action.LEFT
-    tilt(10, 0)
-    wait_for(lambda: world.action is Action.FORWARD, "leaning away drives on")
+    turned = turning(world)
+
+    def turns_left() -> bool:
+        return turned() and world.action is Action.LEFT
+
+    press_until(page, world, lambda: lean_to(40, -30), fingers.lift, turns_left)
+    # Leaning away drives on, under the same thumb.
+    press_until(
+        page, world, lambda: lean_to(10, 0), fingers.lift, lambda: world.action is Action.FORWARD
+    )
     fingers.lift()
     wait_until_standing(world)
     context.close()

@@ -280,7 +280,7 @@ def test_every_screen_of_a_study_is_whole_and_open_to_everyone(
     post(world, "/api/session", study="elsewhere", participant="P09")
     page.evaluate("location.hash = 'study'")
     page.locator("study-screen .primary").click()
-    page.get_by_role("alert").filter(has_text="--world office").wait_for()
+    page.get_by_role("alert").filter(has_text="under Settings, Place").wait_for()
     assert httpx.get(f"{world.address}/api/models").json()["models"] == []
     httpx.delete(f"{world.address}/api/session")
     post(world, "/api/session", study="walk", participant="P01")
