@@ -64,6 +64,9 @@ def whole_chromium() -> Iterator[Any]:
         yield browser
 
 
+_KNOWS_UPRIGHT = "document.querySelector('drive-pad').tilt.zero !== null"
+
+
 def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World) -> None:
     context = whole_chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     context.add_init_script(remember(hintsShown=["teach", "bars", "correct"], tilt=True))
@@ -83,6 +86,7 @@ def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World)
         if fingers.are_lifted:
             tilt(40, 0)
             fingers.press(".move.tilt")
+            wait_for(lambda: page.evaluate(_KNOWS_UPRIGHT), "the page knows what is upright")
             page.wait_for_timeout(300)
             assert world.action is Action.STOP, "upright is as it was when the thumb went down"
         tilt(beta, gamma)
