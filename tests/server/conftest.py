@@ -1,8 +1,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
+
+from robot.store.folder import Storage
+from tests.robot.store.episodes.drives import record_drive
 
 from .virtual_server import VirtualServer
 
@@ -11,3 +15,16 @@ from .virtual_server import VirtualServer
 def server() -> Iterator[VirtualServer]:
     with VirtualServer() as running:
         yield running
+
+
+@pytest.fixture
+def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder that commands take by default."""
+    monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path / "data"))
+    return tmp_path / "data"
+
+
+@pytest.fixture
+def episode_id(data: Path) -> str:
+    """A drive that is recorded in it."""
+    return record_drive(Storage(data).episodes, "default-8").id

@@ -9,20 +9,8 @@ import pytest
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
-from tests.robot.store.episodes.drives import record_drive
 
 from .typed import assert_refused_by_a_full_disk, say
-
-
-@pytest.fixture
-def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path / "data"))
-    return tmp_path / "data"
-
-
-@pytest.fixture
-def episode_id(data: Path) -> str:
-    return record_drive(Storage(data).episodes, "default-8").id
 
 
 @pytest.mark.parametrize(

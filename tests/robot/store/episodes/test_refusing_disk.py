@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 from pathlib import Path
-from typing import Any, BinaryIO
 
 import pytest
 
@@ -13,30 +12,9 @@ from robot.store.episodes.episode import open_episode, taught_frames
 from robot.store.episodes.teaching import learn_again
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
+from tests.robot.store.models.lives import Disk
 
 from .drives import RecordedBench
-
-
-class Disk:
-    """A disk that can be full."""
-
-    is_full = False
-
-    def open(self, path: Path) -> BinaryIO:
-        return _File(path.open("xb"), self)  # type: ignore[return-value]
-
-
-class _File:
-    def __init__(self, file: BinaryIO, disk: Disk) -> None:
-        self._file, self._disk = file, disk
-
-    def write(self, data: Any) -> int:
-        if self._disk.is_full:
-            raise OSError(28, "No space left on device")
-        return self._file.write(data)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._file, name)
 
 
 @pytest.mark.parametrize("stood_s", [0.0, 0.5, 5.0, 9.5, 12.0])
