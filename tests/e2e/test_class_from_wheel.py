@@ -129,5 +129,5 @@ def test_ten_pupils_of_a_class_from_the_wheel(delivered: Path, tmp_path: Path) -
         stood_s, knew_s = stop_all(board, pupils)
         print(f"STOP ALL: {ROBOTS} robots stood after {1000 * stood_s:.0f} ms,", end=" ")
         print(f"their pupils knew after {1000 * knew_s:.0f} ms")
-        assert all(robot["emergency"] for robot in robots_of(board))
+        wait_for(lambda: all(one["emergency"] for one in robots_of(board)), "the board knows")
     assert running(tmp_path) == [], "Ctrl-C leaves no process"
