@@ -15,23 +15,28 @@ class Lease:
     """
 
     def __init__(self) -> None:
-        self.owner: str | None = None
-        self._asked: dict[str, None] = {}  # in their order
+        self._line: list[str] = []  # who has it, and behind it who has asked, in their order
         self._renewed_s = -math.inf
+
+    @property
+    def owner(self) -> str | None:
+        return self._line[0] if self._line else None
 
     def join(self, client: str, now_s: float) -> bool:
         """Give the wheel to a client that may drive, if it is free; True if it was."""
-        is_next = client == next(iter(self._asked), client)
-        if self.owner is None or (is_next and self._has_lapsed(now_s)):
-            self._give(client, now_s)
-            return True
-        return False
+        is_next = self._line[1:2] in ([], [client])
+        if self._line and not (is_next and self._has_lapsed(now_s)):
+            return False
+        self._line[:2] = [client]
+        self.renew(now_s)
+        return True
 
     def take(self, client: str, now_s: float) -> bool:
         """Ask for the wheel; True if the client has it now, False if it waits for it."""
         if self.owner == client or self.join(client, now_s):
             return True
-        self._asked[client] = None
+        if client not in self._line:
+            self._line.append(client)
         return False
 
     def renew(self, now_s: float) -> None:
@@ -39,25 +44,18 @@ class Lease:
 
     def give_up(self, client: str, now_s: float) -> bool:
         """`client` yields or has disconnected; True if it was the owner. Who waits is next."""
-        self._asked.pop(client, None)
-        if self.owner != client:
-            return False
-        self.owner = None
-        if self._asked:
-            self._give(next(iter(self._asked)), now_s)
-        return True
+        was_owner = self.owner == client
+        if client in self._line:
+            self._line.remove(client)
+        if was_owner:
+            self.renew(now_s)
+        return was_owner
 
     def pass_on_if_lapsed(self, now_s: float) -> bool:
         """Give a lapsed wheel to the waiting client; True if the owner changed."""
-        if not self._asked or not self._has_lapsed(now_s):
+        if len(self._line) < 2 or not self._has_lapsed(now_s):
             return False
-        self._give(next(iter(self._asked)), now_s)
-        return True
+        return self.give_up(self._line[0], now_s)
 
     def _has_lapsed(self, now_s: float) -> bool:
         return now_s - self._renewed_s > LAPSE_S
-
-    def _give(self, client: str, now_s: float) -> None:
-        self.owner = client
-        self._renewed_s = now_s
-        self._asked.pop(client, None)
