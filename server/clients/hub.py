@@ -17,7 +17,7 @@ from concurrent.futures import Future
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.driver import describe, move_at
-from robot.types import Frame, Mode, PilotCommand
+from robot.types import Frame, Mode, PilotCommand, StopReason
 from server import protocol
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger, why_refused
@@ -314,9 +314,11 @@ class Hub:
         """Publish the newest tick: at most once per wake-up, the state before its picture."""
         self._is_tick_due = False
         since_s = self.clock.now_s() - self._sent_s
-        if since_s >= state_every_s(self.robot.loop.state) or self._urgent() != self._sent:
-            self.publish_state()
-        self._soon(self.show_newest)
+        try:
+            if since_s >= state_every_s(self.robot.loop.state) or self._urgent() != self._sent:
+                self.publish_state()
+        finally:
+            self._soon(self.show_newest)
 
     def show_newest(self) -> None:
         """Give the video the newest frame, which it does not get while nobody watches."""
@@ -328,8 +330,16 @@ class Hub:
         while True:
             due_s = self.clock.now_s() + STATE_EVERY_S
             await self.clock.pause(STATE_EVERY_S)
-            self.robot.loop.note_lateness(self.clock.now_s() - due_s)
-            if self.lease.pass_on_if_lapsed(self.clock.now_s()):
-                self._pilot_changed()
-            if self.clock.now_s() - self._sent_s >= STATE_EVERY_S:
-                self.publish_state()
+            try:
+                self._note_time(due_s)
+            except Exception:  # without a timer a silent pilot would keep the wheel for ever
+                self.robot.loop.trip(StopReason.LOOP_FAULT)
+                log.exception("the timer stopped the robot")
+
+    def _note_time(self, due_s: float) -> None:
+        now_s = self.clock.now_s()
+        self.robot.loop.note_lateness(now_s - due_s)
+        if self.lease.pass_on_if_lapsed(now_s):
+            self._pilot_changed()
+        if now_s - self._sent_s >= STATE_EVERY_S:
+            self.publish_state()

@@ -89,3 +89,34 @@ def test_who_asks_for_the_wheel_for_ever_does_not_flood_the_pilot_s_page() -> No
 
     told_s = virtually(scenario)
     assert 5 <= len(told_s) <= 15 and told_s[0] < 0.1 and told_s[-1] > 8.0, "but it is told again"
+
+
+@pytest.mark.parametrize("part", ["note_lateness", "pass_on_if_lapsed", "publish_state"])
+def test_a_fault_in_the_hub_s_timer_stops_the_robot_and_not_the_timer(
+    part: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scenario(world: ServedWorld) -> None:
+        pilot, other = await world.pilot(sees=True), await world.pilot(sees=True)
+        pilot.mode("train")
+        pilot.hold("forward")
+        await world.until(lambda: world.driver.now is Action.FORWARD)
+        owner = {"note_lateness": world.loop, "pass_on_if_lapsed": world.hub.lease}
+        with monkeypatch.context() as broken:
+            # `publish_state` fails for what calls it by name: a tick, or the timer without one.
+            broken.setattr(owner.get(part, world.hub), part, _fail)
+            if part == "publish_state":
+                world.camera.is_frozen = True
+            await world.until(world.stands)
+            await world.forward(1.0)
+        world.camera.is_frozen = False
+        assert "the timer stopped the robot" in caplog.text
+        assert world.loop.state.decision.stop_reason in ("loop_fault", "frame_stale")
+        pilot.is_silent = True
+        other.send(type="take")
+        await other.wait_for_state(you_are_pilot=True)
+
+    virtually(scenario)
+
+
+def _fail(*_: object) -> None:
+    raise RuntimeError("something unforeseen")
