@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import logging
+import sys
+import threading
 import time
 from collections import OrderedDict
-from logging.handlers import QueueHandler, QueueListener
+from logging.handlers import QueueHandler
 from queue import SimpleQueue
+from typing import Any, TextIO
 
 _MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
 """For how many kinds of line the rate is remembered."""
+_END_S = 1.0
+"""So long the end of the program waits for a terminal to take the last lines."""
 
 
 class OneLine(logging.Formatter):
@@ -56,14 +62,29 @@ class RepeatFilter(logging.Filter):
 def start_logging(*, verbose: bool) -> None:
     """Log to standard error, so that standard output is for the user.
 
-    A thread of its own writes: a terminal that is held (Ctrl+S), or a full pipe, holds no other.
+    A thread of its own writes: a terminal that is held (Ctrl+S), or a full pipe, holds no other,
+    and the end of the program only for a moment.
     """
-    handler = QueueHandler(SimpleQueue())
+    records: SimpleQueue[Any] = SimpleQueue()
+    handler = QueueHandler(records)
     handler.setFormatter(OneLine("%(asctime)sZ %(levelname)s %(name)s %(message)s"))
     handler.addFilter(RepeatFilter())
-    writer = QueueListener(handler.queue, logging.StreamHandler())
+    writer = threading.Thread(target=_write, args=[records, sys.stderr], daemon=True)
     writer.start()
-    atexit.register(writer.stop)
+
+    def end() -> None:
+        records.put(None)
+        writer.join(_END_S)
+        if writer.is_alive():
+            sys.stderr = None  # Python would wait for it
+
+    atexit.register(end)
     logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[handler])
     for noisy in ("asyncio", "zeroconf", "websockets", "uvicorn"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
+
+
+def _write(records: SimpleQueue[Any], out: TextIO) -> None:
+    while (record := records.get()) is not None:
+        with contextlib.suppress(OSError, ValueError):  # nobody reads it any more
+            print(record.msg, file=out, flush=True)

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import socket
 import ssl
+import subprocess
+import sys
 from pathlib import Path
 
 import httpx
@@ -24,6 +27,7 @@ def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> 
         running.process.send_signal(signal.SIGTERM)
         assert running.process.wait(60) == 0, "uvicorn alone waits for ever"
     _check_hanging_tls_holds_up_no_end(tmp_path / "tls")
+    _check_a_full_pipe_holds_up_no_end()
 
 
 def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
@@ -40,6 +44,20 @@ def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
         httpx.get(running.address + "/healthz", verify=False)
         running.process.send_signal(signal.SIGTERM)
         assert running.process.wait(60) == 0, "a line that nobody ends holds it up"
+
+
+def _check_a_full_pipe_holds_up_no_end() -> None:
+    """As a terminal that is held by Ctrl+S: nobody takes the lines of the log."""
+    said = "import logging, server.hosting.logs as logs; logs.start_logging(verbose=False); "
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writing, b"x" * 4096)
+    os.set_blocking(writing, True)
+    with os.fdopen(reading), os.fdopen(writing, "w") as full:
+        words = [sys.executable, "-c", said + "logging.warning('nobody reads this')"]
+        assert subprocess.run(words, stderr=full, timeout=60).returncode == 0
 
 
 def _connected(running: OwnProcess) -> socket.socket:

@@ -107,6 +107,24 @@ def test_nobody_but_the_logs_own_thread_waits_for_the_terminal(
     assert "two\\nlines" in lines[5]
 
 
+def test_a_terminal_that_is_held_holds_up_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal, released, at_exit = io.StringIO(), threading.Event(), []
+    monkeypatch.setattr(terminal, "write", lambda text: released.wait() and len(text))
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(logging.root, "handlers", [])
+    monkeypatch.setattr(logging.root, "level", logging.INFO)
+    monkeypatch.setattr("atexit.register", at_exit.append)
+    monkeypatch.setattr("server.hosting.logs._END_S", 0.01)
+    start_logging(verbose=False)
+    logging.getLogger("robot.control").warning("nobody reads this")
+    try:
+        for end in at_exit:
+            end()  # the test's own time limit ends it
+        assert not released.is_set()
+    finally:
+        released.set()
+
+
 def test_what_a_client_sends_cannot_forge_a_line_of_the_log() -> None:
     record = logging.LogRecord("x", logging.INFO, "", 0, "path=%s", ("a\nb\rc",), None)
     assert OneLine("%(message)s").format(record) == "path=a\\nb\\rc"
