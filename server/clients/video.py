@@ -9,9 +9,6 @@ from collections.abc import AsyncGenerator, Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from websockets.frames import Frame as WebsocketFrame
-from websockets.frames import Opcode
-
 from robot.clock import Clock
 from robot.errors import MissingExtraError
 from robot.policy.image import Pixels, to_rgb
@@ -70,29 +67,18 @@ class Encoder:
         return self._compress(to_rgb(frame))
 
 
-@dataclass(frozen=True, slots=True)
-class EncodedFrame:
-    """One frame ready to send: as a message, and as the bytes of a whole websocket frame.
-
-    A server does not mask its websocket frames, so these bytes are the same for all viewers.
-    """
-
-    message: bytes
-    wire: bytes
-
-
 @dataclass(eq=False)
 class Viewer:
     """One receiver of the video: its window, and the frame that it was sent last.
 
     Attributes:
-        send: Sends a frame. It must return at once: a viewer's window holds fewer bytes than its
+        send: Sends a message. It must return at once: a viewer's window holds fewer bytes than its
             transport takes without pausing the writer.
         every_s: At most one frame in so many seconds.
         person: Whose eyes these are.
     """
 
-    send: Callable[[EncodedFrame], None]
+    send: Callable[[bytes], None]
     every_s: float = 0.0
     person: str = ""
     drawn_id: int | None = None
@@ -125,7 +111,7 @@ class VideoHub:
         self.newest: Frame | None = None
         self._nonce = 0
         self._pictures: dict[bool, Frame] = {}
-        self._encoded: dict[tuple[bool, bool], EncodedFrame] = {}
+        self._messages: dict[tuple[bool, bool], bytes] = {}
         self._jpeg: bytes | None = None
         self._shown = asyncio.Event()
         self.captured_s: OrderedDict[int, float] = OrderedDict()  # of the last frames, by id
@@ -149,7 +135,7 @@ class VideoHub:
         """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
         self.newest, self._nonce = frame, nonce
         self._jpeg = None
-        self._pictures, self._encoded = {}, {}
+        self._pictures, self._messages = {}, {}
         self.captured_s[frame.frame_id] = frame.captured_s
         if len(self.captured_s) > _REMEMBERED_FRAMES:
             self.captured_s.popitem(last=False)
@@ -176,7 +162,10 @@ class VideoHub:
         is_quiet = window.sent(frame.frame_id, n_bytes, now_s, is_frequent=is_frequent)
         viewer.last_sent_id, viewer.last_sent_s = frame.frame_id, now_s
         self.frames_sent += 1
-        viewer.send(self._encode_once(picture, is_large, is_quiet))
+        key = is_large, is_quiet
+        if key not in self._messages:
+            self._messages[key] = encode_picture(picture, self._nonce, is_quiet=is_quiet)
+        viewer.send(self._messages[key])
 
     def _picture_of(self, frame: Frame, is_large: bool) -> Frame:
         """Return the picture of the newest frame; each size is encoded once for all viewers."""
@@ -188,15 +177,6 @@ class VideoHub:
                 self.frames_encoded += 1
                 self._pictures[is_large] = self.encoder.encode(source)
         return self._pictures[is_large]
-
-    def _encode_once(self, picture: Frame, is_large: bool, is_quiet: bool) -> EncodedFrame:
-        """Return the frame ready to send; it is encoded once for all viewers."""
-        key = is_large, is_quiet
-        if key not in self._encoded:
-            message = encode_picture(picture, self._nonce, is_quiet=is_quiet)
-            wire = WebsocketFrame(Opcode.BINARY, message).serialize(mask=False)
-            self._encoded[key] = EncodedFrame(message, wire)
-        return self._encoded[key]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:
         """Record that a viewer has drawn a frame, and send the next if there is one."""

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from websockets.frames import Frame
     from websockets.http11 import Request
 
 EXTENSION = "drivelesson.direct"
@@ -27,6 +26,7 @@ def make_protocol() -> type[Any] | None:
         from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
     except ImportError:
         return None
+    from websockets.frames import Frame, Opcode
 
     class FastPathProtocol(WebSocketsSansIOProtocol):
         """Uvicorn's own protocol, with the fast path."""
@@ -89,9 +89,9 @@ def make_protocol() -> type[Any] | None:
             if not self.transport.is_closing():
                 super().shutdown()
 
-        def write_now(self, wire: bytes) -> None:
-            """Write whole websocket frames; nothing is written after the close."""
+        def write_now(self, message: bytes) -> None:
+            """Write a message of bytes; nothing is written after the close."""
             if not self.close_sent and not self.transport.is_closing():
-                self.transport.write(wire)
+                self.transport.write(Frame(Opcode.BINARY, message).serialize(mask=False))
 
     return FastPathProtocol

@@ -15,7 +15,7 @@ from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import StreamingResponse
 
 from server.clients.hub import Hub
-from server.clients.video import EncodedFrame, Viewer
+from server.clients.video import Viewer
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.answers import Route
 from server.routes.sockets import converse, fast_path
@@ -41,17 +41,11 @@ async def video(websocket: WebSocket) -> None:
     limits, direct = hub.config.limits, fast_path(websocket)
     pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
     refused, shut_out = itertools.count(1), asyncio.Event()
-    waiting: asyncio.Queue[EncodedFrame] = asyncio.Queue()
-
-    def send(frame: EncodedFrame) -> None:
-        if direct is not None:
-            direct.write_now(frame.wire)
-        else:
-            waiting.put_nowait(frame)
+    waiting: asyncio.Queue[bytes] = asyncio.Queue()
 
     async def send_waiting() -> None:
         while True:
-            await websocket.send_bytes((await waiting.get()).message)
+            await websocket.send_bytes(await waiting.get())
 
     def hear(message: str | bytes) -> None:
         """Take an acknowledgement; what is none is refused and counted."""
@@ -68,6 +62,7 @@ async def video(websocket: WebSocket) -> None:
                 hub.video.remove(viewer)
                 shut_out.set()
 
+    send = waiting.put_nowait if direct is None else direct.write_now
     viewer = Viewer(send, int(every_ms) / 1000, person_of(websocket))
     hub.show_newest()
     hub.video.add(viewer)

@@ -10,7 +10,7 @@ import pytest
 from robot.testing import VirtualClock
 from robot.types import Encoding, Frame
 from server.clients.flow_control import PictureSize
-from server.clients.video import EncodedFrame, Encoder, VideoHub, Viewer
+from server.clients.video import Encoder, VideoHub, Viewer
 from server.protocol import parse_picture
 
 SMALL, LARGE = 3_000, 11_000
@@ -41,8 +41,8 @@ class _Screen:
         self.now_s = 0.0
         self.viewer = Viewer(self._receive)
 
-    def _receive(self, frame: EncodedFrame) -> None:
-        picture = parse_picture(frame.message)
+    def _receive(self, message: bytes) -> None:
+        picture = parse_picture(message)
         self.widths.append(picture.width)
         if not picture.quiet:
             self.due.append((self.now_s + self.delay_s, picture.frame_id))
