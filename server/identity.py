@@ -55,19 +55,16 @@ class IdentityFile:
             self.now = saved or Identity(secrets.choice(NAMES))
         if self.now != saved:
             try:
-                self._write()
+                self._write(self.now)
             except OSError as error:  # the robot starts anyway
                 log.warning("the robot's name was not saved: %s", error)
 
     def change(self, **fields: Any) -> Identity:
         """Change name or colour."""
-        before, self.now = self.now, replace(self.now, **fields)
-        try:
-            self._write()
-        except OSError:
-            self.now = before
-            raise
-        return self.now
+        changed = replace(self.now, **fields)
+        self._write(changed)
+        self.now = changed
+        return changed
 
     def _read(self) -> Identity | None:
         """Read the saved identity; a damaged file counts as none."""
@@ -79,6 +76,6 @@ class IdentityFile:
         except (OSError, ValueError, KeyError, TypeError, RecursionError, ConfigurationError):
             return None
 
-    def _write(self) -> None:
+    def _write(self, identity: Identity) -> None:
         if self._path is not None:
-            write_whole(self._path, json.dumps(asdict(self.now)).encode())
+            write_whole(self._path, json.dumps(asdict(identity)).encode())

@@ -9,11 +9,9 @@ from __future__ import annotations
 import asyncio
 import math
 from bisect import bisect_left
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from robot.clock import Clock
 from robot.control.loop import ControlLoop
 from robot.control.readiness import Readiness
 from robot.control.state import Tick
@@ -25,38 +23,32 @@ MARK_EVERY = 10
 """Examples between two points of the curve."""
 _MARKS, _POINTS = 2000, 200
 _REMEMBERED = 512
-"""How many images are cached, including those that are gone."""
+"""How many images are cached that are gone."""
 _REFRESH_S = 0.4
 """The gallery is fetched at most so often while the robot learns."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Mark:
     """One point of the curve: agreement after `n_examples`. `at_s` is in seconds since 1970."""
 
     n_examples: int
     agreement: float
     at_s: float
-    episode: str | None = None
+    episode: str | None
 
 
 class Progress:
     """Follows one robot's training: whoever serves it has the loop tell it each tick."""
 
-    def __init__(
-        self,
-        loop: ControlLoop,
-        clock: Clock,
-        episode: Callable[[], str | None] = lambda: None,
-    ) -> None:
+    def __init__(self, loop: ControlLoop, episode: Callable[[], str | None]) -> None:
         self._loop = loop
-        self._clock = clock
         self._episode = episode
         self.readiness = Readiness()
         self.trail = Trail()
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
-        self._seen: OrderedDict[int, LearnedImage] = OrderedDict()
+        self._seen: dict[int, LearnedImage] = {}
         self._newest = -1  # of the images that clients were told of
         self._is_stale = True
         self._fetched_s = -math.inf
@@ -75,7 +67,7 @@ class Progress:
             if isinstance(event, Replaced):
                 self._marks = []
                 # Its images have the same numbers as others.
-                self._seen, self._newest = OrderedDict(), -1
+                self._seen, self._newest = {}, -1
             elif isinstance(event, Undone):
                 self._marks = [mark for mark in self._marks if mark.n_examples <= n_examples]
             elif isinstance(event, Taught):
@@ -86,12 +78,7 @@ class Progress:
         last = self._marks[-1].n_examples if self._marks else 0
         if agreement is None or n_examples - last < MARK_EVERY:
             return
-        mark = Mark(
-            n_examples=n_examples,
-            agreement=agreement,
-            at_s=self._clock.wall_s(),
-            episode=self._episode(),
-        )
+        mark = Mark(n_examples, agreement, self._loop.clock.wall_s(), self._episode())
         self._marks = [*self._marks[-_MARKS:], mark]
 
     def history(self) -> list[Mark]:
@@ -111,17 +98,15 @@ class Progress:
 
     async def gallery(self, *, fresh: bool = False) -> list[LearnedImage]:
         """Return the learned images; `fresh` skips the cache."""
-        now_s = self._clock.now_s()
+        now_s = self._loop.clock.now_s()
         if fresh or (self._is_stale and now_s - self._fetched_s > _REFRESH_S):
             self._is_stale, self._fetched_s = False, now_s
             history = self._loop.history
             request = self._loop.submit(lambda: images(history.policy))
             self._gallery = await asyncio.wrap_future(request)
-            for image in self._gallery:
-                self._seen[image.node_id] = image
-                self._seen.move_to_end(image.node_id)
-            while len(self._seen) > max(_REMEMBERED, 2 * len(self._gallery)):
-                self._seen.popitem(last=False)
+            shown = {image.node_id: image for image in self._gallery}
+            before = [one for one in self._seen.items() if one[0] not in shown]
+            self._seen = dict(before[-max(_REMEMBERED, len(shown)) :]) | shown
         return self._gallery
 
     async def image(self, node: int) -> LearnedImage | None:

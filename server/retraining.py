@@ -78,7 +78,7 @@ class _Run:
         unedited = [(episode, Notes()) for episode, _ in episodes]
         self._total = len(plan(unedited)) + 2 * len(plan(episodes))  # the most that is learned
         self._done = 0
-        self._report: Report | None = None
+        self._report = Report(taught=Counter())
         self._comparison: Comparison | None = None
         self._error: str | None = None
         self.is_running = True
@@ -112,15 +112,14 @@ class _Run:
 
     def describe(self) -> dict[str, Any]:
         state = "running" if self.is_running else "failed" if self._error else "done"
-        report, comparison = self._report, self._comparison
         return {
             "state": state,
             "learner": self._learner,
             "episodes": [episode.id for episode, _ in self._episodes],
             "share": min(1.0, self._done / max(self._total, 1)) if self.is_running else 1.0,
             "error": self._error,
-            "taught": report.taught if report else {},
-            "missing_frames": report.missing_frames if report else 0,
-            "left_out_edits": report.left_out_edits if report else 0,
-            "comparison": asdict(comparison) if comparison else None,
+            "taught": self._report.taught,
+            "missing_frames": self._report.missing_frames,
+            "left_out_edits": self._report.left_out_edits,
+            "comparison": asdict(self._comparison) if self._comparison else None,
         }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ from server.progress import Progress
 from server.retraining import Retraining
 from server.security.access import Role
 from server.security.door import Door
-from server.security.listener import connection_capacity
+from server.security.listener import DoorListener, connection_capacity
 from server.security.pairing import Pairing
 
 _E = TypeVar("_E", bound=Extension)
@@ -94,9 +95,7 @@ def make_services(
         robot=robot,
         identity=identity,
         hub=hub,
-        progress=Progress(
-            robot.loop, robot.clock, lambda: persistence.recording if persistence else None
-        ),
+        progress=Progress(robot.loop, lambda: persistence.recording if persistence else None),
         retraining=Retraining(robot.clock),
         persistence=persistence,
         pairing=pairing,
@@ -115,9 +114,9 @@ def keep_door(app: Any, door: Door, clock: Clock) -> None:
     app.state.door, app.state.clock = door, clock
 
 
-def door_of(app: Any) -> tuple[Door, Clock]:
-    """Return the door of an application, and the clock that it goes by."""
-    return app.state.door, app.state.clock
+def behind_door(app: Any, listener: socket.socket) -> DoorListener:
+    """Have an application's door decide whom a socket accepts."""
+    return DoorListener(app.state.door, app.state.clock, listener)
 
 
 def services_of(connection: HTTPConnection) -> Services:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 
-from server.config import Config
+from server.config import Limits
 from server.protocol import ErrorCode, ProtocolError, encode_error
 from server.security.access import Role
 from server.security.pace import Pace
@@ -25,9 +25,8 @@ class Client:
     """
 
     def __init__(
-        self, client_id: str, role: Role, config: Config, now_s: float, person: str = ""
+        self, client_id: str, role: Role, limits: Limits, now_s: float, person: str = ""
     ) -> None:
-        limits = config.limits
         self.id = client_id
         self.role = role
         self.person = person

@@ -56,7 +56,7 @@ class Hub:
         self._sent_s = 0.0
         self._frame: Frame | None = None
         self._is_tick_due = False
-        self._lasting: tuple[tuple[str, dict[str, object]], ...] = ()
+        self._lasting: tuple[str, ...] = ()
         self.event_loop: asyncio.AbstractEventLoop | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
         self._timer: asyncio.Task[None] | None = None
@@ -92,7 +92,7 @@ class Hub:
     def join(self, role: Role, person: str = "") -> Client:
         """Add a client of a person; it gets the wheel if it may drive and the wheel is free."""
         now_s = self.clock.now_s()
-        client = Client(f"c{next(self._ids)}", role, self.config, now_s, person)
+        client = Client(f"c{next(self._ids)}", role, self.config.limits, now_s, person)
         self.clients[client.id] = client
         client.send(
             encode_message(
@@ -106,8 +106,8 @@ class Hub:
                 **describe_body(self.robot.driver),
             )
         )
-        for name, fields in self._lasting:
-            client.send(encode_message("event", name=name, **fields))
+        for text in self._lasting:
+            client.send(text)
         if role is Role.PILOT and self.lease.join(client.id, now_s):
             self._pilot_changed()
         else:
@@ -128,11 +128,13 @@ class Hub:
             self.publish_state()
         log.info("leave client=%s refused=%d", client.id, client.refused)
 
-    def receive(self, client: Client, text: str) -> None:
+    def receive(self, client: Client, text: str | bytes) -> None:
         """Handle one message of a client; refused messages are answered and counted."""
         now_s = self.clock.now_s()
         is_within = client.pace.allows(now_s) and not client.shut_out.is_set()
         try:
+            if isinstance(text, bytes):
+                raise ProtocolError(ErrorCode.MALFORMED, "messages are text, not bytes")
             if not is_within and not protocol.is_stop(text):
                 raise ProtocolError(ErrorCode.TOO_FAST, "too many messages a second")
             message = protocol.parse_message(
@@ -260,14 +262,14 @@ class Hub:
     def announce(self, name: str, **fields: object) -> None:
         """Tell all clients of an event; of one of `LASTING` also each that joins later.
 
-        May be called on any thread, and before the start; returns at once and never raises.
+        May be called on any thread, and before the start; returns at once.
         """
-        if name in LASTING:
-            self._lasting = (*self._lasting, (name, fields))
-        self._soon(self._send_event, name, fields)
-
-    def _send_event(self, name: str, fields: dict[str, object]) -> None:
         text = encode_message("event", name=name, **fields)
+        if name in LASTING:
+            self._lasting = (*self._lasting, text)
+        self._soon(self._send_to_all, text)
+
+    def _send_to_all(self, text: str) -> None:
         for client in self.clients.values():
             client.send(text)
 

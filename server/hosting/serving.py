@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from robot.errors import ConfigurationError
 from server.config import Config
 from server.security.listener import DoorListener
-from server.services import door_of
+from server.services import behind_door
 
 if TYPE_CHECKING:
     from server.security.certificates import Certificates
@@ -95,7 +95,7 @@ def serve(app: Any, listener: socket.socket, certificates: Certificates | None =
 
     server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
     leave_out_of_collections()
-    with contextlib.closing(_behind_door(app, listener)) as guarded:
+    with behind_door(app, listener) as guarded:
         _run(_serve(server, guarded))
 
 
@@ -134,17 +134,12 @@ async def _serve(server: Any, guarded: DoorListener) -> None:
     await serving
 
 
-def _behind_door(app: Any, listener: socket.socket) -> DoorListener:
-    door, clock = door_of(app)
-    return DoorListener(door, clock, listener)
-
-
 @contextlib.contextmanager
 def served(app: Any, config: Config, certificates: Certificates | None = None) -> Iterator[str]:
     """Serve on a thread of its own inside the block; yield the address. For tests."""
     import uvicorn
 
-    listener = _behind_door(app, open_socket(config.host, config.port))
+    listener = behind_door(app, open_socket(config.host, config.port))
     server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
     thread = threading.Thread(target=lambda: _run(_serve(server, listener)), name="server")
     thread.start()

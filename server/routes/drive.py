@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 from fastapi import APIRouter, WebSocket
 from starlette.requests import Request
 
-from server.protocol import ErrorCode, ProtocolError
 from server.routes.answers import Route
 from server.routes.sockets import converse
 from server.security.guard import STOP_PATH, person_of, role_of
@@ -64,12 +64,6 @@ async def drive(websocket: WebSocket) -> None:
     await websocket.accept()
     client = hub.join(role_of(websocket), person_of(websocket))
 
-    def hear(message: str | bytes) -> None:
-        if isinstance(message, str):
-            hub.receive(client, message)
-        else:
-            hub.refuse(client, ProtocolError(ErrorCode.MALFORMED, "messages are text, not bytes"))
-
     async def send() -> None:
         while True:
             await websocket.send_text(await client.next_text())
@@ -79,7 +73,7 @@ async def drive(websocket: WebSocket) -> None:
         await converse(
             websocket,
             hub.clock,
-            hear=hear,
+            hear=partial(hub.receive, client),
             sending=send(),
             shut_out=client.shut_out,
             idle_s=hub.config.limits.idle_s,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from functools import lru_cache
 
 _NAMES = 1024
 """For how many names the rate is remembered."""
@@ -33,12 +33,8 @@ class Paces:
     """A token bucket for each of many names; who was counted longest ago is forgotten."""
 
     def __init__(self) -> None:
-        self._of: OrderedDict[str, Pace] = OrderedDict()
+        self._of = lru_cache(_NAMES)(lambda _, rate, burst: Pace(per_second=rate, burst=burst))
 
     def allows(self, name: str, now_s: float, *, per_second: float, burst: float) -> bool:
         """Take one of this name's tokens; False if there is none."""
-        pace = self._of.pop(name, None) or Pace(per_second=per_second, burst=burst)
-        self._of[name] = pace
-        if len(self._of) > _NAMES:
-            self._of.popitem(last=False)
-        return pace.allows(now_s)
+        return self._of(name, per_second, burst).allows(now_s)

@@ -13,7 +13,7 @@ import logging
 import os
 import re
 import secrets
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -96,7 +96,7 @@ class Pairing:
         """Those that were not used in this run: they are the first to go."""
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in PAIRED}
-        self._invitations: OrderedDict[str, float] = OrderedDict()
+        self._invitations: deque[tuple[str, float]] = deque(maxlen=_INVITATIONS)
         self.class_code: str | None = None
 
     def redeem(
@@ -115,7 +115,7 @@ class Pairing:
                 self.tokens[role] = _new_token()
                 self._on_token(role, self.tokens[role])
                 return paired
-        codes = [code for code, until_s in self._invitations.items() if now_s < until_s]
+        codes = [code for code, until_s in self._invitations if now_s < until_s]
         codes += [self.class_code] if self.class_code is not None else []
         if any(hmac.compare_digest(given, code) for code in codes):
             return self._pair(_Kind(role=Role.PILOT, invited=True), secret)
@@ -133,9 +133,7 @@ class Pairing:
         The board shows it as a QR code that several phones scan at once or one after the other.
         """
         token = _new_token()
-        self._invitations[token.replace("-", "")] = now_s + INVITATION_S
-        while len(self._invitations) > _INVITATIONS:
-            self._invitations.popitem(last=False)
+        self._invitations.append((token.replace("-", ""), now_s + INVITATION_S))
         return token, INVITATION_S
 
     def find(self, secret: str) -> Session | None:
