@@ -271,4 +271,9 @@ def _open_pairing(config: Config, address: str, rig: Rig) -> Pairing:
         if role is Role.PILOT:
             rig.driver.announce(pairing_address(address, token))
 
-    return Pairing(config.limits.pairing_failures, file=config.data / "paired.json", on_token=show)
+    def show_soon(role: Role, token: str) -> None:
+        """Leave it to a thread: a terminal that is held (Ctrl+S) must hold up no STOP."""
+        rig.clock.start_thread(lambda: show(role, token), "next code")
+
+    file = config.data / "paired.json"
+    return Pairing(config.limits.pairing_failures, file=file, on_token=show_soon)

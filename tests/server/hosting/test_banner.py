@@ -7,15 +7,22 @@ import io
 import logging
 import sys
 import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from server.board.discovery import browsing
 from server.board.transport import RobotAddress
+from server.cli.serve import _open_pairing
+from server.config import Config
 from server.hosting.banner import draw_qr, greet_phones
 from server.hosting.logs import OneLine, start_logging
 from server.hosting.network import announced
 from server.security.access import Role
+from server.security.pairing import Paired
 
 
 def test_phones_are_greeted_with_a_code_and_addresses_for_both_rights() -> None:
@@ -123,6 +130,23 @@ def test_a_terminal_that_is_held_holds_up_no_end(monkeypatch: pytest.MonkeyPatch
         assert not released.is_set()
     finally:
         released.set()
+
+
+def test_a_terminal_that_is_held_holds_up_no_phone_that_pairs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The event loop would wait for it, and with it each STOP."""
+    threads: list[Callable[[], None]] = []
+    shown: list[str] = []
+    clock = SimpleNamespace(start_thread=lambda target, _: threads.append(target))
+    rig: Any = SimpleNamespace(clock=clock, driver=SimpleNamespace(announce=shown.append))
+    pairing = _open_pairing(Config(lan=True, data=tmp_path), "http://10.0.0.2:8000", rig)
+    assert isinstance(pairing.redeem(pairing.tokens[Role.PILOT], 0.0), Paired)
+    assert not capsys.readouterr().out
+    for thread in threads:
+        thread()
+    assert pairing.tokens[Role.PILOT] in capsys.readouterr().out
+    assert shown[0].endswith(pairing.tokens[Role.PILOT])
 
 
 def test_what_a_client_sends_cannot_forge_a_line_of_the_log() -> None:
