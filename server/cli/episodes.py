@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from collections.abc import Callable
 from datetime import datetime
 from importlib.metadata import entry_points
@@ -116,13 +117,12 @@ def _remarks(summary: EpisodeSummary) -> str:
 def show(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     [(episode, notes)] = find_episodes(store, [args.episode])
     found = moments(episode, notes)
-    taught: dict[str, int] = {}
-    for moment in found:
-        if moment.label and not moment.is_deleted:
-            taught[moment.label.value] = taught.get(moment.label.value, 0) + 1
+    taught = Counter(one.label.value for one in found if one.label and not one.is_deleted)
     print(f"{episode.id}  {notes.title}".rstrip())
     print(f"robot {episode.run.get('robot') or '-'}, learner {episode.run.get('learner') or '-'}")
-    print(f"{len(found)} pictures in {episode.duration_s:.1f} s; taught {taught or 'nothing'}")
+    print(
+        f"{len(found)} pictures in {episode.duration_s:.1f} s; taught {dict(taught) or 'nothing'}"
+    )
     if episode.damage:
         print(f"damaged: {episode.damage}")
     for n, edit in enumerate(notes.edits, start=1):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Callable, Iterable
 from dataclasses import fields
+from functools import partial
 from typing import Any, TypeVar
 from urllib.parse import quote
 
@@ -66,9 +67,13 @@ def answer(kind: type[_T], source: Any, **own: Any) -> _T:
 
 
 class Route(APIRoute):
-    """A route whose answer's type is for `/openapi.json` alone, so that a brick starts sooner."""
+    """A route whose answer's type is for `/openapi.json` alone, so that a brick starts sooner.
+
+    `described` makes the route again, with it.
+    """
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
+        self.described = partial(APIRoute, path, endpoint, **options)
         super().__init__(path, endpoint, **{**options, "response_model": None})
 
 
@@ -78,16 +83,9 @@ def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any
     errors: Any = {code: {"description": why, "content": content} for code, why in _WHY.items()}
     twin = FastAPI(title=app.title)
     for route in (route for router in routers for route in router.routes):
-        if isinstance(route, APIRoute) and route.include_in_schema:
-            twin.add_api_route(
-                route.path,
-                route.endpoint,
-                methods=sorted(route.methods or ()),
-                status_code=route.status_code,
-                response_class=route.response_class,
-                responses={**route.responses, **errors},
-                openapi_extra=route.openapi_extra,
-            )
+        if isinstance(route, Route):
+            route = route.described(responses={**route.responses, **errors})
+        twin.router.routes.append(route)
     found = twin.openapi()
     detail = {"detail": {"type": "string"}, "error": {"type": "string"}}
     refusal = {"type": "object", "properties": detail, "required": ["detail"]}
