@@ -139,9 +139,7 @@ class Config:
 
 def is_loopback(host: str) -> bool:
     """True if only this machine can reach `host`."""
-    if host == "localhost":
-        return True
-    address = as_address(host)
+    address = as_address("127.0.0.1" if host == "localhost" else host)
     return address is not None and address.is_loopback
 
 

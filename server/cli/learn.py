@@ -89,8 +89,7 @@ def _compare(policy: Policy, episodes: list[EditedEpisode], args: argparse.Names
     """Print whether driving made the same nodes, if the recording has them."""
     last, notes = episodes[-1]
     after = last.model_after()
-    comparable = after is not None and after.summary.learner == policy.name and not notes.edits
-    if not comparable or after is None:
+    if after is None or after.summary.learner != policy.name or notes.edits:
         if args.check:
             why = "it was edited" if notes.edits else f"driving it made no model of {policy.name}"
             raise ConfigurationError(f"{last.id} has nothing to --check against: {why}")
