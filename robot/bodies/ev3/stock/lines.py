@@ -22,6 +22,7 @@ ANSWER_S = 0.4
 _BEACON_S = 8.0
 _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
+_ID = re.compile("[0-9a-f]{12}")
 
 
 class BrickLine(ABC):
@@ -101,7 +102,7 @@ def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> Bri
     Raises:
         DriveError: If there is none; says what to look at.
     """
-    wanted = brick.replace(":", "").lower()
+    wanted = _plain_id(brick)
     if kind == "wifi":
         return _open_wifi(wanted, beacon_port)
     if kind == "bluetooth":
@@ -137,7 +138,7 @@ def _hear_beacon(wanted: str, beacon_port: int) -> tuple[str, int, str]:
                     sock.sendto(b"\0", sender)
                     sock.sendto(b"\0", (sender[0], found[1]))
                     return sender[0], found[1], found[0]
-    which = f"the brick {wanted}" if wanted else "no brick"
+    which = f"the brick {_shown_id(wanted)}" if wanted else "no brick"
     raise DriveError(
         f"{which} was not heard on Wi-Fi within {_BEACON_S:g} s; is its Wi-Fi on, and this "
         f"computer in the same network (UDP port {beacon_port})?"
@@ -155,12 +156,12 @@ def parse_beacon(data: bytes) -> tuple[str, int] | None:
 
 
 def _open_bluetooth(wanted: str) -> BrickLine:
-    if re.fullmatch(r"[0-9a-f]{12}", wanted) is None:
+    if _ID.fullmatch(wanted) is None:
         raise DriveError(
             "Bluetooth needs the brick's address, as --brick 00:16:53:3f:0c:1e; the brick shows "
             "it under Settings, Brick Info, ID"
         )
-    address = ":".join(wanted[i : i + 2] for i in range(0, 12, 2)).upper()
+    address = _shown_id(wanted).upper()
     if not hasattr(socket, "AF_BLUETOOTH"):
         raise DriveError("this Python has no Bluetooth; use --line wifi or --line usb")
     wrong = f"the brick {address} cannot be reached by Bluetooth"
@@ -178,13 +179,36 @@ def _open_usb(path: Path) -> BrickLine:
 
 
 def find_usb(wanted: str = "", root: Path = Path("/sys/class/hidraw")) -> Path:
-    """Return the device of the brick at the cable; DriveError if that is another, or none."""
+    """Return the device of the brick at the cable; of several, of the one that is wanted.
+
+    Raises:
+        DriveError: If it is not there, or nobody says which; names those that are there.
+    """
+    bricks: dict[str, Path] = {}
     for entry in sorted(root.glob("hidraw*")):
         with contextlib.suppress(OSError):
             told = (entry / "device/uevent").read_text()
-            if _USB_ID in told and wanted in told.replace(":", "").lower():
-                return Path("/dev") / entry.name
-    raise DriveError(
-        "no EV3 with LEGO's firmware is at a USB cable; is it switched on? (--line usb works on "
-        "Linux; elsewhere use --line wifi)"
-    )
+            if _USB_ID in told:
+                serial = re.search(r"^HID_UNIQ=(\S+)", told, re.MULTILINE)
+                bricks[_plain_id(serial[1]) if serial else entry.name] = Path("/dev") / entry.name
+    if not bricks:
+        raise DriveError(
+            "no EV3 with LEGO's firmware is at a USB cable; is it switched on? (--line usb works "
+            "on Linux; elsewhere use --line wifi)"
+        )
+    if wanted not in bricks and (wanted or len(bricks) > 1):
+        there = [_shown_id(one) for one in bricks]
+        raise DriveError(
+            (f"the brick {_shown_id(wanted)} is at no USB cable" if wanted else "which brick?")
+            + f"; those at USB cables: {', '.join(there)}; name one with --brick {there[0]}"
+        )
+    return bricks.get(wanted) or next(iter(bricks.values()))
+
+
+def _plain_id(brick: str) -> str:
+    return brick.replace(":", "").lower()
+
+
+def _shown_id(brick: str) -> str:
+    """Return an ID as the brick shows it: in pairs."""
+    return ":".join(re.findall("..", brick)) if _ID.fullmatch(brick) else brick

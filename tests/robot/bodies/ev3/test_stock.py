@@ -185,18 +185,40 @@ def test_bluetooth_needs_an_address(brick_id: str) -> None:
         open_line("bluetooth", brick_id)
 
 
-def test_usb_is_looked_for_where_linux_has_it(tmp_path: Path) -> None:
-    with pytest.raises(DriveError, match="cable"):
-        find_usb(root=tmp_path)
-    device = tmp_path / "hidraw3" / "device"
+def plug_in(root: Path, number: int, uevent: str) -> None:
+    device = root / f"hidraw{number}" / "device"
     device.mkdir(parents=True)
-    (device / "uevent").write_text(
-        "HID_ID=0003:00000694:00000005\nHID_UNIQ=0016533f0c1e\nHID_NAME=LEGO EV3\n"
-    )
+    (device / "uevent").write_text(uevent)
+
+
+def usb_brick(serial: str) -> str:
+    return f"HID_ID=0003:00000694:00000005\nHID_NAME=LEGO EV3\nHID_UNIQ={serial}\n"
+
+
+def test_usb_is_looked_for_where_linux_has_it(tmp_path: Path) -> None:
+    with pytest.raises(DriveError, match="switched on"):
+        find_usb(root=tmp_path)
+    plug_in(tmp_path, 1, "HID_ID=0003:0000046D:0000C52B\nHID_UNIQ=0016533f0c1f\n")
+    plug_in(tmp_path, 3, usb_brick("0016533f0c1e"))
     assert find_usb(root=tmp_path) == Path("/dev/hidraw3")
     assert find_usb(SERIAL, tmp_path) == Path("/dev/hidraw3")
-    with pytest.raises(DriveError):
-        find_usb("001653000000", tmp_path)
+    for other in ("001653000000", "0016533f0c1f", "00", "e"):
+        with pytest.raises(DriveError, match=r"no USB cable.* 00:16:53:3f:0c:1e"):
+            find_usb(other, tmp_path)
+
+
+@pytest.mark.parametrize("serials", [("0016533F0C1E", "00:16:53:00:00:02"), ("", "")])
+def test_of_several_bricks_at_cables_one_has_to_be_named(
+    tmp_path: Path, serials: tuple[str, str]
+) -> None:
+    for number, serial in enumerate(serials):
+        plug_in(tmp_path, number, usb_brick(serial))
+    with pytest.raises(DriveError, match="which brick") as said:
+        find_usb(root=tmp_path)
+    named = str(said.value).partition("cables: ")[2].partition(";")[0].split(", ")
+    assert len(named) == 2 and f"--brick {named[0]}" in str(said.value)
+    for number, name in enumerate(named):
+        assert find_usb(name.replace(":", ""), tmp_path) == Path(f"/dev/hidraw{number}")
 
 
 def test_the_cable_carries_reports_of_1024_bytes() -> None:
