@@ -38,11 +38,15 @@ class ThreadedCamera(Camera):
 
     def start(self) -> None:
         if not self._threads:
-            self._begin()
+            try:
+                self._begin()
+            except BaseException:
+                self.stop()
+                raise
 
     @abstractmethod
     def _begin(self) -> None:
-        """Open what there is to open, and begin to work; raises as `start` does."""
+        """Open what there is to open, and begin to work; what this raises stops it again."""
 
     def _let_go(self) -> None:
         """Close what `_begin` opened, before its threads are waited for; idempotent."""

@@ -143,7 +143,7 @@ def _ev3_stock(seed: int) -> Iterator[TimedBody]:
 
     options = Ev3StockOptions(ultrasonic_port="none", touch_port="none")
     brick, line, driver = StockFirmware(clock.now_s), Line(), Ev3StockDriver(options)
-    driver._make_body = make_body  # type: ignore[method-assign]
+    driver._open = make_body  # type: ignore[method-assign]
 
     def lose() -> None:
         line.is_lost = True

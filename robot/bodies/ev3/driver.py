@@ -130,21 +130,13 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         return left_deg / self.options.degrees_per_m, right_deg / self.options.degrees_per_m
 
     @abstractmethod
-    def _make_body(self) -> ChassisBody:
+    def _open(self) -> ChassisBody:
         """Return the body, not yet open."""
 
-    def _open(self) -> ChassisBody:
-        body = self._make_body()
-        try:
-            left_dps, right_dps = body.open()
-            self._top_dps = left_dps, right_dps
-            self._check_speeds(self._top_dps)
-        except Exception:
-            body.close()
-            raise
-        return body
-
     def _begin(self) -> None:
+        left_dps, right_dps = self._connected().open()
+        self._top_dps = left_dps, right_dps
+        self._check_speeds(self._top_dps)
         self.show(Mode.STOPPED)
 
     def _close(self, connection: ChassisBody) -> None:
@@ -237,7 +229,7 @@ class Ev3Driver(ChassisDriver):
     options_type: ClassVar[type[Any]] = Ev3Options
     options: Ev3Options
 
-    def _make_body(self) -> ChassisBody:
+    def _open(self) -> ChassisBody:
         if importlib.util.find_spec("ev3dev2") is None:
             raise MissingExtraError("driving an EV3", "ev3")
         clock = SimpleNamespace(monotonic=self._clock.now_s, sleep=self._clock.sleep)

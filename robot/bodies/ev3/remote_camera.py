@@ -36,11 +36,10 @@ class Ev3RemoteCamera(WatchedCamera):
     def _begin(self) -> None:
         """Have the agent open its camera and send what it sees."""
         self._link.on_picture = self._take
+        wanted = asdict(self.options)
         try:
-            wanted = asdict(self.options)
             self._link.hold("camera", "video", rate=wanted.pop("frame_rate"), **wanted)
         except DriveError as error:
-            self._let_go()
             raise CameraError(str(error)) from error
         self._watch_over()
 

@@ -84,5 +84,5 @@ class Ev3RemoteDriver(ChassisDriver):
         super().__init__(options)
         self.link = link or BrickLink(options.brick, options.brick_secret)
 
-    def _make_body(self) -> ChassisBody:
+    def _open(self) -> ChassisBody:
         return RemoteBody(self.link, self.options.ports())

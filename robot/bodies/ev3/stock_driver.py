@@ -168,7 +168,7 @@ class Ev3StockDriver(ChassisDriver):
     is_remote: ClassVar[bool] = True
     options: Ev3StockOptions
 
-    def _make_body(self) -> ChassisBody:
+    def _open(self) -> ChassisBody:
         options = self.options
         return StockBody(
             lambda: open_line(options.line, options.brick, options.beacon_port), options.ports()

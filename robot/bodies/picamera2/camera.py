@@ -50,11 +50,13 @@ class Picamera2Camera(WatchedCamera):
                 f"there is no camera module {options.camera_number} ({n_cameras} found); check its "
                 "ribbon cable, and `rpicam-hello --list-cameras`"
             )
-        wrong = f"the camera module {options.camera_number} cannot be opened"
+        module = f"the camera module {options.camera_number}"
+        wrong = f"{module} cannot be opened"
         # The library has no errors of its own.
         with told_as(CameraError, wrong, Exception, do="does another program use it?"):
             self._device = device = library.Picamera2(options.camera_number)
-        try:
+        asked = f"{options.width}x{options.height} at {options.frame_rate} a second"
+        with told_as(CameraError, f"{module} refuses {asked}", Exception):
             device.configure(
                 device.create_video_configuration(
                     # The library names formats from the last byte on: this is red, green, blue.
@@ -65,12 +67,6 @@ class Picamera2Camera(WatchedCamera):
             )
             device.pre_callback = self._take
             device.start()
-        except Exception as error:
-            self.stop()
-            raise CameraError(
-                f"the camera module {options.camera_number} refuses {options.width}x"
-                f"{options.height} at {options.frame_rate} a second: {error}"
-            ) from error
         self._watch_over()
 
     def _let_go(self) -> None:

@@ -110,7 +110,7 @@ class _Chassis(ChassisDriver):
         super().__init__(options)
         self.body = _CountingBody()
 
-    def _make_body(self) -> Any:
+    def _open(self) -> Any:
         return self.body
 
 

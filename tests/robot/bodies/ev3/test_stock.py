@@ -89,7 +89,7 @@ class Wire:
 
 def driver_for(brick: StockFirmware, **options: str) -> Ev3StockDriver:
     driver = Ev3StockDriver(Ev3StockOptions(**options))
-    driver._make_body = lambda: StockBody(  # type: ignore[method-assign]
+    driver._open = lambda: StockBody(  # type: ignore[method-assign]
         lambda: Wire(brick), driver.options.ports()
     )
     return driver
