@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from robot.bodies.gymnasium.driver import GymnasiumDriver
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.simulation.camera import WorldCamera, make_compressor
-from robot.driver import ACTION_TIMEOUT_S, Driver
-from robot.errors import ConfigurationError
+from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Encoding, Frame
 
 _JPEG_QUALITY = 90
@@ -23,7 +22,7 @@ class GymnasiumCameraOptions(Options):
     env_rate_hz: float = option(10.0, "pictures a second, at most", range=(1.0, 60.0))
 
 
-class GymnasiumCamera(WorldCamera):
+class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
     """Sees what the environment gives to see.
 
     The environment waits for the loop: it goes on only after the loop has acted on the picture
@@ -32,24 +31,16 @@ class GymnasiumCamera(WorldCamera):
 
     name: ClassVar[str] = "gymnasium"
     options_type: ClassVar[type[Any]] = GymnasiumCameraOptions
+    body_type = GymnasiumDriver
     world_waits: ClassVar[bool] = True
     patience_s: ClassVar[float] = 60.0
 
     def __init__(
         self, body: GymnasiumDriver, options: GymnasiumCameraOptions, clock: Clock
     ) -> None:
-        super().__init__(options, clock)
-        self._body = body
+        super().__init__(body, options, clock)
         self._period_s = 1.0 / options.env_rate_hz
         self._compress = make_compressor(_JPEG_QUALITY)
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        if not isinstance(driver, GymnasiumDriver):
-            raise ConfigurationError(
-                f"the camera 'gymnasium' works with the robot 'gymnasium', not {driver.name!r}"
-            )
-        return cls(driver, options, clock)
 
     def _let_go(self) -> None:
         self._body.acted.set()

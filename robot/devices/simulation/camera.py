@@ -6,7 +6,7 @@ import threading
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Generic, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ _LONGEST_GAP_S = 0.25
 
 _LONGEST_PERIOD_S, _USUAL_FRAMES = 0.1, 10
 """Where a picture takes long, because the computer is busy, they come no more seldom than so."""
+_D = TypeVar("_D", bound=Driver)
 _ASKED_FRAMES = 30
 """For so many frames after somebody asked for one, pictures for the eye are made."""
 
@@ -37,13 +38,29 @@ class SimCameraOptions(Options):
     jpeg_quality: int = option(75, "of simulated pictures", range=(1, 100))
 
 
-class WorldCamera(ThreadedCamera):
+class WorldCamera(ThreadedCamera, Generic[_D]):
     """The camera of a simulated world: its thread is also what moves the world on."""
+
+    body_type: ClassVar[type[Any]]
+    """The robot that lives in this world."""
 
     longest_join_s: ClassVar[float] = 5.0
     patience_s: ClassVar[float] = 20.0
     """For a first picture: some worlds load for long."""
     _failure: RobotError | None = None
+
+    def __init__(self, body: _D, options: Any, clock: Clock) -> None:
+        super().__init__(options, clock)
+        self._body = body
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
+        if not isinstance(driver, cls.body_type):
+            raise ConfigurationError(
+                f"the camera {cls.name!r} only works with the robot {cls.body_type.name!r}, "
+                f"not with {driver.name!r}"
+            )
+        return cls(driver, options, clock)
 
     def _begin(self) -> None:
         """Begin to take pictures in real time; returns when the first is there."""
@@ -53,7 +70,6 @@ class WorldCamera(ThreadedCamera):
         if not self.clock.wait(first, self.patience_s):
             self._failure = CameraError(f"the camera {self.name!r} gives no picture")
         if self._failure is not None:
-            self.stop()
             raise self._failure
 
     @abstractmethod
@@ -86,7 +102,7 @@ class WorldCamera(ThreadedCamera):
         first.set()
 
 
-class SimCamera(WorldCamera):
+class SimCamera(WorldCamera[SimDriver]):
     """Renders what the simulated robot sees.
 
     In real time it gives JPEG, as a webcam does: encoded once for page, recording and learner.
@@ -98,22 +114,14 @@ class SimCamera(WorldCamera):
 
     name: ClassVar[str] = "sim"
     options_type: ClassVar[type[Any]] = SimCameraOptions
+    body_type = SimDriver
 
     def __init__(self, body: SimDriver, options: SimCameraOptions, clock: Clock) -> None:
-        super().__init__(options, clock)
-        self._body = body
+        super().__init__(body, options, clock)
         self._compress = make_compressor(options.jpeg_quality)
         self._period_s = 1.0 / options.frame_rate_hz
         self._asked_id = -_ASKED_FRAMES
         self._large: Frame | None = None
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        if not isinstance(driver, SimDriver):
-            raise ConfigurationError(
-                f"the camera 'sim' only works with the robot 'sim', not with {driver.name!r}"
-            )
-        return cls(driver, options, clock)
 
     def capture(self) -> Frame:
         """Take one picture now, on this thread: for experiments, which use no `start`."""

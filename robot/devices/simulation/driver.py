@@ -46,7 +46,7 @@ class SimDriver(ConnectedDriver[Simulation]):
         first = self._load(options.world)
         self.worlds = {**{name: name for name in world_names()}, first.name: options.world}
         self.simulation = Simulation(first, options.seed)
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._left_s = 0.0
 
     def enter(self, name: str) -> None:
@@ -79,10 +79,7 @@ class SimDriver(ConnectedDriver[Simulation]):
 
     def stop(self) -> None:
         with self._lock:
-            self._stand()
-
-    def _stand(self) -> None:
-        self.simulation.action, self.simulation.point = Action.STOP, None
+            self.simulation.action, self.simulation.point = Action.STOP, None
 
     def advance(self, dt_s: float) -> None:
         """Let time pass in the world; an action that was not renewed in time ends."""
@@ -92,5 +89,5 @@ class SimDriver(ConnectedDriver[Simulation]):
                 self.simulation.step(moving_s)
             self._left_s -= moving_s
             if dt_s > moving_s:
-                self._stand()
+                self.stop()
                 self.simulation.step(dt_s - moving_s)
