@@ -6,7 +6,6 @@ The robot sends acknowledgements as on `/ws/video`, and text. See docs/reference
 
 from __future__ import annotations
 
-import json
 import math
 import struct
 from collections import deque
@@ -15,10 +14,11 @@ from typing import Any
 
 from robot.devices.pictures import Picture, read_jpeg
 from robot.errors import RecordingError
-from server.protocol import ErrorCode, ProtocolError
+from server.protocol import ErrorCode, ProtocolError, parse_object
 
 HEADER = struct.Struct("<BBHId")
 _EYE_FRAME, _COVERED = 3, 1
+_MOST_TEXT = 500
 CLOCK_SAMPLES = 8
 """How many round trips are remembered: phones' clocks drift by milliseconds a minute."""
 
@@ -84,18 +84,13 @@ def encode_frame(seq: int, taken_ms: float, jpeg: bytes, *, is_covered: bool = F
     return HEADER.pack(_EYE_FRAME, _COVERED if is_covered else 0, 0, seq, taken_ms) + jpeg
 
 
-def parse_text(text: str | bytes) -> dict[str, Any]:
+def parse_text(text: str) -> dict[str, Any]:
     """Parse one text message: `stop`, or `pong` with two finite numbers.
 
     Raises:
         ProtocolError: If it is neither.
     """
-    try:
-        message = json.loads(text) if len(text) < 500 else None
-    except (ValueError, RecursionError):
-        message = None
-    if not isinstance(message, dict):
-        raise ProtocolError(ErrorCode.MALFORMED, "a message is one short JSON object")
+    message = parse_object(text if len(text) < _MOST_TEXT else "")
     kind = message.get("type")
     if kind == "pong":
         for name in ("server_ms", "eye_ms"):

@@ -78,6 +78,7 @@ class _Eye:
                 self._camera.lose()
 
     def _hear(self, text: str | bytes) -> None:
+        assert isinstance(text, str)  # bytes go to `_see`
         try:
             said = parse_text(text)
         except ProtocolError as error:
