@@ -154,8 +154,8 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
         table = _TABLE.search(text)
         head, rest = (text[: table.start()], text[table.start() :]) if table else (text, "")
         for name, value in values.items():
-            spelled = name.replace("_", "[_-]")
-            head, n = re.subn(rf"(?m)^\s*{spelled}\s*=.*$", f"{name} = {value}", head)
+            spelled = "[\"']?" + name.replace("_", "[_-]") + "[\"']?"
+            head, n = re.subn(rf"(?m)^[ \t]*{spelled}[ \t]*=.*$", f"{name} = {value}", head)
             if n == 0:
                 head += ("" if not head or head.endswith("\n") else "\n") + f"{name} = {value}\n"
         write_whole(file, (head + rest).encode())

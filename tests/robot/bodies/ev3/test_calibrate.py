@@ -54,6 +54,19 @@ def test_the_file_keeps_all_else(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("spelled", ["track_m", "track-m", '"track_m"', "'track-m'", "  track_m  "])
+@pytest.mark.parametrize("before", ["", "\n\n", "# why\n\n", "port = 1\r\n\r\n"])
+def test_a_measure_is_found_however_it_is_spelled_and_no_line_goes(
+    spelled: str, before: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "drivelesson.toml"
+    file.write_bytes(f"{before}{spelled} = 0.1\n\n[gate]\n".encode())
+    keep(file, {"track_m": 0.12})
+    assert file.read_bytes().replace(b"\r", b"") == (
+        f"{before}track_m = 0.12\n\n[gate]\n".encode().replace(b"\r", b"")
+    )
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
 def test_a_file_of_any_letters_keeps_them(tmp_path: Path, encoding: str) -> None:
     file = tmp_path / "drivelesson.toml"
