@@ -30,12 +30,12 @@ class Camera(StartStop):
     Example:
         >>> from robot.testing import VirtualClock
         >>> from robot.testing import FakeCamera
-        >>> camera = FakeCamera(VirtualClock(), width=80, height=60)
+        >>> camera = FakeCamera(VirtualClock())
         >>> camera.latest() is None
         True
         >>> frame = camera.take()
         >>> camera.latest() is frame, frame.frame_id, len(frame.data)
-        (True, 1, 14400)
+        (True, 1, 57600)
     """
 
     name: ClassVar[str]

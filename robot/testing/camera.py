@@ -14,6 +14,7 @@ from robot.driver import Driver
 from robot.types import Encoding, Frame
 
 _PICTURES = 8
+_WIDTH, _HEIGHT = 160, 120
 
 
 class FakeCamera(ThreadedCamera):
@@ -42,16 +43,14 @@ class FakeCamera(ThreadedCamera):
         self,
         clock: Clock,
         rate_hz: float = 30.0,
-        width: int = 160,
-        height: int = 120,
         age_s: float = 0.0,
         pictures: Sequence[bytes] = (),
     ) -> None:
         super().__init__(Options(), clock)
-        self.rate_hz, self.width, self.height, self.age_s = rate_hz, width, height, age_s
+        self.rate_hz, self.age_s = rate_hz, age_s
         self.is_frozen = False
         self._encoding = Encoding.JPEG if pictures else Encoding.RGB
-        self._pictures = pictures or [_pattern(seed, width, height) for seed in range(_PICTURES)]
+        self._pictures = pictures or [_pattern(seed) for seed in range(_PICTURES)]
 
     @classmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
@@ -66,9 +65,8 @@ class FakeCamera(ThreadedCamera):
     def show(self, scene: int) -> Frame:
         """Publish a picture of one of endlessly many scenes: the same number, the same picture."""
         pixels = np.random.default_rng(scene).integers(0, 256, (8, 8, 3), dtype=np.uint8)
-        rows, columns = -(-self.height // 8), -(-self.width // 8)
-        picture = pixels.repeat(rows, axis=0).repeat(columns, axis=1)
-        return self._show(np.ascontiguousarray(picture[: self.height, : self.width]).tobytes())
+        picture = pixels.repeat(_HEIGHT // 8, axis=0).repeat(_WIDTH // 8, axis=1)
+        return self._show(picture.tobytes())
 
     def show_rubbish(self) -> Frame:
         return self._show(b"no picture")
@@ -88,17 +86,16 @@ class FakeCamera(ThreadedCamera):
     def _show(self, data: bytes) -> Frame:
         return self._publish(
             data,
-            width=self.width,
-            height=self.height,
+            width=_WIDTH,
+            height=_HEIGHT,
             encoding=self._encoding,
             captured_s=self.clock.now_s() - self.age_s,
         )
 
 
-def _pattern(seed: int, width: int, height: int) -> bytes:
-    """Return coloured blocks whose JPEG is about 5 KB at 160x120, 25 KB at 640x480."""
-    block = 12 if width <= 160 else 36  # no multiple of 8, or JPEG would have an easy time
-    shape = (height // block + 1, width // block + 1, 3)
+def _pattern(seed: int) -> bytes:
+    """Return coloured blocks whose JPEG is about 5 KB."""
+    block = 12  # no multiple of 8, or JPEG would have an easy time
+    shape = (_HEIGHT // block + 1, _WIDTH // block + 1, 3)
     blocks = np.random.default_rng(seed).integers(60, 200, shape, dtype=np.uint8)
-    picture = blocks.repeat(block, axis=0).repeat(block, axis=1)[:height, :width]
-    return np.ascontiguousarray(picture).tobytes()
+    return blocks.repeat(block, axis=0).repeat(block, axis=1)[:_HEIGHT, :_WIDTH].tobytes()
