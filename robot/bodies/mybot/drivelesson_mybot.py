@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPException
 from typing import Any
 
-from robot.driver import ACTION_TIMEOUT_S, Driver, Move
-from robot.errors import DriveError, NotConnectedError
-from robot.types import Action, Sensors
+from robot.devices.connected_driver import ConnectedDriver
+from robot.driver import ACTION_TIMEOUT_S, Move
+from robot.errors import DriveError
+from robot.types import Action, Point, Sensors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +19,7 @@ class MybotOptions:
     mybot_address: str = field(default="192.168.4.1:80", metadata={"help": "its HOST:PORT"})
 
 
-class MybotDriver(Driver):
+class MybotDriver(ConnectedDriver[HTTPConnection]):
     """Every move carries its time limit, so the robot stops by itself."""
 
     name = "mybot"
@@ -31,44 +32,33 @@ class MybotDriver(Driver):
         Move(Action("push"), {"en": "Push", "es": "Empujar", "zh": "推"}, "🦏", "pushes hard"),
     )
 
-    def __init__(self, options: MybotOptions) -> None:
-        self._address = options.mybot_address
-        self._line: HTTPConnection | None = None
+    def _open(self) -> HTTPConnection:
+        return HTTPConnection(self.options.mybot_address, timeout=0.5)
 
-    @property
-    def is_connected(self) -> bool:
-        return self._line is not None
+    def _begin(self) -> None:
+        self._ask("/stop")
 
-    def connect(self) -> None:
-        self._line = self._line or HTTPConnection(self._address, timeout=0.5)
-        self.stop()
+    def _close(self, connection: HTTPConnection) -> None:
+        connection.close()
 
-    def disconnect(self) -> None:
-        with suppress(DriveError):
-            self.stop()
-        if self._line is not None:
-            self._line.close()
-        self._line = None
-
-    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        self.check_action(action, speed_scale)
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         move = f"/move?name={action}&ms={round(1000 * ACTION_TIMEOUT_S)}&speed={speed_scale}"
         self._ask("/stop" if action is Action.STOP else move)
-        return action
 
     def sense(self) -> Sensors:
         return Sensors(distance_m=self._ask("/sense").get("distance_m"))
 
     def stop(self) -> None:
-        if self._line is not None:
-            self._ask("/stop")
+        if self.is_connected:
+            with suppress(DriveError):  # its time limit stops it, and the next move says so
+                self._ask("/stop")
 
     def _ask(self, path: str) -> dict[str, Any]:
-        if self._line is None:
-            raise NotConnectedError("mybot is not connected; call connect() first")
+        line = self._connected()
         try:
-            self._line.request("GET", path)
-            return dict(json.loads(self._line.getresponse().read()))
+            line.request("GET", path)
+            return dict(json.loads(line.getresponse().read()))
         except (OSError, HTTPException, ValueError) as error:
-            self._line.close()
-            raise DriveError(f"mybot at {self._address} does not answer: {error}") from error
+            line.close()
+            where = self.options.mybot_address
+            raise DriveError(f"mybot at {where} does not answer: {error}") from error
