@@ -120,7 +120,8 @@ class Camera(StartStop):
         return frame
 
     def _report_fault(self, sentence: str) -> None:
-        """Set the fault; the next published frame clears it. Wakes the listener."""
-        self.fault = sentence
-        if self._on_frame is not None:
-            self._on_frame()
+        """Set the fault, and wake the listener if it is news; the next frame clears it."""
+        if sentence != self.fault:
+            self.fault = sentence
+            if self._on_frame is not None:
+                self._on_frame()

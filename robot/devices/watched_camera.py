@@ -93,15 +93,6 @@ class WatchedCamera(ThreadedCamera):
     def _name_fault(self, wrong: str) -> str:
         """Return the sentence for what is wrong, as that it "gives no pictures"."""
 
-    def stop(self) -> None:
-        super().stop()
-        self._freshness = Freshness(self.clock.now_s())  # the next start repeats nothing
-
-    def _lose(self, sentence: str) -> None:
-        """Report that pictures stay away, and why: more may be known by now."""
-        if sentence != self.fault:
-            self._report_fault(sentence)
-
     def _watch_over(self, *reading: Callable[[], None]) -> None:
         """Begin to watch the time, beside threads that read."""
         self._freshness = Freshness(self.clock.now_s())
@@ -111,4 +102,4 @@ class WatchedCamera(ThreadedCamera):
         while not self.clock.wait(self._ending, _WATCH_EVERY_S):
             wrong = self._freshness.fault(self.clock.now_s())
             if wrong is not None:
-                self._lose(self._name_fault(wrong))
+                self._report_fault(self._name_fault(wrong))  # more may be known by now

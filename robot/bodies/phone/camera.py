@@ -10,6 +10,7 @@ from robot.devices.options import Options, option
 from robot.devices.pictures import Picture
 from robot.devices.watched_camera import WatchedCamera
 
+GONE = "The phone that is the robot's eye is gone: open its page again."
 NOBODY = "No phone is the robot's eye: open the address that the terminal shows on the phone."
 
 
@@ -52,19 +53,16 @@ class PhoneCamera(WatchedCamera):
         if not self._threads or not self._freshness.is_new(picture.data, now_s):
             return
         if covered:
-            self._lose("The phone sees only black: is its camera covered?")
+            self.lose("The phone sees only black: is its camera covered?")
             return
         self._reason = None
         self._captured_s = min(now_s, max(captured_s, self._captured_s))
         self._show_picture(picture, self._captured_s)
 
-    def lose(self) -> None:
-        self._lose("The phone that is the robot's eye is gone: open its page again.")
-
-    def _lose(self, reason: str) -> None:
+    def lose(self, reason: str = GONE) -> None:
         self._reason = reason
         if self._threads:
-            super()._lose(reason)
+            self._report_fault(reason)
 
     def _name_fault(self, wrong: str) -> str:
         return self._reason or f"The phone {wrong}: is its page in front and awake?"

@@ -76,5 +76,5 @@ class V4l2Camera(ThreadedCamera):
                 encoding=Encoding(reader.video.encoding),
                 captured_s=self._on_clock(taken.taken_s),
             )
-        elif reader.fault is not None and reader.fault != self.fault:
+        elif reader.fault is not None:
             self._report_fault(reader.fault)
