@@ -51,6 +51,12 @@ class ChassisOptions(Options):
     )
     reversed_motors: bool = option(False, "the motors are mounted the other way round")
 
+    def check(self) -> None:
+        if self.left_port == self.right_port:
+            raise ConfigurationError(
+                f"--left-port and --right-port are both {self.left_port}; name the motor of each"
+            )
+
     @property
     def degrees_per_m(self) -> float:
         """How far a motor turns for a metre of the robot ahead."""

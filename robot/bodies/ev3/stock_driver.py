@@ -41,7 +41,7 @@ class StockBody:
 
     @property
     def _both(self) -> int:
-        return sum(1 << port for port in set(self._motors))
+        return sum(1 << port for port in self._motors)
 
     def open(self) -> Sequence[float]:
         """Connect, stop what another program left running, and find motors and sensors."""

@@ -46,7 +46,7 @@ class MotorPair:
 
     def _find(self, side: str, address: str) -> DevicePort:
         ports = list_ports(self._root, "tacho-motor")
-        motor = next((port for port in ports if address in port.address), None)
+        motor = next((port for port in ports if port.is_at(address)), None)
         if motor is None:
             raise DriveError(
                 "no {} motor at port {}; plug it in there, or name its port with "

@@ -28,6 +28,10 @@ class DevicePort:
         except OSError:
             return "?"  # it was unplugged just now
 
+    def is_at(self, wanted: str) -> bool:
+        """True if it is plugged in there: "outB" is one of the words of "ev3-ports:outB"."""
+        return ":{}:".format(wanted.strip()) in ":{}:".format(self.address)
+
     def read(self, name: str) -> str:
         self._files[name], text = self._device.get_attr_string(self._files.get(name), name)
         return str(text).partition("\n")[0]

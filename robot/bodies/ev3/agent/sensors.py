@@ -82,7 +82,7 @@ class SensorGroup:
             return ours[: self._most]
         chosen = []
         for address in self._wanted.split(","):
-            at_it = [port for port in ours if address.strip() in port.address]
+            at_it = [port for port in ours if port.is_at(address)]
             if not at_it:
                 raise DriveError(
                     "no {} sensor at port {}; plug it in there, or say where with --{}-port: its "

@@ -90,6 +90,8 @@ def test_sensors_may_be_missing(brick: FakeBrick) -> None:
     ("options", "words"),
     [
         ({"left_port": "outA"}, ["port outA", "--left-port", "lego-ev3-l-motor at ev3-ports:outB"]),
+        ({"left_port": "out"}, ["port out;", "--left-port", "lego-ev3-l-motor at ev3-ports:outB"]),
+        ({"left_port": ""}, ["port ;", "--left-port", "lego-ev3-l-motor at ev3-ports:outB"]),
         ({"ultrasonic_port": "in2"}, ["port in2", "--ultrasonic-port", "found: nothing"]),
         ({"touch_port": "in3"}, ["port in3", "--touch-port"]),
     ],
@@ -101,6 +103,21 @@ def test_a_wrong_port_is_one_clear_line(
         make_driver(brick, **options).connect()
     assert all(word in str(failure.value) for word in words)
     assert "\n" not in str(failure.value)
+
+
+def test_a_part_of_a_ports_name_is_no_port_and_the_whole_address_is(brick: FakeBrick) -> None:
+    brick.add_sensor("in1:i2c1", "lego-nxt-us", 42)
+    for port in ("in", "n1", "1", "in1:i2c"):
+        with pytest.raises(DriveError, match="ultrasonic sensor at port"):
+            make_driver(brick, ultrasonic_port=port).connect()
+    for port in ("in1", "in1:i2c1", "ev3-ports:in1", " in1"):
+        with make_driver(brick, ultrasonic_port=port) as driver:
+            assert driver.sense().distance_m == pytest.approx(0.42)
+
+
+def test_two_wheels_need_two_motors() -> None:
+    with pytest.raises(ConfigurationError, match="--left-port and --right-port are both outA"):
+        ChassisOptions(left_port="outA", right_port="outA")
 
 
 def test_no_brick_at_all_is_one_clear_line(tmp_path: Path) -> None:
