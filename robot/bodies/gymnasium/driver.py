@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 from robot.bodies.gymnasium.environment import (
     PICTURES,
     Environment,
+    is_car_racing,
     moves_of,
     read_options,
     steering_of,
@@ -64,8 +65,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         self.declared_moves = tuple(table)
         self.takes_points = self._action_at is not None
         self._actions = {move.name: action for move, action in table.items()}
-        is_quick = options.env.split(":")[-1].startswith("CarRacing")
-        self._steps = options.env_steps or (5 if is_quick else 1)
+        self._steps = options.env_steps or (5 if is_car_racing(options.env) else 1)
         self._environment: Environment | None = None
         self._lock = threading.Lock()
         self._action: Any = None

@@ -23,13 +23,11 @@ from robot.types import Action, Game, Point
 
 Pixels = NDArray[np.uint8]
 PICTURES = ("auto", "observed", "rendered")
-_TABLES = {
-    "CarRacing": (
-        "left=-0.6,0.1,0; right=0.6,0.1,0; forward=0,0.3,0; brake=0,0,0.5; coast=0,0,0",
-        "left=2; right=1; forward=3; brake=4; coast=0",
-    )
-}
-"""Tables for the continuous and the discrete form of environments whose moves have no names."""
+_CAR_RACING = (
+    "left=-0.6,0.1,0; right=0.6,0.1,0; forward=0,0.3,0; brake=0,0,0.5; coast=0,0,0",
+    "left=2; right=1; forward=3; brake=4; coast=0",
+)
+"""Its moves have no names: tables for its continuous and its discrete form."""
 _SIDES = {"left": -1.0, "right": 1.0}
 """Steering of moves with such a word in their names: on the page they stand on that side."""
 _STANDING = ("noop", "coast", "nothing", "stop")
@@ -148,6 +146,10 @@ def _picture_in(seen: Any) -> Pixels | None:
     return np.ascontiguousarray(np.broadcast_to(array, (*array.shape[:2], 3)))
 
 
+def is_car_racing(name: str) -> bool:
+    return name.split(":")[-1].startswith("CarRacing")
+
+
 def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
     """Return each move with the action that the environment is given for it, in their order.
 
@@ -158,10 +160,8 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
     """
     space = env.action_space
     is_discrete = hasattr(space, "n") and np.ndim(space.n) == 0 and not space.shape
-    if not table:
-        known = [pair for start, pair in _TABLES.items() if name.split(":")[-1].startswith(start)]
-        if known:
-            table = known[0][is_discrete]
+    if not table and is_car_racing(name):
+        table = _CAR_RACING[is_discrete]
     if table:
         actions = _read(table, space)
     elif is_discrete:

@@ -14,7 +14,7 @@ from robot.bodies.ros.bridge import GONE_S, Message, RosBridge
 from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, point_of
 from robot.errors import ConfigurationError, DriveError
 from robot.types import Action, Point, Prediction, Sensors
 
@@ -81,8 +81,6 @@ class RosDriver(ConnectedDriver[RosBridge]):
                 f"--body-moves: {without[0]!r} needs steering and throttle for a ROS robot, as in "
                 f"{without[0]}:0:1"
             )
-        self._points = {move.name: move.point or _STANDS for move in self.declared_moves}
-        self._points[Action.STOP] = _STANDS
         self._is_stamped = options.stamped or options.watchdog
         self._topic = _ORDERS if options.watchdog else options.cmd_vel_topic
         self._sign: dict[str, Any] = {"sec": 0, "nanosec": 0}
@@ -118,11 +116,11 @@ class RosDriver(ConnectedDriver[RosBridge]):
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         """Publish the velocity, and zero after `ACTION_TIMEOUT_S`."""
         connection = self._connected()
-        point = point or self._points[action]
-        steering, throttle = (speed_scale * part for part in point)
-        ends = (self.velocity(0.0, 0.0), ACTION_TIMEOUT_S) if any(point) else None
+        steering, throttle = point or point_of(action, self.declared_moves) or _STANDS
+        ends = (self.velocity(0.0, 0.0), ACTION_TIMEOUT_S) if steering or throttle else None
+        message = self.velocity(speed_scale * steering, speed_scale * throttle)
         try:
-            connection.publish(self._topic, self.velocity(steering, throttle), ends)
+            connection.publish(self._topic, message, ends)
         except OSError as error:
             raise DriveError(f"rosbridge takes no velocity: {error or 'too slow'}") from error
         self._check_heard(connection)
