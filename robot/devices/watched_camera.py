@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import threading
 from abc import abstractmethod
 from collections.abc import Callable
@@ -13,7 +12,6 @@ from robot.clock import Clock, Worker
 from robot.devices.freshness import Freshness
 from robot.devices.pictures import Picture
 from robot.driver import Driver
-from robot.errors import MissingExtraError
 from robot.types import Frame
 
 _WATCH_EVERY_S = 0.05
@@ -71,11 +69,6 @@ class ThreadedCamera(Camera):
             encoding=picture.encoding,
             captured_s=captured_s,
         )
-
-    def _need(self, *libraries: str) -> None:
-        """Raise MissingExtraError unless these libraries are installed."""
-        if any(importlib.util.find_spec(library) is None for library in libraries):
-            raise MissingExtraError(f"the camera {self.name!r}", "camera")
 
 
 class WatchedCamera(ThreadedCamera):

@@ -59,9 +59,9 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
         height, width = pixels.shape[:2]
         self._body.acted.clear()
         return self._publish(
-            pixels.tobytes() if self._compress is None else self._compress(pixels),
+            self._compress(pixels),
             width=width,
             height=height,
-            encoding=Encoding.RGB if self._compress is None else Encoding.JPEG,
+            encoding=Encoding.JPEG,
             captured_s=self.clock.now_s(),
         )

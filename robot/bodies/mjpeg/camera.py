@@ -13,7 +13,7 @@ from robot.devices.freshness import LONGEST_PERIOD_S, REOPEN_S
 from robot.devices.options import Options, option
 from robot.devices.pictures import read_jpeg, read_picture
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError, ConfigurationError, RecordingError
+from robot.errors import CameraError, ConfigurationError, RecordingError, need
 
 _JPEG = b"\xff\xd8"
 
@@ -51,7 +51,7 @@ class MjpegCamera(WatchedCamera):
         self._gap_s = 0.0
 
     def _begin(self) -> None:
-        self._need("cv2", "imagesize")
+        need("cv2", "the camera 'mjpeg'", "camera")
         self._line.open()
         self._watch_over(self._read)
 

@@ -9,6 +9,7 @@ from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.pictures import Picture
 from robot.devices.watched_camera import WatchedCamera
+from robot.errors import need
 
 GONE = "The phone that is the robot's eye is gone: open its page again."
 NOBODY = "No phone is the robot's eye: open the address that the terminal shows on the phone."
@@ -37,7 +38,7 @@ class PhoneCamera(WatchedCamera):
         self._reason: str | None = NOBODY
 
     def _begin(self) -> None:
-        self._need("cv2", "imagesize")
+        need("cv2", "the camera 'phone'", "camera")
         self._watch_over()
 
     def offer(self, picture: Picture, captured_s: float, *, covered: bool = False) -> None:

@@ -14,7 +14,7 @@ from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.pictures import read_jpeg
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError, DriveError, RecordingError
+from robot.errors import CameraError, DriveError, RecordingError, need
 
 _IMAGE = "sensor_msgs/msg/CompressedImage"
 
@@ -47,11 +47,12 @@ class RosCamera(WatchedCamera):
         self._reason = ""
 
     def _begin(self) -> None:
-        self._need("cv2", "imagesize")
+        need("cv2", "the camera 'ros'", "camera")
         try:
             self._bridge = RosBridge(
                 self.options.address,
                 self.clock,
+                advertised={},
                 subscribed={self.options.image_topic: _IMAGE},
                 on_message=lambda _, message: self._take(message),
             )

@@ -8,9 +8,8 @@ from typing import Any, ClassVar
 
 from robot.devices.freshness import REOPEN_S
 from robot.devices.options import Options, option
-from robot.devices.pictures import Picture
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError
+from robot.errors import CameraError, need
 from robot.types import Encoding
 
 JPEG_QUALITY = 80
@@ -41,7 +40,7 @@ class OpencvCamera(WatchedCamera):
         return Path(self.options.source).is_file()
 
     def _begin(self) -> None:
-        self._need("cv2")
+        need("cv2", "the camera 'opencv'", "camera")
         capture = self._open()
         if capture is None:
             raise CameraError(
@@ -97,9 +96,9 @@ class OpencvCamera(WatchedCamera):
         size = (self.options.width, self.options.height)
         small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
         _, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        width, height = size
-        shown = Picture(encoding=Encoding.JPEG, width=width, height=height, data=jpeg.tobytes())
-        self._show_picture(shown, now_s)
+        self._publish(
+            jpeg.tobytes(), width=size[0], height=size[1], encoding=Encoding.JPEG, captured_s=now_s
+        )
 
     def _name_fault(self, wrong: str) -> str:
         return f"The camera {self.options.source} {wrong}; check its cable."

@@ -17,7 +17,7 @@ from robot.devices.simulation.driver import SimDriver
 from robot.devices.simulation.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
 from robot.devices.watched_camera import ThreadedCamera
 from robot.driver import Driver
-from robot.errors import CameraError, ConfigurationError, RobotError
+from robot.errors import CameraError, ConfigurationError, RobotError, need
 from robot.types import Encoding, Frame
 
 _LONGEST_GAP_S = 0.25
@@ -107,7 +107,7 @@ class SimCamera(WorldCamera[SimDriver]):
 
     In real time it gives JPEG, as a webcam does: encoded once for page, recording and learner.
     `capture`, which experiments call as fast as they can, gives the pixels themselves: what they
-    measure does not depend on a codec. Without OpenCV both give pixels.
+    measure does not depend on a codec.
 
     While people look there is a picture of 320x240 beside each JPEG (`for_the_eye`).
     """
@@ -136,8 +136,6 @@ class SimCamera(WorldCamera[SimDriver]):
 
     def _take(self) -> Frame:
         """Take one picture as a webcam gives it."""
-        if self._compress is None:
-            return self.capture()
         captured_s = self.clock.now_s()
         jpeg = self._compress(self._body.simulation.render())
         if self._last_frame_id - self._asked_id < _ASKED_FRAMES:
@@ -174,12 +172,9 @@ class SimCamera(WorldCamera[SimDriver]):
             due_s = max(due_s + period_s, now_s)
 
 
-def make_compressor(quality: int) -> Callable[[NDArray[np.uint8]], bytes] | None:
-    """Return what makes a JPEG of pixels, shape (height, width, 3); None without OpenCV."""
-    try:
-        import cv2
-    except ImportError:
-        return None
+def make_compressor(quality: int) -> Callable[[NDArray[np.uint8]], bytes]:
+    """Return what makes a JPEG of pixels, shape (height, width, 3)."""
+    cv2 = need("cv2", "the camera of a simulated world", "camera")
     options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
 
     def compress(rgb: NDArray[np.uint8]) -> bytes:
