@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, ClassVar
 
+import websockets
+
 from robot.bodies.remote.driver import RemoteDriver
 from robot.bodies.remote.kept import KeptLine
 from robot.clock import RealClock
-from robot.errors import need
 
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
 _MOST_UNANSWERED = 10
@@ -19,14 +20,13 @@ class WebsocketLine(KeptLine):
     """A websocket that the robot serves; one on which nothing is heard any more is opened anew."""
 
     def __init__(self, host: str, port: int) -> None:
-        self._connect = need("websockets", "the robot 'ws'", "demo").connect
         self._url = f"ws://{host}:{port}/"
         self._socket: Any = None
         self._opens_s = _OPENS_S
         super().__init__("websocket", RealClock())
 
     async def _connect_once(self, connected: Callable[[], None]) -> None:
-        async with self._connect(
+        async with websockets.connect(
             self._url,
             compression=None,
             max_size=2048,

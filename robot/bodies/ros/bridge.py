@@ -11,10 +11,12 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import websockets
+
 from robot.bodies.remote.kept import KeptConnection
 from robot.bodies.remote.orders import split_address
 from robot.clock import Clock
-from robot.errors import DriveError, need, told_as
+from robot.errors import DriveError, told_as
 
 PORT = 9090
 CONNECT_S = 4.0
@@ -42,7 +44,6 @@ class RosBridge(KeptConnection):
 
     Raises:
         DriveError: If nothing answers there.
-        MissingExtraError: If the library is not installed.
     """
 
     def __init__(
@@ -50,14 +51,13 @@ class RosBridge(KeptConnection):
         address: str,
         clock: Clock,
         *,
-        advertised: Mapping[str, str] | None = None,
-        subscribed: Mapping[str, str] | None = None,
-        on_message: Callable[[str, Message], None] = lambda topic, message: None,
+        advertised: Mapping[str, str],
+        subscribed: Mapping[str, str],
+        on_message: Callable[[str, Message], None],
     ) -> None:
-        self._websockets = need("websockets", "ROS", "demo")
         host, port = split_address(address, PORT)
         self._url = f"ws://{host}:{port}/"
-        self._advertised, self._subscribed = dict(advertised or {}), dict(subscribed or {})
+        self._advertised, self._subscribed = advertised, subscribed
         self._on_message = on_message
         self._socket: Any = None
         self._heard_s = clock.now_s()
@@ -84,7 +84,7 @@ class RosBridge(KeptConnection):
     # On the thread -----------------------------------------------------------------------------
 
     async def _connect_once(self, connected: Callable[[], None]) -> None:
-        async with self._websockets.connect(
+        async with websockets.connect(
             self._url,
             compression=None,
             max_size=MAX_BYTES,
