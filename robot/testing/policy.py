@@ -22,9 +22,9 @@ class FakePolicy(Policy):
         point: What that meant by degrees.
     """
 
-    def __init__(self, moves: tuple[Action, ...] = DEFAULT_MOVES) -> None:
-        real = make_policy("published-1", moves)
-        super().__init__("fake-1", 1, real.learner, real.features, moves=moves)
+    def __init__(self) -> None:
+        real = make_policy("published-1")
+        super().__init__("fake-1", 1, real.learner, real.features, moves=DEFAULT_MOVES)
         self.first: Action | None = None
         self.point: Point | None = None
 

@@ -58,7 +58,7 @@ class Video:
     """One streaming camera. Ready to `read` when its `fileno` is readable."""
 
     def __init__(self, device: str, width: int, height: int, rate: int, encoding: str) -> None:
-        self.path = first_camera() if device == "auto" else device
+        self.path = (list_cameras() or ["/dev/video0"])[0] if device == "auto" else device
         self._fd = self._open_device(self.path)
         self._maps = []  # type: List[mmap.mmap]
         try:
@@ -201,11 +201,6 @@ def list_cameras() -> List[str]:
     ends = [path[len("/dev/video") :] for path in glob.glob("/dev/video*")]
     numbers = sorted(int(end) for end in ends if end.isdigit())
     return ["/dev/video{}".format(number) for number in numbers]
-
-
-def first_camera() -> str:
-    """Return the first video device that there is; /dev/video0 if there is none."""
-    return (list_cameras() or ["/dev/video0"])[0]
 
 
 def describe_camera(path: str) -> Dict[str, List[str]]:

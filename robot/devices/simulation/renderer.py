@@ -58,7 +58,9 @@ class Renderer:
         """Return what the camera sees from `pose`, shape (120, 160, 3), RGB, rows from the top."""
         for obstacle in obstacles:
             if obstacle.is_movable or obstacle.path:
-                self._place_thing(obstacle)
+                node = self._things[obstacle.name]
+                node.setPos(obstacle.x_m, obstacle.y_m, 0.0)
+                node.setH(math.degrees(obstacle.heading_rad))
         self._camera.setPos(
             pose.x_m + CAMERA_FORWARD_M * math.cos(pose.heading_rad),
             pose.y_m + CAMERA_FORWARD_M * math.sin(pose.heading_rad),
@@ -124,11 +126,6 @@ class Renderer:
         for corners, colour in _obstacle_sides(own):
             self._add_quad(corners, colour, parent=node)
         return node
-
-    def _place_thing(self, obstacle: Obstacle) -> None:
-        node = self._things[obstacle.name]
-        node.setPos(obstacle.x_m, obstacle.y_m, 0.0)
-        node.setH(math.degrees(obstacle.heading_rad))
 
     def _add_quad(
         self,
