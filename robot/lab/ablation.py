@@ -9,10 +9,9 @@ from itertools import product
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
 from robot.lab.figure3 import recorded_tasks
-from robot.lab.ground.ground import FIRST_SEED, scores_by_stage
+from robot.lab.ground.ground import FIRST_SEED, score_at
 from robot.lab.ground.run import run_ground
-from robot.lab.lessons import run_lesson, ssd_tables, trial_cases
-from robot.lab.tables import mean_in_interval
+from robot.lab.lessons import run_lesson, trial_cases
 from robot.lab.task import Task
 from robot.lab.variants import VARIANTS
 from robot.policy.registry import split_name
@@ -57,8 +56,7 @@ def _tables(runs: Runs) -> list[Table]:
         for what, cell in (("SSD", statistics.median(ssds)), ("longest push s", max(pushes_s))):
             columns.setdefault(f"trial {trial}: {what}", {})[split_name(learner)[0]] = cell
     for (world, learner), results in group(ground, "world", "learner").items():
-        [scores] = scores_by_stage(results)
-        columns.setdefault(world, {})[split_name(learner)[0]] = mean_in_interval(scores)
+        columns.setdefault(world, {})[split_name(learner)[0]] = score_at(0)(results)
     for (learner,), results in group(footage, "learner").items():
         for name in _FOOTAGE:
             mean = statistics.fmean(result[name] for result in results)
@@ -70,11 +68,7 @@ def _tables(runs: Runs) -> list[Table]:
     missing += [] if footage else ["footage (--recordings FOLDER)"]
     note = f"Not run: {', '.join(missing)}." if missing else ""
     title = "With one thing changed"
-    details = ssd_tables(
-        (f"Trial {task.params['trial']} after retraining", task.params["learner"], result["after"])
-        for task, result in lessons
-    )
-    return [Table(title=title, columns=("", *columns), rows=rows, note=note), *details]
+    return [Table(title=title, columns=("", *columns), rows=rows, note=note)]
 
 
 ABLATION = Experiment(

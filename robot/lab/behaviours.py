@@ -12,7 +12,7 @@ from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import DriveLog, DriveSample
-from robot.lab.tables import Columns, of, tables_of
+from robot.lab.tables import Columns, mean_of_known, of, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial
 from robot.store.table import Table
@@ -48,19 +48,14 @@ def _tables(runs: Runs) -> list[Table]:
     return tables_of([*teachers, *robots], _COLUMNS, "who")
 
 
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return statistics.fmean(known) if known else None
-
-
 _COLUMNS: Columns = {
     "runs": len,
-    "right m": of("right_m", _mean),
-    "in view": of("in_view", _mean),
-    "at wall": of("brought_to_wall", _mean),
-    "seconds": of("seconds", _mean),
-    "longest push s": of("longest_push_s", _mean),
-    "m/min": of("driven_m_per_min", _mean),
+    "right m": of("right_m", statistics.fmean),
+    "in view": of("in_view", mean_of_known),
+    "at wall": of("brought_to_wall", mean_of_known),
+    "seconds": of("seconds", statistics.fmean),
+    "longest push s": of("longest_push_s", statistics.fmean),
+    "m/min": of("driven_m_per_min", statistics.fmean),
 }
 
 AT_WALL_M = 0.02

@@ -22,6 +22,11 @@ def deviation(values: Sequence[float]) -> float:
     return statistics.stdev(values) if len(values) > 1 else 0.0
 
 
+def mean_of_known(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return statistics.fmean(known) if known else None
+
+
 def interval(values: Sequence[float]) -> tuple[float, float]:
     """Return the 95 % interval of the mean of some runs, by bootstrap; the same on every call."""
     draws = np.random.default_rng(0).choice(values, (_DRAWS, len(values)))

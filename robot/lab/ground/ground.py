@@ -5,12 +5,11 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterator, Sequence
 from itertools import product
-from typing import Any
 
-from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group, seeded
+from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ground.run import TEACHER, run_ground
 from robot.lab.ground.worlds import WORLDS
-from robot.lab.tables import Columns, mean_in_interval, tables_of
+from robot.lab.tables import Columns, mean_in_interval, mean_of_known, tables_of
 from robot.lab.task import Result, Task
 from robot.store.table import Table
 
@@ -44,65 +43,29 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
+    name = "{learner}, {way}".format_map
     results = (
-        (world, f"{learner}, {way}" if way else learner, result)
-        for (world, learner, way), own in _by_way(runs).items()
-        for result in own
+        (task.params["world"], name(task.params).removesuffix(", "), result)
+        for task, result in runs
     )
     return tables_of(results, _COLUMNS)
 
 
-def _by_way(runs: Runs) -> dict[tuple[Any, ...], list[Result]]:
-    return group(runs, "world", "learner", "way")
-
-
-def _plots(runs: Runs) -> list[Plot]:
-    """Return two plots a world: the score over examples, and over takeovers."""
-    return [
-        Plot(
-            title=world,
-            x_label=x_label,
-            y_label="score",
-            series=[
-                (
-                    f"{learner}, {way}",
-                    [statistics.fmean(values) for values in by_stage(results, x_label)],
-                    [statistics.fmean(values) for values in scores_by_stage(results)],
-                )
-                for (own, learner, way), results in _by_way(runs).items()
-                if own == world and way and (x_label == "examples" or way != "demonstration")
-            ],
-        )
-        for (world,), _ in group(runs, "world").items()
-        for x_label in ("examples", "takeovers")
-    ]
-
-
-def by_stage(results: Sequence[Result], name: str) -> list[list[Any]]:
-    """Return a figure of each run, by number of examples."""
-    stages = zip(*(result["stages"] for result in results), strict=True)
-    return [[stage[name] for stage in own] for own in stages]
-
-
-def scores_by_stage(results: Sequence[Result]) -> list[list[float]]:
-    """Return the mean score of each run, by number of examples."""
-    return [list(map(statistics.fmean, scores)) for scores in by_stage(results, "scores")]
-
-
-def _score(stage: int) -> Callable[[Sequence[Result]], str]:
-    return lambda results: mean_in_interval(scores_by_stage(results)[stage])
+def score_at(stage: int) -> Callable[[Sequence[Result]], str]:
+    """Return how a cell is made of the mean score of each run after so many examples."""
+    return lambda results: mean_in_interval(
+        [statistics.fmean(result["stages"][stage]["scores"]) for result in results]
+    )
 
 
 def _last(name: str) -> Callable[[Sequence[Result]], float | None]:
     """Return how a cell is made of a figure of the last stage, which teachers have not."""
-    return lambda results: (
-        statistics.fmean(by_stage(results, name)[-1]) if name in results[0]["stages"][-1] else None
-    )
+    return lambda results: mean_of_known([result["stages"][-1].get(name) for result in results])
 
 
 _COLUMNS: Columns = {
     "runs": len,
-    **{f"after {count}": _score(stage) for stage, count in enumerate(COUNTS)},
+    **{f"after {count}": score_at(stage) for stage, count in enumerate(COUNTS)},
     "taken over": _last("takeovers"),
     "examples": _last("examples"),
 }
@@ -117,5 +80,4 @@ GROUND = Experiment(
     "of the mean over seeds (bootstrap).",
     plan=_plan,
     tables=_tables,
-    plots=_plots,
 )
