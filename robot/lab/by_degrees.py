@@ -38,11 +38,10 @@ def run_degrees(params: Params) -> Result:
         taught = trial.drive(Mode.TRAIN, TEACH_S)
         trial.drive(Mode.AUTONOMOUS, CORRECT_S)
         alone = trial.drive(Mode.AUTONOMOUS, ALONE_S, supervised=False)
-        timing = trial.timing()
     return {
         **beside_pilot(alone, taught, habit, name, params, _MINUTES),
         "ssd_in_place": ssd_in_place(alone, habit.pilot(name)),
-        "timing": timing,
+        "timing": trial.timing,
     }
 
 

@@ -152,20 +152,13 @@ def run_habit(params: Params) -> Result:
     """
     habit, name = HABITS[params["habit"]], f"{params['habit']} {params['seed']}"
     with taught_by(habit, name, params) as trial:
-        alone_s = params["alone_s"]
-        taught = trial.drive(Mode.TRAIN, params["teach_s"])
-        drives = {"before": trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
-        if params.get("correct_s"):
-            trial.drive(Mode.AUTONOMOUS, params["correct_s"])
-            drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
-        timing, lessons = trial.timing(), dict(trial.loop.state.taught)
-    result: Result = {}
-    for phase, drive in drives.items():
-        n_minutes = round(params.get("reference_s", 180.0) / 60.0)
-        result[phase] = beside_pilot(drive, taught, habit, name, params, n_minutes)
-    result["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
-    result["timing"] = timing
-    return result
+        taught, drives = trial.lesson(params["teach_s"], params["correct_s"], params["alone_s"])
+    n_minutes = round(params.get("reference_s", 180.0) / 60.0)
+    result: Result = {
+        phase: beside_pilot(drive, taught, habit, name, params, n_minutes)
+        for phase, drive in drives.items()
+    }
+    return {**result, "timing": trial.timing}
 
 
 def taught_by(habit: Habit, name: str, params: Params) -> Trial:

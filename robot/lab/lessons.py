@@ -9,12 +9,11 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from robot.control.profile import Profile, compare
+from robot.control.profile import compare
 from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import DriveLog
-from robot.lab.published import FIGURE_6, FIGURE_7, FIGURE_8
 from robot.lab.tables import SSD_COLUMNS, tables_of
 from robot.lab.task import Params, Result
 from robot.lab.trial import Trial
@@ -39,42 +38,24 @@ def run_lesson(params: Params) -> Result:
     nothing is measured of the robot after it).
     """
     moves = tuple(Action(move) for move in params["moves"])
-    alone_s = float(params.get("alone_s", 60.0))
-    with Trial(
-        params["world"],
-        params["seed"],
-        make_learner(params["learner"], moves),
-        make_pilot(params, moves),
-    ) as trial:
-        taught = trial.drive(Mode.TRAIN, params["teach_s"])
-        drives = {"before": trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
-        if params.get("correct_s"):
-            trial.drive(Mode.AUTONOMOUS, params["correct_s"])
-            drives["after"] = trial.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
-        n_nodes, lessons = trial.policy.n_nodes, dict(trial.loop.state.taught)
+    policy, pilot = make_learner(params["learner"], moves), make_pilot(params, moves)
+    alone_s = params.get("alone_s", 60.0)
+    with Trial(params["world"], params["seed"], policy, pilot) as trial:
+        taught, drives = trial.lesson(params["teach_s"], params.get("correct_s", 0.0), alone_s)
         again = trial.drive(Mode.TRAIN, params.get("reference_s", 240.0))
-        timing = trial.timing()
     teacher = DriveLog([*taught, *again])
+    drives["teacher"] = again.last(alone_s)
     result: Result = {
-        name: _figures(drive, teacher, taught.profile(), moves) for name, drive in drives.items()
+        name: {
+            **metrics.against(drive, teacher, moves),
+            # The teaching alone, as in the paper.
+            "ssd_against_lesson": compare(taught.profile(), drive.profile(), moves).ssd,
+        }
+        for name, drive in drives.items()
     }
-    result["teacher"] = _figures(again.last(alone_s), teacher, taught.profile(), moves)
-    result["taught"] = {"agreement": metrics.agreement(taught), "nodes": n_nodes}
-    result["taught"]["lessons"] = {move.value: n for move, n in sorted(lessons.items())}
-    result["timing"] = timing
+    result["taught"] = {"agreement": metrics.agreement(taught)}
+    result["timing"] = trial.timing
     return result
-
-
-def _figures(
-    drive: DriveLog, teacher: DriveLog, taught: Profile, moves: tuple[Action, ...]
-) -> dict[str, Any]:
-    """Return all figures of one drive; `taught` is the teaching alone, as in the paper."""
-    return {
-        **metrics.against(drive, teacher, moves),
-        "ssd_against_lesson": compare(taught, drive.profile(), moves).ssd,
-        "collisions_per_min": metrics.collisions_per_minute(drive),
-        "pushing_s_per_min": metrics.pushing_s_per_minute(drive),
-    }
 
 
 def ssd_tables(
@@ -95,7 +76,16 @@ def ssd_tables(
 
 # Figure 6 -----------------------------------------------------------------------------------------
 
-NODES, KINDS = tuple(FIGURE_6), ("published", "default")
+_NODES_PUBLISHED = {
+    2: (31.74, 17.28),
+    4: (11.62, 10.36),
+    8: (4.40, 7.68),
+    16: (2.87, 4.34),
+    32: (3.48, 5.84),
+    64: (12.20, 10.57),
+}
+"""Of the paper: SSD by number of nodes, self-trained by sonar: mean and standard deviation."""
+NODES, KINDS = tuple(_NODES_PUBLISHED), ("published", "default")
 
 
 def _by_nodes(settings: ExperimentSettings) -> Iterable[Params]:
@@ -113,7 +103,9 @@ def _tables_by_nodes(runs: Runs) -> list[Table]:
         (title, f"{p['kind']}, {p['nodes']} nodes" if p["nodes"] else p["kind"], result["before"])
         for p, result in ((task.params, result) for task, result in runs)
     ]
-    return ssd_tables(rows, *((title, f"{n} nodes", paper) for n, paper in FIGURE_6.items()))
+    return ssd_tables(
+        rows, *((title, f"{n} nodes", paper) for n, paper in _NODES_PUBLISHED.items())
+    )
 
 
 FIGURE6 = Experiment(
@@ -126,6 +118,14 @@ FIGURE6 = Experiment(
 )
 
 # Figure 7 -----------------------------------------------------------------------------------------
+
+
+_TRIALS_PUBLISHED = {
+    1: {"before": (9.40, 12.95, 44.90), "after": (1.77, 1.77, 6.96)},
+    2: {"before": (14.24, 12.15, 46.76), "after": (1.72, 1.93, 7.50)},
+    3: {"before": (20.47, 16.42, 65.56), "after": (10.84, 15.21, 86.79)},
+}
+"""Of the paper: SSD by trial, 32 nodes, human teachers: mean, standard deviation, maximum."""
 
 
 def trial_cases(
@@ -159,7 +159,7 @@ def _tables_by_trial(runs: Runs) -> list[Table]:
     teachers = [(title, "teacher", result["teacher"]) for title, _, result in own]
     paper = (
         (titles[trial], phase, (mean, sd, None, largest))
-        for trial, phases in FIGURE_7.items()
+        for trial, phases in _TRIALS_PUBLISHED.items()
         for phase, (mean, sd, largest) in phases.items()
     )
     return ssd_tables([*rows, *teachers], *paper)
@@ -180,6 +180,13 @@ FIGURE7 = Experiment(
 
 # Figure 8 -----------------------------------------------------------------------------------------
 
+_TIMES_PUBLISHED = {
+    ("robot", 90): 12.41,
+    ("robot", 180): 8.21,
+    ("human", 90): 11.79,
+    ("human", 180): 9.38,
+}
+"""Of the paper: mean SSD by teacher and seconds of training."""
 SECONDS = (90, 180)
 
 
@@ -194,7 +201,7 @@ def _by_time(settings: ExperimentSettings) -> Iterable[Params]:
 def _tables_by_time(runs: Runs) -> list[Table]:
     title, name = "SSD by training time", "{learner}, {who}, {teach_s:.0f} s".format_map
     rows = ((title, name(task.params), result["before"]) for task, result in runs)
-    paper = ((title, f"{who}, {s} s", (mean,)) for (who, s), mean in FIGURE_8.items())
+    paper = ((title, f"{who}, {s} s", (mean,)) for (who, s), mean in _TIMES_PUBLISHED.items())
     return ssd_tables(rows, *paper)
 
 

@@ -143,6 +143,8 @@ def figures(log: DriveLog) -> dict[str, float]:
     """Return what every experiment tells of a drive."""
     return {
         "longest_push_s": longest_push_s(log),
+        "pushing_s_per_min": pushing_s_per_minute(log),
+        "collisions_per_min": collisions_per_minute(log),
         "stuck": is_stuck(log),
         "asking_share": asking_share(log),
         "driven_m": driven_m(log),

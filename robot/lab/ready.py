@@ -100,16 +100,14 @@ def run_ready(params: Params) -> Result:
         missing = missing or _missing(readiness)
         agreement = trial.loop.state.agreement
         alone = trial.drive(Mode.AUTONOMOUS, 60.0, supervised=False)
-        timing = trial.timing()
     return {
         "is_ready": is_ready,
         "taught_s": taught_s,
         "tried_s": tried_s,
         "missing": missing,
         "agreement": agreement,
-        "foreseen": dict(readiness.foreseen),
         **metrics.figures(alone),
-        "timing": timing,
+        "timing": trial.timing,
     }
 
 

@@ -40,7 +40,12 @@ class Trial(StartStop):
         pilot: Who teaches.
         rate_hz: Frames, ticks and heartbeats a second.
         drift: How far the wheels drift apart while the pilot teaches (`Simulation.drift_share`).
+
+    Attributes:
+        timing: When it is over: its pictures, and how many a second of this machine's time.
     """
+
+    timing: dict[str, float]
 
     def __init__(
         self,
@@ -53,12 +58,10 @@ class Trial(StartStop):
         drift: float = 0.0,
     ) -> None:
         self.clock = VirtualClock()
-        self.rate_hz = rate_hz
-        self.drift = drift
+        self.rate_hz, self.drift = rate_hz, drift
         self.driver = SimDriver(SimOptions(world=world, seed=seed))
         self.camera = SimCamera(self.driver, SimCameraOptions(), self.clock)
-        self.policy = policy
-        self.pilot = pilot
+        self.policy, self.pilot = policy, pilot
         self._frames, self._started_s = 0, time.perf_counter()
         self.loop = ControlLoop(
             self.driver, self.camera, policy, self.clock, LoopConfig(governor=PATIENT_LINK)
@@ -99,10 +102,19 @@ class Trial(StartStop):
                 break
         return log
 
-    def timing(self) -> dict[str, float]:
-        """Return how many pictures there were, and how many a second of this machine's time."""
-        seconds = time.perf_counter() - self._started_s
-        return {"frames": self._frames, "frames_per_s": self._frames / seconds}
+    def lesson(
+        self, teach_s: float, correct_s: float, alone_s: float
+    ) -> tuple[DriveLog, dict[str, DriveLog]]:
+        """Teach, drive alone, and if it is to be corrected: correct, drive alone again.
+
+        Returns the teaching, and the drives alone: `before` correction, and `after` it.
+        """
+        taught = self.drive(Mode.TRAIN, teach_s)
+        alone = {"before": self.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
+        if correct_s:
+            self.drive(Mode.AUTONOMOUS, correct_s)
+            alone["after"] = self.drive(Mode.AUTONOMOUS, alone_s, supervised=False)
+        return taught, alone
 
     def _turn(self) -> DriveSample:
         """Advance by one frame, show it to the pilot, and tick the loop."""
@@ -131,6 +143,8 @@ class Trial(StartStop):
         self.driver.connect()
 
     def stop(self) -> None:
+        seconds = time.perf_counter() - self._started_s
+        self.timing = {"frames": self._frames, "frames_per_s": self._frames / seconds}
         self.driver.disconnect()
         self.driver.simulation.close()
 
