@@ -6,10 +6,10 @@ import random
 import statistics
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import chain, product
 from typing import Any
 
-from robot.control.profile import behavior_profile, compare
+from robot.control.profile import compare
 from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.ideas import make_learner
@@ -134,7 +134,7 @@ def _gate(runs: Runs) -> Table:
     return Table(title="The gate", columns=("what", "asked", "measured"), rows=tuple(rows))
 
 
-_MEANS = ("driven_m", "covered_m2", "ssd", "ssd_frequent", "ssd_alike", "steering_per_s")
+_MEANS = ("driven_m", "covered_m2", "steering_per_s")
 DRIFT_SHARE = 0.15
 """Drift of the wheels while a simulated pilot teaches. In a second of driving straight the heading
 changes by 17 degrees (standard deviation)."""
@@ -186,20 +186,17 @@ def beside_pilot(
         )
         for i in range(n_minutes)
     ]
-    pilot = DriveLog([moment for minute in minutes for moment in minute])
-    own, *each = (
-        {
-            **metrics.against(log, pilot, habit.moves),
-            "ssd_alike": _ssd_of_turns_alike(log, pilot),
-        }
-        for log in (drive, *minutes)
-    )
-    teacher = {
-        key: statistics.fmean(float(figures[key]) for figures in each) for key in (*_MEANS, "stuck")
-    }
-    teacher["ssd_of_lesson"] = _ssd_of_turns_alike(taught, pilot)
+    pilot = DriveLog(chain(*minutes))
+    each = [metrics.figures(minute) for minute in minutes]
+    teacher = {name: statistics.fmean(own[name] for own in each) for name in _MEANS}
     teacher["longest_push_s"] = max(metrics.longest_push_s(log) for log in (taught, *minutes))
-    return {**own, "teacher": teacher}
+    teacher["ssd_of_lesson"] = _ssd_of_turns_alike(taught, pilot)
+    teacher["ssd_alike"] = statistics.fmean(_ssd_of_turns_alike(own, pilot) for own in minutes)
+    return {
+        **metrics.against(drive, pilot, habit.moves),
+        "ssd_alike": _ssd_of_turns_alike(drive, pilot),
+        "teacher": teacher,
+    }
 
 
 def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
@@ -219,13 +216,11 @@ def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
 
 def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
     """Return the SSD with left and right as one move: which side it is, is often chance."""
-    taught, driven = (
-        behavior_profile(
-            [Action.LEFT if action is Action.RIGHT else action for action in log.actions()],
-            [moment.distance_m for moment in log],
-        )
+    alike = (
+        [replace(at, action=Action.LEFT) if at.action is Action.RIGHT else at for at in log]
         for log in (teacher, drive)
     )
+    taught, driven = (DriveLog(log).profile() for log in alike)
     return compare(taught, driven, (Action.FORWARD, Action.LEFT)).ssd
 
 
