@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from robot.errors import need
-from robot.lab.baselines.baseline import Baseline
-from robot.lab.baselines.by_angle import AngleBaseline, AnglePolicy
+from robot.lab.baselines.baseline import AngleBaseline, AnglePolicy, Baseline
 from robot.lab.baselines.networks import BatchNetwork, ColourFeatures, ConvolutionalNetwork
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import Features, GradientFeatures, GreyFeatures
