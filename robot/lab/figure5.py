@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import platform
-from collections.abc import Callable, Iterator
-from itertools import cycle, product
+from collections.abc import Generator, Iterator
+from itertools import cycle, islice, product
 
-from robot.clock import RealClock
 from robot.control.loop import ControlLoop, LoopConfig
-from robot.devices.rig import build_rig
-from robot.devices.simulation.camera import SimCamera, SimCameraOptions
-from robot.devices.simulation.driver import SimDriver, SimOptions
+from robot.devices.rig import Rig, build_rig
+from robot.devices.simulation.camera import SimCamera
+from robot.devices.simulation.driver import SimDriver
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs
 from robot.lab.ideas import make_learner
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import PATIENT_LINK
 from robot.policy.autosize import sample_frames
-from robot.policy.policy import Policy
 from robot.store.table import Cell, Table
 from robot.types import DEFAULT_MOVES, Action, Mode, PilotCommand
 
@@ -63,62 +61,49 @@ def run_cycles(params: Params) -> Result:
     frames = sample_frames(policy.max_nodes + 8)
     for frame, move in zip(frames, cycle(DEFAULT_MOVES), strict=False):
         policy.learn(policy.extract(frame), move)
-    measure = _simulated if params["robot"] == "sim" else _real
-    hz = measure(policy, params)
-    return {"timing": {"learning_hz": hz[0], "applying_hz": hz[1], "nodes": policy.n_nodes}}
+    is_simulated = params["robot"] == "sim"
+    options = {"world": "office"} if is_simulated else params.get("options", {})
+    rig = build_rig(params["robot"], options=options)
+    loop = ControlLoop(rig.driver, rig.camera, policy, rig.clock, LoopConfig(governor=PATIENT_LINK))
+    with contextlib.closing(_pictures(rig, loop)) as pictures:
+        learning_hz = _measure(loop, pictures, Mode.TRAIN, Action.LEFT, params["cycles"])
+        applying_hz = _measure(loop, pictures, Mode.AUTONOMOUS, None, params["cycles"])
+    hz = {"learning_hz": learning_hz, "applying_hz": applying_hz}
+    return {"timing": {**hz, "nodes": policy.n_nodes}}
 
 
-def _simulated(policy: Policy, params: Params) -> tuple[float, float]:
-    clock = RealClock()
-    driver = SimDriver(SimOptions(world="office"))
-    camera = SimCamera(driver, SimCameraOptions(), clock)
-    driver.connect()
-    loop = ControlLoop(driver, camera, policy, clock, LoopConfig(governor=PATIENT_LINK))
-
-    def next_frame() -> int:
-        driver.advance(0.1)
-        return camera.capture().frame_id
-
-    with contextlib.closing(driver.simulation):
-        return _measure(loop, next_frame, int(params["cycles"]))
-
-
-def _real(policy: Policy, params: Params) -> tuple[float, float]:
-    """Time a real robot. Its wheels turn: put it on a stand."""
-    rig = build_rig(params["robot"], options=params.get("options", {}))
-    with rig.driver, rig.camera:
-        loop = ControlLoop(
-            rig.driver, rig.camera, policy, rig.clock, LoopConfig(governor=PATIENT_LINK)
-        )
-        last = 0
-
-        def next_frame() -> int:
-            nonlocal last
-            while (frame := rig.camera.latest()) is None or frame.frame_id == last:
+def _pictures(rig: Rig, loop: ControlLoop) -> Generator[int]:
+    """Yield the number of each new picture. A real robot's wheels turn: put it on a stand."""
+    driver, camera, last = rig.driver, rig.camera, 0
+    if isinstance(driver, SimDriver) and isinstance(camera, SimCamera):
+        driver.connect()
+        with contextlib.closing(driver.simulation):
+            while True:
+                driver.advance(0.1)
+                yield camera.capture().frame_id
+    with driver, camera:
+        while True:
+            while (frame := camera.latest()) is None or frame.frame_id == last:
                 if not rig.clock.wait(loop.wake, 5.0):
                     raise TimeoutError("the camera gives no pictures")
                 loop.wake.clear()
             last = frame.frame_id
-            return last
-
-        return _measure(loop, next_frame, int(params["cycles"]))
+            yield last
 
 
-def _measure(loop: ControlLoop, next_frame: Callable[[], int], cycles: int) -> tuple[float, float]:
+def _measure(
+    loop: ControlLoop, pictures: Iterator[int], mode: Mode, held: Action | None, cycles: int
+) -> float:
     clock = loop.clock
-    rates = []
-    for mode, held in ((Mode.TRAIN, Action.LEFT), (Mode.AUTONOMOUS, None)):
-        next_frame()
-        loop.set_mode(mode)
-        loop.tick(clock.now_s())
-        started_s = clock.now_s()
-        for seq in range(cycles):
-            frame_id = next_frame()
-            now_s = clock.now_s()
-            loop.command(PilotCommand(held=held, frame_id=frame_id, seq=seq, received_s=now_s))
-            loop.tick(now_s)
-        rates.append(cycles / (clock.now_s() - started_s))
-    return rates[0], rates[1]
+    next(pictures)
+    loop.set_mode(mode)
+    loop.tick(clock.now_s())
+    started_s = clock.now_s()
+    for seq, frame_id in enumerate(islice(pictures, cycles)):
+        now_s = clock.now_s()
+        loop.command(PilotCommand(held=held, frame_id=frame_id, seq=seq, received_s=now_s))
+        loop.tick(now_s)
+    return cycles / (clock.now_s() - started_s)
 
 
 FIGURE5 = Experiment(
