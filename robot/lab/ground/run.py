@@ -42,15 +42,8 @@ def run_ground(params: Params) -> Result:
         for count in params["counts"]:
             course.teach(count)
             scores = [drive_alone(world, learner, seed) for seed in _alone_seeds(params)]
-            stages.append(
-                {
-                    "count": count,
-                    "examples": learner.n_examples,
-                    "takeovers": course.takeovers,
-                    "decisions": course.decisions,
-                    "scores": scores,
-                }
-            )
+            had = {"examples": learner.n_examples, "takeovers": course.takeovers}
+            stages.append({**had, "scores": scores})
     return {"stages": stages}
 
 
@@ -63,11 +56,10 @@ def _run_teacher(params: Params) -> Result:
     with contextlib.closing(make_world(params["world"])) as world:
         for seed in _alone_seeds(params):
             world.reset(seed)
-            is_over = False
-            while not is_over:
-                _, is_over = world.step(world.wanted(), world.point)
+            while not world.step(world.wanted(), world.point)[1]:
+                pass
             scores.append(world.score)
-    return {"stages": [{"count": count, "scores": scores} for count in params["counts"]]}
+    return {"stages": [{"scores": scores}] * len(params["counts"])}
 
 
 class Course:
@@ -94,8 +86,8 @@ class Course:
             self.decisions += 1
             proposed = self._learner.see(picture, STEP_S * self.decisions)
             wanted = self._world.wanted()
-            if self._is_teacher_due(proposed, wanted):
-                is_first = self._way == "demonstration" or self._is_beginning
+            is_first = self._way == "demonstration" or self._learner.n_examples < FIRST_EXAMPLES
+            if is_first or self._is_teacher_due(proposed, wanted):
                 point = self._world.point
                 self._learner.teach(wanted, is_correction=not is_first, point=point)
                 move: str | None = wanted
@@ -104,13 +96,7 @@ class Course:
             if move is not None:  # a robot that stands and asks is waited for
                 picture, is_over = self._world.step(move, point)
 
-    @property
-    def _is_beginning(self) -> bool:
-        return self._learner.n_examples < FIRST_EXAMPLES
-
     def _is_teacher_due(self, proposed: Prediction, wanted: str) -> bool:
-        if self._way == "demonstration" or self._is_beginning:
-            return True
         is_wrong = proposed.action != wanted
         if self._held > 0:
             self._held = self._held + 1 if is_wrong or self._held < HOLDS_FOR else 0

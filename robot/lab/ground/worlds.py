@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -155,6 +155,7 @@ class CarRacing(ForeignWorld):
 
     Args:
         names: What left, right, gas, brake and nothing are called.
+        is_continuous: It is driven by degrees.
     """
 
     longest = 150
@@ -163,11 +164,9 @@ class CarRacing(ForeignWorld):
     _zoom_frames = 50
     """The world begins with a zoom, in which nothing can be done."""
 
-    def __init__(
-        self, names: tuple[str, str, str, str, str], *, is_continuous: bool = False
-    ) -> None:
+    def __init__(self, names: Collection[str], *, is_continuous: bool = False) -> None:
         self.codes = dict(zip(names, (2, 1, 3, 4, 0), strict=True))
-        self._names = names
+        self._names = tuple(names)
         super().__init__("CarRacing-v3", "Box2D", continuous=is_continuous)
         self._draw = self.inner._render
         self._is_seen = True
@@ -213,31 +212,31 @@ class CarRacing(ForeignWorld):
         return math.remainder(math.atan2(y, x) - math.pi / 2 - self.inner.car.hull.angle, math.tau)
 
 
+CAR_MOVES = {
+    "left": Point(-0.6, 0.1),
+    "right": Point(0.6, 0.1),
+    "forward": Point(0.0, 0.2),
+    "brake": Point(0.0, -0.8),
+    "coast": Point(0.0, 0.0),
+}
+"""The five moves of the car's discrete form, as points of its continuous one."""
+
+
 class CarRacingByDegrees(CarRacing):
-    """The same world's continuous form; its moves are those of the discrete one, as points.
+    """The same world's continuous form; its moves are those of the discrete one.
 
     The teacher steers in proportion, and gives gas meanwhile.
     """
 
-    _POINTS: Mapping[str, Point] = MappingProxyType(
-        {
-            "left": Point(-0.6, 0.1),
-            "right": Point(0.6, 0.1),
-            "forward": Point(0.0, 0.2),
-            "brake": Point(0.0, -0.8),
-            "coast": Point(0.0, 0.0),
-        }
-    )
-
     def __init__(self) -> None:
-        super().__init__(("left", "right", "forward", "brake", "coast"), is_continuous=True)
+        super().__init__(CAR_MOVES, is_continuous=True)
         self._moves = [
             Move(Action(name), steering=point.steering, throttle=point.throttle)
-            for name, point in self._POINTS.items()
+            for name, point in CAR_MOVES.items()
         ]
 
     def _code(self, move: str, point: Point | None) -> Any:
-        steering, throttle = point or self._POINTS[move]
+        steering, throttle = point or CAR_MOVES[move]
         return np.array([steering, max(throttle, 0.0), max(-throttle, 0.0)], np.float32)
 
     def wanted(self) -> str:
@@ -297,7 +296,7 @@ WORLDS: dict[str, Callable[[], ForeignWorld]] = {
         name: partial(MiniWorld, name)
         for name in ("Sidewalk", "Hallway", "OneRoom", "TMaze", "YMaze")
     },
-    "CarRacing": partial(CarRacing, ("left", "right", "forward", "brake", "coast")),
+    "CarRacing": partial(CarRacing, CAR_MOVES),
     "CarRacing, by degrees": CarRacingByDegrees,
     "CarRacing, own names": partial(CarRacing, ("port", "starboard", "gas", "drag", "roll")),
     "ViZDoom": VizDoom,

@@ -57,12 +57,7 @@ class SonarController:
         return True
 
 
-_SIDES = {
-    Action.LEFT: 1,
-    Action.SPIN_LEFT: 1,
-    Action.RIGHT: -1,
-    Action.SPIN_RIGHT: -1,
-}
+_SIDES = {Action.LEFT: 1, Action.RIGHT: -1}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
