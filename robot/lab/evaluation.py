@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -71,14 +71,12 @@ def evaluate(
     *,
     light: float = 1.0,
     examples: int | None = None,
-    tick: Callable[[], None] = lambda: None,
 ) -> Iterator[Result]:
     """Yield what `judge` finds of each learner on each pair, and of which it is.
 
     Args:
         light: How much of the light is left when the learner is tested.
         examples: How many frames of a drive are learned, spread evenly over it; None: all.
-        tick: Called after every one.
 
     Raises:
         ConfigurationError: If a learner is unknown.
@@ -95,7 +93,6 @@ def evaluate(
             test = seen_by(policy, pair.test, vectors, light)
             found = judge(policy, train, test, examples)
             yield {"place": pair.place, **drives, "learner": name, **found}
-            tick()
 
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:

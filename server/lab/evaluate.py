@@ -49,9 +49,12 @@ def run(args: argparse.Namespace) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     learners = _learners(args.learners)
     pairs = evaluation.load_pairs(args.folder)
+    results = []
     with progress(len(pairs) * len(learners), "run", "evaluate", "evaluate") as bar:
-        how = {"light": args.light, "examples": args.examples, "tick": bar.update}
-        results = list(evaluation.evaluate(pairs, learners, **how))
+        how = {"light": args.light, "examples": args.examples}
+        for result in evaluation.evaluate(pairs, learners, **how):
+            results.append(result)
+            bar.update()
     print(evaluation.table(results).as_text())
     write_json(args.json, {"pairs": results})
     return 0

@@ -6,7 +6,6 @@ input and one output; writing it takes less than the library `onnx` does.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -77,4 +76,4 @@ def _varint(value: int) -> bytes:
     while value > 127:
         parts.append(value & 127 | 128)
         value >>= 7
-    return struct.pack(f"{len(parts) + 1}B", *parts, value)
+    return bytes([*parts, value])

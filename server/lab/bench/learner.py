@@ -16,6 +16,7 @@ from server.lab.bench.report import add_json, report
 
 N_BYTES = 2400
 _BLOCK = 50
+Step = Callable[[NDArray[np.uint8]], object]
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -56,22 +57,19 @@ def _cluster(max_nodes: int) -> dict[str, float]:
         learner.train(rng.integers(0, 256, N_BYTES).astype(np.uint8) // 2 + frames[i % 300] // 2)
     matrix = rng.random((max_nodes, N_BYTES)).astype(np.float32)
     vector = rng.random(N_BYTES).astype(np.float32)
-    train: list[float] = []
-    lookup: list[float] = []
-    product: list[float] = []
+    steps: tuple[Step, ...] = (lambda _: matrix @ vector, learner.train, learner.lookup)
+    took_us: list[list[float]] = [[], [], []]
     for start in range(0, len(frames), _BLOCK):
-        block = frames[start : start + _BLOCK]
-        product += _times_us(lambda _: matrix @ vector, block)
-        train += _times_us(learner.train, block)
-        lookup += _times_us(learner.lookup, block)
-    step, bare = float(np.median(train)), float(np.median(product))
+        for step, times_us in zip(steps, took_us, strict=True):
+            times_us += _times_us(step, frames[start : start + _BLOCK])
+    product_us, train_us, lookup_us = (float(np.median(times_us)) for times_us in took_us)
     return {
         "max_nodes": max_nodes,
-        "train_us": step,
-        "train_p99_us": float(np.percentile(train, 99)),
-        "lookup_us": float(np.median(lookup)),
-        "product_us": bare,
-        "train_per_product": step / bare,
+        "train_us": train_us,
+        "train_p99_us": float(np.percentile(took_us[1], 99)),
+        "lookup_us": lookup_us,
+        "product_us": product_us,
+        "train_per_product": train_us / product_us,
     }
 
 
@@ -84,9 +82,7 @@ def _frames(count: int) -> list[NDArray[np.uint8]]:
     return list(mixed)
 
 
-def _times_us(
-    step: Callable[[NDArray[np.uint8]], object], block: list[NDArray[np.uint8]]
-) -> list[float]:
+def _times_us(step: Step, block: list[NDArray[np.uint8]]) -> list[float]:
     return [1e6 * took_s for took_s in autosize.times(lambda i: step(block[i]), len(block))]
 
 

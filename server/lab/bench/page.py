@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         tools = page.context.new_cdp_session(page)
         # CPU time: what else the machine does is not in it.
         tools.send("Performance.enable", {"timeDomain": "threadTicks"})
-        rows = [_measure(page, tools, subject, rate, args.seconds) for rate in args.throttle]
+        rows = [_measure(page, tools, rate, args.seconds) for rate in args.throttle]
     with ServerUnderTest("drivelesson", args.rate) as subject:
         visits = [(name, *_visit(subject, name)) for name in LINKS for _ in range(args.visits)]
     lines = tuple(
@@ -124,9 +124,7 @@ def _phone() -> Iterator[Any]:
         browser.close()
 
 
-def _measure(
-    page: Any, tools: Any, subject: ServerUnderTest, throttle: float, seconds: float
-) -> dict[str, Any]:
+def _measure(page: Any, tools: Any, throttle: float, seconds: float) -> dict[str, Any]:
     tools.send("Emulation.setCPUThrottlingRate", {"rate": throttle})
     _start_and_hold(page, tools)
     time.sleep(2.0)
@@ -152,8 +150,6 @@ def _measure(
         "painted_per_s": round((painted_then - painted) / lasted_s, 2),
         "learned_per_s": round((learned_then - learned) / lasted_s, 2),
         "stops": stops,
-        "link": page.evaluate(f"{_STATE}.robot.link"),
-        "camera_hz": subject.ask()["cycle_hz"],
     }
 
 
