@@ -32,6 +32,10 @@ class ExperimentSettings:
         """How many runs of each kind; one with `--quick`."""
         return 1 if self.quick else self.seeds
 
+    def taught(self, place: Params) -> Params:
+        """Return a place of simulated people with the teacher that was named, if one was."""
+        return {**place, "teacher": self.teacher or place["teacher"]}
+
     @property
     def learner(self) -> str:
         """The learner of an experiment that is about one alone."""

@@ -8,7 +8,7 @@ from itertools import product
 from pathlib import Path
 
 from robot.control.state import Tick
-from robot.lab.evaluation import Pair, evaluate, judge, recorded_pairs
+from robot.lab.evaluation import judge, recorded_pairs, seen_by
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.lessons import TRIALS
@@ -17,7 +17,7 @@ from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial
 from robot.policy.registry import make_policy
 from robot.store.table import Table
-from robot.types import Action, Frame, Mode
+from robot.types import DEFAULT_MOVES, Action, Frame, Mode
 
 LEARNERS = ("knn-3", "knn-9", "published-32", "published-64", "published-128", "default-32")
 KINDS = {"simulated_footage": "Simulated", "recorded_footage": "Recorded"}
@@ -37,11 +37,11 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     """Plan every learner on every place and seed, and on every pair of recordings."""
     learners = settings.learners or LEARNERS
     cases = (
-        {**trial, "trial": number, "learner": learner}
+        {**settings.taught(trial), "trial": number, "learner": learner}
         for (number, trial), learner in product(TRIALS.items(), learners)
     )
     yield from seeded(run_simulated_footage, cases, settings)
-    yield from recorded_tasks(settings, [name for name in learners if ":" not in name])
+    yield from recorded_tasks(settings, learners)
 
 
 def recorded_tasks(settings: ExperimentSettings, learners: Iterable[str]) -> Iterator[Task]:
@@ -79,7 +79,7 @@ _COLUMNS: Columns = {
 }
 
 
-_KEPT = ("correct", "frames", "accuracy", "balanced_accuracy", "calibration_error")
+_KEPT = ("accuracy", "balanced_accuracy", "calibration_error")
 
 
 def run_simulated_footage(params: Params) -> Result:
@@ -101,8 +101,9 @@ def run_recorded_footage(params: Params) -> Result:
     """Train on one recording, test on another; `train`, `test` (paths) and `learner`."""
     from robot.exchange.npz import load_recording  # of another house, asked for when needed
 
-    pair = Pair(load_recording(params["train"]), load_recording(params["test"]))
-    [result] = evaluate([pair], [params["learner"]])
+    policy = make_learner(params["learner"], DEFAULT_MOVES)
+    train, test = (seen_by(policy, load_recording(params[part]), {}) for part in ("train", "test"))
+    result = judge(policy, train, test)
     return {name: result[name] for name in _KEPT}
 
 

@@ -85,24 +85,18 @@ _NODES_PUBLISHED = {
     64: (12.20, 10.57),
 }
 """Of the paper: SSD by number of nodes, self-trained by sonar: mean and standard deviation."""
-NODES, KINDS = tuple(_NODES_PUBLISHED), ("published", "default")
+KINDS = ("published", "default")
 
 
 def _by_nodes(settings: ExperimentSettings) -> Iterable[Params]:
-    """A learner that is named has its own number of nodes."""
-    own = [(f"{kind}-{nodes}", kind, nodes) for kind in KINDS for nodes in NODES]
-    teacher = settings.teacher or "sonar"
-    for learner, kind, nodes in [(name, name, 0) for name in settings.learners] or own:
-        case = {**_SONAR, "teacher": teacher, "learner": learner, "kind": kind, "nodes": nodes}
-        yield {**case, "teach_s": 90.0}
+    own = [f"{kind}-{nodes}" for kind in KINDS for nodes in _NODES_PUBLISHED]
+    for learner in settings.learners or own:
+        yield {**settings.taught(_SONAR), "learner": learner, "teach_s": 90.0}
 
 
 def _tables_by_nodes(runs: Runs) -> list[Table]:
     title = "SSD by nodes"
-    rows = [
-        (title, f"{p['kind']}, {p['nodes']} nodes" if p["nodes"] else p["kind"], result["before"])
-        for p, result in ((task.params, result) for task, result in runs)
-    ]
+    rows = [(title, task.params["learner"], result["before"]) for task, result in runs]
     return ssd_tables(
         rows, *((title, f"{n} nodes", paper) for n, paper in _NODES_PUBLISHED.items())
     )
@@ -132,9 +126,8 @@ def trial_cases(
     trial: int, learners: Iterable[str], settings: ExperimentSettings
 ) -> Iterable[Params]:
     """One of the paper's trials, with retraining."""
-    setting = {**TRIALS[trial], **_RETRAINED, "trial": trial}
     for learner in learners:
-        yield {**setting, "teacher": settings.teacher or setting["teacher"], "learner": learner}
+        yield {**settings.taught(TRIALS[trial]), **_RETRAINED, "trial": trial, "learner": learner}
 
 
 def _trials(settings: ExperimentSettings) -> Iterable[Params]:
@@ -191,7 +184,8 @@ SECONDS = (90, 180)
 
 
 def _by_time(settings: ExperimentSettings) -> Iterable[Params]:
-    places = [("robot", _SONAR), *(("human", trial) for trial in TRIALS.values())]
+    trials = [("human", settings.taught(trial)) for trial in TRIALS.values()]
+    places = [("robot", _SONAR), *trials]
     for learner in settings.learners or ("published-32", "default-32"):
         for who, place in places:
             for seconds in SECONDS:

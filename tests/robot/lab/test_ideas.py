@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from robot.errors import ConfigurationError
+from robot.lab.experiment import ExperimentSettings
+from robot.lab.figure3 import FIGURE3
 from robot.lab.ideas import make_learner, make_teacher
 from robot.lab.lessons import run_lesson
 from robot.lab.simulated_pilots.teachers import SonarController
@@ -47,6 +49,20 @@ def test_the_ideas_of_the_how_to_enter_an_experiment(tmp_path: Path) -> None:
     )
     assert result["taught"]["agreement"] > 0.5
     assert 0.0 < result["before"]["ssd"] < 100.0
+
+
+def test_an_idea_is_tried_on_recorded_footage_too(tmp_path: Path) -> None:
+    pytest.importorskip("cv2", reason="NOT TESTED: OpenCV is not installed")
+    from tests.robot.lab.test_evaluation import write_recording
+
+    (tmp_path / "idea.py").write_text(blocks("python")[0])
+    for seed, name in enumerate(("hall_A.npz", "hall_B.npz")):
+        write_recording(tmp_path / name, seed=seed)
+    idea = f"{tmp_path}/idea.py:LastFrames"
+    settings = ExperimentSettings(quick=True, learners=(idea,), recordings=str(tmp_path))
+    tasks = [task for task in FIGURE3.plan(settings) if task.kind == "recorded_footage"]
+    assert [task.params["learner"] for task in tasks] == [idea, idea]
+    assert 0.5 < tasks[0].run(tasks[0].params)["accuracy"] <= 1.0
 
 
 @pytest.mark.parametrize(

@@ -108,13 +108,28 @@ def test_more_seeds_are_more_runs() -> None:
     assert many == 3 * few
 
 
-def test_a_learner_that_is_named_runs_once_with_its_own_number_of_nodes() -> None:
+@pytest.mark.parametrize("name", ["figure5", "figure6"])
+def test_a_learner_that_is_named_runs_once_with_its_own_number_of_nodes(name: str) -> None:
     settings = ExperimentSettings(quick=True, learners=("default-8", "knn-9"))
-    figure6 = load_experiment("figure6")
-    tasks = list(figure6.plan(settings))
+    experiment = load_experiment(name)
+    tasks = list(experiment.plan(settings))
     assert [task.params["learner"] for task in tasks] == ["default-8", "knn-9"]
-    (table,) = figure6.tables([(task, made_up(task)) for task in tasks])
+    (table,) = experiment.tables([(task, made_up(task)) for task in tasks])
     assert [row[0] for row in table.rows[-2:]] == ["default-8", "knn-9"]
+
+
+@pytest.mark.parametrize("name", ["figure3", "figure6", "figure7", "figure8"])
+def test_a_teacher_that_is_named_teaches_wherever_people_do(name: str) -> None:
+    tasks = list(load_experiment(name).plan(ExperimentSettings(quick=True, teacher="wide")))
+    taught = [task.params["teacher"] for task in tasks if task.params.get("who") != "robot"]
+    assert taught and set(taught) == {"wide"}
+
+
+def test_columns_without_a_figure_are_left_out_of_a_plot() -> None:
+    settings = ExperimentSettings(quick=True, learners=("default-8", "default-16"))
+    experiment = load_experiment("figure3")
+    runs = [(task, made_up(task)) for task in experiment.plan(settings)]
+    assert "paper mean" in write_html([(experiment, runs)], "drivelesson experiment")
 
 
 def test_a_table_as_text() -> None:
