@@ -45,22 +45,22 @@ def load_pairs(folder: Path | str) -> list[Pair]:
     RecordingError if there is no such folder or pair, or a recording is broken."""
     from robot.exchange.npz import load_recording  # of another house, asked for when needed
 
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise RecordingError(f"there is no folder {folder}")
-    pairs = recorded_pairs(folder)
-    if not pairs:
-        raise RecordingError(
-            f"{folder} has no recordings named PLACE_A.npz, PLACE_B.npz; write each with: "
-            "drivelesson episodes export NAME --as npz --out PLACE_A.npz"
-        )
+    pairs = recorded_pairs(Path(folder))
     loaded = {path: load_recording(path) for path, _ in pairs}
     return [Pair(loaded[train], loaded[test]) for train, test in pairs]
 
 
 def recorded_pairs(folder: Path) -> list[tuple[Path, Path]]:
-    """Return the paths of each place's two recordings, both ways."""
+    """Return the paths of each place's two recordings, both ways; RecordingError if there is no
+    such folder or recording."""
+    if not folder.is_dir():
+        raise RecordingError(f"there is no folder {folder}")
     firsts = sorted(folder.glob("*_A.npz"))
+    if not firsts:
+        raise RecordingError(
+            f"{folder} has no recordings named PLACE_A.npz, PLACE_B.npz; write each with: "
+            "drivelesson episodes export NAME --as npz --out PLACE_A.npz"
+        )
     both = [(path, path.with_name(path.name.replace("_A.npz", "_B.npz"))) for path in firsts]
     return [pair for a, b in both for pair in ((a, b), (b, a))]
 

@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 import itertools
 import json
+import math
 import sys
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
@@ -54,14 +55,15 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
             ages_s = [age for viewer in viewers for age in ages_since(busy["start_s"], viewer)]
         await asyncio.sleep(_SETTLE_S)
         idle_after = await subject.watch(min(seconds, 2.0))
+    n_frames = len(ages_s) or math.nan  # a machine that was too busy to show a single picture
     shares = [spent["serving_s"] / spent["lasted_s"] for spent in (idle, busy, idle_after)]
     framed_s = busy["serving_s"] - min(shares[0], shares[2]) * busy["lasted_s"]
     return {
         "viewers": count,
         "frames_per_second": round(len(ages_s) / busy["lasted_s"] / count, 2),
         "latency_ms": percentiles(ages_s),
-        "cpu_us_per_frame": round(1e6 * framed_s / len(ages_s), 1),
-        "process_cpu_us_per_frame": round(1e6 * busy["process_s"] / len(ages_s), 1),
+        "cpu_us_per_frame": round(1e6 * framed_s / n_frames, 1),
+        "process_cpu_us_per_frame": round(1e6 * busy["process_s"] / n_frames, 1),
         "serving_cpu_share": round(shares[1], 4),
         "serving_cpu_share_idle_before": round(shares[0], 4),
         "serving_cpu_share_idle_after": round(shares[2], 4),

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from robot.errors import MissingExtraError
+from robot.errors import MissingExtraError, RecordingError
 from robot.lab.experiment import EXPERIMENTS, ExperimentSettings, load_experiment
 from robot.lab.report import write_html
 from robot.lab.tables import deviation
@@ -99,6 +99,13 @@ def test_the_ablation_has_every_ground_in_one_table(tmp_path: Path) -> None:
     assert set(grounds) < set(table.columns)
     assert all(None not in row for row in table.rows), "each is tried everywhere"
     assert table.note == "Not run: Sidewalk, CarRacing, ViZDoom."
+
+
+@pytest.mark.parametrize("name", ["figure3", "ablation"])
+def test_a_folder_without_recordings_is_told_and_not_passed_over(name: str, tmp_path: Path) -> None:
+    settings = ExperimentSettings(quick=True, recordings=str(tmp_path))
+    with pytest.raises(RecordingError, match=r"has no recordings named PLACE_A\.npz"):
+        list(load_experiment(name).plan(settings))
 
 
 def test_more_seeds_are_more_runs() -> None:

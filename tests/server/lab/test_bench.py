@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import json
+import math
+from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
@@ -41,6 +45,24 @@ def check_bench_crowd_measures_both_sides(capsys: pytest.CaptureFixture[str]) ->
     for side in ("without", "with"):
         assert 0 < result["greedy"][side]["p50"] <= result["greedy"][side]["p99"]
     assert result["greedy"]["ratio"] > 0 and result["watched"]["slowest_hz"] > 0
+
+
+def test_a_rate_at_which_no_picture_came_has_no_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Still:
+        async def watch(self, seconds: float) -> dict[str, float]:
+            spent = dict.fromkeys(("serving_s", "process_s", "frames", "late_cycles"), 0.0)
+            return {**spent, "start_s": 0.0, "lasted_s": seconds}
+
+    @contextlib.asynccontextmanager
+    async def watching(subject: Still, count: int) -> AsyncIterator[list[link.Watched]]:
+        yield [[] for _ in range(count)]
+
+    monkeypatch.setattr(link, "ServerUnderTest", lambda *how: contextlib.nullcontext(Still()))
+    monkeypatch.setattr(link, "watching", watching)
+    monkeypatch.setattr(link, "_SETTLE_S", 0.0)
+    found = asyncio.run(link._measure_viewers(3, 0.5, 0.1))
+    assert found["frames_per_second"] == 0.0
+    assert math.isnan(found["cpu_us_per_frame"]) and math.isnan(found["latency_ms"]["p50"])
 
 
 def test_an_unknown_benchmark_is_refused() -> None:
