@@ -55,11 +55,8 @@ def run_all(
     """Return the results of all tasks, in their order; tasks with a stored result are not run.
 
     Args:
-        tasks: What to run.
-        store: Where each run is saved as soon as it is finished.
         jobs: How many at a time on this machine; 1 runs them here, without other processes.
         backend: `processes`, or `dask` for the cluster whose `scheduler` is named.
-        scheduler: Address of a Dask scheduler.
         on_done: Called with each task when it is done.
 
     Raises:

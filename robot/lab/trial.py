@@ -34,10 +34,6 @@ class Trial(StartStop):
     Use it as a context manager: it holds a renderer, which belongs to this thread.
 
     Args:
-        world: Where it drives.
-        seed: Of the simulation.
-        policy: What learns.
-        pilot: Who teaches.
         rate_hz: Frames, ticks and heartbeats a second.
         drift: How far the wheels drift apart while the pilot teaches (`Simulation.drift_share`).
 
@@ -79,7 +75,6 @@ class Trial(StartStop):
 
         Args:
             mode: TRAIN: the pilot drives. AUTONOMOUS: the robot does.
-            seconds: How long.
             supervised: False: the pilot only watches and never takes the wheel.
             until: The drive ends early after the first moment for which this is true.
 

@@ -32,7 +32,6 @@ class Person(Wanderer):
     """A wanderer as irregular as a person: no two turns begin or end alike.
 
     Args:
-        turns: The turns it uses.
         params: What it aims at.
         irregularity: Deviation of each turn's beginning and end, as a share of its distance.
         overshoot_s: How long it goes on turning when the way is free: mean of an exponential.

@@ -79,9 +79,8 @@ class Wanderer:
     """Drives where there is room: forward until something is near, then a turn until it is free.
 
     Args:
-        turns: The turns it uses. With one alone it always turns that way; with two it chooses
-            the shorter turn, and stays with it until the way is free.
-        params: Its distances and margins.
+        turns: With one alone it always turns that way; with two it chooses the shorter turn,
+            and stays with it until the way is free.
     """
 
     LONG_TURN_S = 8.0
@@ -158,7 +157,6 @@ class Steerer(Wanderer):
     To which side, and what it lets the robot do, is as of `Wanderer`; the hand does not jerk.
 
     Args:
-        turns: The turns it uses.
         is_cut: The body takes moves alone: what is meant is cut to them.
 
     Attributes:
