@@ -32,34 +32,29 @@ def run_ground(params: Params) -> Result:
     `counts` (of examples), `drives` (alone, at each). The learner `teacher` is the world's own:
     what it makes of the same drives.
     """
-    if params["learner"] == TEACHER:
-        return _run_teacher(params)
     with contextlib.closing(make_world(params["world"])) as world:
+        first_seed = _ALONE_SEED + 100 * params["seed"]
+        seeds = range(first_seed, first_seed + params["drives"])
+        if params["learner"] == TEACHER:
+            scores = [_score_of_teacher(world, seed) for seed in seeds]
+            return {"stages": [{"scores": scores}] * len(params["counts"])}
         moves = tuple(Action(move) for move in world.moves)
         learner = DrivingLearner(moves, make_learner(params["learner"], moves))
         course = Course(world, learner, params["way"], params["seed"])
         stages = []
         for count in params["counts"]:
             course.teach(count)
-            scores = [drive_alone(world, learner, seed) for seed in _alone_seeds(params)]
             had = {"examples": learner.n_examples, "takeovers": course.takeovers}
+            scores = [drive_alone(world, learner, seed) for seed in seeds]
             stages.append({**had, "scores": scores})
     return {"stages": stages}
 
 
-def _alone_seeds(params: Params) -> list[int]:
-    return [_ALONE_SEED + 100 * params["seed"] + drive for drive in range(params["drives"])]
-
-
-def _run_teacher(params: Params) -> Result:
-    scores = []
-    with contextlib.closing(make_world(params["world"])) as world:
-        for seed in _alone_seeds(params):
-            world.reset(seed)
-            while not world.step(world.wanted(), world.point)[1]:
-                pass
-            scores.append(world.score)
-    return {"stages": [{"scores": scores}] * len(params["counts"])}
+def _score_of_teacher(world: ForeignWorld, seed: int) -> float:
+    world.reset(seed)
+    while not world.step(world.wanted(), world.point)[1]:
+        pass
+    return world.score
 
 
 class Course:
@@ -112,12 +107,12 @@ class Course:
 def drive_alone(world: ForeignWorld, learner: DrivingLearner, seed: int) -> float:
     """Return the score of one episode without a teacher."""
     learner.reset()
-    picture, is_over = world.reset(seed), False
+    picture = world.reset(seed)
     for step in range(world.longest):
         proposed = learner.see(picture, STEP_S * step)
         if not proposed.needs_help and proposed.action is not None:
             picture, is_over = world.step(proposed.action, proposed.point)
-        if is_over:
-            break
+            if is_over:
+                break
     learner.reset()
     return world.score

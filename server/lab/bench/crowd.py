@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
 async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[str, Any]:
     periods_s: list[list[float]] = [[], []]
-    stops, serving_s = 0, [0.0, 0.0]
+    stops = 0
     with ServerUnderTest("paired", rate_hz) as subject:
         words = [sys.executable, "-m", "server.lab.bench.greedy", str(subject.port)]
         async with _held_forward(subject, subject.pair("pilot")):
@@ -69,7 +69,6 @@ async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[st
                     seen = await subject.watch(seconds)
                     periods_s[reads] += [b - a for a, b in pairwise(seen["ticked_s"])]
                     stops += seen["stops"]
-                    serving_s[reads] += seen["serving_s"]
             finally:
                 for viewer in viewers:
                     viewer.kill()
@@ -80,7 +79,6 @@ async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[st
         "with": together,
         "ratio": round(together["p99"] / alone["p99"], 2),
         "stops": stops,
-        "serving_share": round((serving_s[1] - serving_s[0]) / _TURNS / seconds, 3),
     }
 
 
