@@ -42,6 +42,20 @@ class ExperimentSettings:
         return self.learners[0] if self.learners else "default-32"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plot:
+    """Lines over numbers, or points beside names, for matplotlib.
+
+    Attributes:
+        series: Name, x values or names, y values; None where there is none.
+    """
+
+    title: str
+    x_label: str = ""
+    y_label: str = ""
+    series: Sequence[tuple[str, Sequence[Any], Sequence[Any]]]
+
+
 Runs = Sequence[tuple[Task, Result]]
 
 
@@ -66,6 +80,7 @@ class Experiment:
         plan: Makes the tasks to run.
         tables: Makes the tables of what was run.
         drawn: Columns of each table that are plotted over its rows.
+        plots: Makes further plots.
         times_machine: Its runs are made one after the other, here.
     """
 
@@ -74,6 +89,7 @@ class Experiment:
     plan: Callable[[ExperimentSettings], Iterable[Task]]
     tables: Callable[[Runs], list[Table]]
     drawn: tuple[str, ...] = ()
+    plots: Callable[[Runs], list[Plot]] = lambda runs: []
     times_machine: bool = False
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import need
-from robot.lab.experiment import Experiment, Runs
+from robot.lab.experiment import Experiment, Plot, Runs
 from robot.store.table import Table, format_cell
 
 _STYLE = """
@@ -70,12 +70,13 @@ def _version(name: str) -> str:
 
 
 def _section(experiment: Experiment, runs: Runs) -> Iterator[str]:
+    tables = experiment.tables(runs)
+    plots = [_of_columns(table, experiment.drawn) for table in tables if experiment.drawn]
     yield f"<h2>{escape(experiment.title)}</h2><p>{escape(experiment.text)}</p>"
-    for table in experiment.tables(runs):
-        yield f"<h3>{escape(table.title)}</h3>"
-        if experiment.drawn:
-            yield f"<figure>{_draw_svg(table, experiment.drawn)}</figure>"
-        yield "<table><thead><tr>"
+    for plot in (*plots, *experiment.plots(runs)):
+        yield f"<figure>{draw_svg(plot)}</figure>"
+    for table in tables:
+        yield f"<h3>{escape(table.title)}</h3><table><thead><tr>"
         yield "".join(f"<th>{escape(column)}" for column in table.columns) + "</thead><tbody>"
         for row in table.rows:
             kind = " class=paper" if str(row[0]).startswith("paper") else ""
@@ -86,23 +87,35 @@ def _section(experiment: Experiment, runs: Runs) -> Iterator[str]:
             yield f"<p>{escape(table.note)}</p>"
 
 
-def _draw_svg(table: Table, columns: Sequence[str]) -> str:
-    """Return some columns as an SVG element, points beside the names of the rows."""
+def _of_columns(table: Table, columns: Sequence[str]) -> Plot:
+    names = [str(row[0]) for row in table.rows]
+    places = [table.columns.index(column) for column in columns]
+    series = [(table.columns[i], names, [row[i] for row in table.rows]) for i in places]
+    return Plot(title=table.title, series=series)
+
+
+def draw_svg(plot: Plot) -> str:
+    """Return one plot as an SVG element; lines over numbers, points beside names. MissingExtraError
+    if matplotlib is not installed."""
     matplotlib = need("matplotlib", "plots", "experiments")
     matplotlib.use("Agg")
     matplotlib.rcParams["svg.hashsalt"] = "drivelesson"  # the same plot, the same bytes
     from matplotlib.figure import Figure
 
-    figure: Any = Figure(figsize=(6.4, 1.0 + 0.25 * len(table.rows)), layout="constrained")
-    axes = figure.add_subplot(title=table.title)
-    values: list[Any] = []
-    for name in columns:
-        place = table.columns.index(name)
-        known = [row for row in table.rows if row[place] is not None]
-        axes.plot([row[place] for row in known], [str(row[0]) for row in known], "o", label=name)
-        values += [row[place] for row in known]
-    if 0.0 < 30.0 * min(values) < max(values):
+    has_names = isinstance(plot.series[0][1][0], str)
+    height = 1.0 + 0.25 * len(plot.series[0][1]) if has_names else 3.2
+    figure: Any = Figure(figsize=(6.4, height), layout="constrained")
+    axes = figure.add_subplot()
+    for name, xs, ys in plot.series:
+        known = [(x, y) for x, y in zip(xs, ys, strict=True) if y is not None]
+        if has_names:
+            axes.plot([y for _, y in known], [x for x, _ in known], "o", label=name)
+        else:
+            axes.plot(*zip(*known, strict=True), "o-", label=name)
+    values = [y for _, _, ys in plot.series for y in ys if y is not None]
+    if has_names and 0.0 < 30.0 * min(values) < max(values):
         axes.set_xscale("log")
+    axes.set(title=plot.title, xlabel=plot.x_label, ylabel=plot.y_label)
     axes.grid(alpha=0.3)
     axes.legend(fontsize="small")
     text = io.StringIO()

@@ -6,7 +6,9 @@ import statistics
 from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 
-from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
+import numpy as np
+
+from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group, seeded
 from robot.lab.ground.run import TEACHER, run_ground
 from robot.lab.ground.worlds import WORLDS
 from robot.lab.tables import Columns, mean_in_interval, mean_of_known, tables_of
@@ -51,6 +53,30 @@ def _tables(runs: Runs) -> list[Table]:
     return tables_of(results, _COLUMNS)
 
 
+def _plots(runs: Runs) -> list[Plot]:
+    """Return two plots a world: the score over examples, and over takeovers."""
+    return [
+        Plot(
+            title=world,
+            x_label=x_label,
+            y_label="score",
+            series=[
+                (f"{learner}, {way}", _means(results, x_label), _means(results, "scores"))
+                for (own, learner, way), results in group(runs, "world", "learner", "way").items()
+                if own == world and way and (x_label == "examples" or way != "demonstration")
+            ],
+        )
+        for (world,) in group(runs, "world")
+        for x_label in ("examples", "takeovers")
+    ]
+
+
+def _means(results: Sequence[Result], name: str) -> list[float]:
+    """Return the mean of a figure of each stage."""
+    stages = zip(*(result["stages"] for result in results), strict=True)
+    return [float(np.mean([run[name] for run in own])) for own in stages]
+
+
 def score_at(stage: int) -> Callable[[Sequence[Result]], str]:
     """Return how a cell is made of the mean score of each run after so many examples."""
     return lambda results: mean_in_interval(
@@ -80,4 +106,5 @@ GROUND = Experiment(
     "of the mean over seeds (bootstrap).",
     plan=_plan,
     tables=_tables,
+    plots=_plots,
 )
