@@ -44,7 +44,7 @@ def write_film(
 
     Raises:
         MissingExtraError: If `av` is not installed.
-        RecordingError: If the pictures are of several sizes, or have one row or column.
+        RecordingError: If there are none, or of several sizes, or of one row or column.
     """
     av = need(*AV)
     count, stream = 0, None
@@ -69,8 +69,9 @@ def write_film(
             frame.pts, frame.time_base = count, Fraction(1, fps)
             container.mux(stream.encode(frame))
             count += 1
-        if stream is not None:
-            container.mux(stream.encode())
+        if stream is None:
+            raise RecordingError("there are no pictures to export")
+        container.mux(stream.encode())
     return count
 
 

@@ -165,6 +165,13 @@ def test_a_film_to_look_at_plays(episode: Episode, tmp_path: Path) -> None:
     assert shown[0].shape[0] >= 480
 
 
+def test_a_recording_without_pictures_makes_no_film(episode: Episode, tmp_path: Path) -> None:
+    ids = list(episode.frames)
+    notes = Notes().with_edit(Edit(verb="delete", ranges=((ids[0], ids[-1]),)))
+    with pytest.raises(RecordingError, match="no pictures"):
+        write_look(episode, notes, tmp_path / "film.mp4")
+
+
 @pytest.mark.parametrize(("height", "width"), [(1, 8), (8, 1)])
 def test_pictures_of_one_row_or_column_make_no_film(
     height: int, width: int, tmp_path: Path
