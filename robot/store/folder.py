@@ -70,11 +70,17 @@ def check_name(name: str) -> str:
     return tidy
 
 
+def fold(name: str) -> str:
+    """Return what is the same for names that a file system may mix up: macOS writes accents as
+    letters of their own."""
+    return unicodedata.normalize("NFC", name).casefold()
+
+
 def free_name(wanted: str, taken: set[str]) -> str:
     """Return `wanted`, or `wanted (2)` and so on, so that no file system mixes it up."""
-    folded = {name.casefold() for name in taken}
+    folded = set(map(fold, taken))
     candidate, number = wanted, 2
-    while candidate.casefold() in folded:
+    while fold(candidate) in folded:
         ending = f" ({number})"
         candidate = wanted[: _LONGEST_NAME - len(ending)].rstrip() + ending
         number += 1

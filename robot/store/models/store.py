@@ -17,6 +17,7 @@ from robot.store.disk import Announce, no_announcement
 from robot.store.folder import (
     Storage,
     check_name,
+    fold,
     free_name,
     paths_in,
     set_aside,
@@ -109,7 +110,8 @@ class ModelStore:
 
     def save(self, name: str, model: Model) -> Path:
         """Write the model as the newest version under this name."""
-        name = check_name(name)
+        if name not in self.names():  # whatever a folder that is there is called
+            name = check_name(name)
         versions = self._versions(name)
         number = int(versions[-1].stem) + 1 if versions else 1
         path = self._storage.models / name / f"{number:05d}.npz"
@@ -197,8 +199,7 @@ class ModelStore:
         """Give a model another name; return the name as it was saved."""
         was_current = self.current == self._check(name)
         new_name = check_name(new_name)
-        others = {other.casefold() for other in self.names() if other != name}
-        if new_name.casefold() in others:
+        if fold(new_name) in {fold(other) for other in self.names() if other != name}:
             raise ConfigurationError(f"there is already a model {new_name!r}")
         (self._storage.models / name).rename(self._storage.models / new_name)
         if was_current:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import unicodedata
 from pathlib import Path
 
 import pytest
@@ -120,6 +121,28 @@ def test_rename_copy_delete_and_restore(store: ModelStore) -> None:
         store.restore(undo)
     with pytest.raises(NotFoundError):
         store.delete("cellar")
+
+
+@pytest.mark.parametrize("name", [unicodedata.normalize("NFD", "Küche"), "x" * 65, "hall.", "_"])
+def test_a_model_whose_folder_somebody_named_is_saved_into_it(
+    store: ModelStore, tmp_path: Path, name: str
+) -> None:
+    store.save("kitchen", some_model())
+    (tmp_path / "models/kitchen").rename(tmp_path / "models" / name)
+    store.save(name, store.load(name))
+    store.current = name
+    assert store.names() == [store.current]
+    assert len(versions(store, tmp_path, name)) == 2
+
+
+def test_names_that_differ_in_how_an_accent_is_written_are_one(
+    store: ModelStore, tmp_path: Path
+) -> None:
+    (tmp_path / "models" / unicodedata.normalize("NFD", "Küche")).mkdir()
+    assert store.free_name("küche") == "küche (2)"
+    store.save("hall", some_model())
+    with pytest.raises(ConfigurationError, match="already"):
+        store.rename("hall", "Küche")
 
 
 def test_two_models_cannot_have_one_name(store: ModelStore) -> None:
