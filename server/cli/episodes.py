@@ -109,7 +109,7 @@ def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storag
 def _remarks(summary: EpisodeSummary) -> str:
     remarks = [summary.title]
     remarks += ["protected"] if summary.is_protected else []
-    remarks += [f"{summary.edits} edit{'s' * (summary.edits > 1)}"] if summary.edits else []
+    remarks += [_edits(summary.edits)] if summary.edits else []
     remarks += [f"damaged: {summary.damage}"] if summary.damage else []
     return ", ".join(remark for remark in remarks if remark)
 
@@ -177,7 +177,11 @@ def undo(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> Non
 
 
 def _print_edits(notes: Notes) -> None:
-    print(f"{len(notes.edits)} edit{'s' * (len(notes.edits) != 1)}; the recording is not touched")
+    print(f"{_edits(len(notes.edits))}; the recording is not touched")
+
+
+def _edits(count: int) -> str:
+    return f"{count} edit{'s' * (count != 1)}"
 
 
 def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
