@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import BinaryIO
 
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
-from robot.policy.history import Edited, HistoryEvent, Taught, Undone
+from robot.policy.history import Edited, Taught, Undone
 from robot.store.episodes.edits import Edit, Notes, Range, trim
 from robot.store.episodes.episode import Episode, taught_frames
-from robot.store.episodes.messages import MODEL_BEFORE, Fields, Topic
+from robot.store.episodes.messages import EDITED, MODEL_BEFORE, Fields, Topic
 from robot.store.episodes.reader import Message, scan
-from robot.store.episodes.teaching import plan
+from robot.store.episodes.teaching import plan, surviving
 from robot.store.episodes.writer import FORMAT, EpisodeWriter
 from robot.store.models.events import describe_event, read_point
 from robot.types import Action, Point
@@ -120,13 +120,14 @@ def choose(found: Sequence[EpisodeFrame], count: int) -> list[EpisodeFrame]:
     return [found[round(i * (len(found) - 1) / max(count - 1, 1))] for i in range(count)]
 
 
-def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
+def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bool = False) -> None:
     """Write a copy of the recording with the edits applied.
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
-    ids and predictions are unchanged.
+    ids and predictions are unchanged. Edits of learned images go along, for a later recording may
+    take them back; not into a part, as what it was split from has them.
     """
-    run = {**episode.run, "format": str(FORMAT)}
+    run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))
     kept_s = [each.captured_s for i, each in episode.frames.items() if not notes.is_deleted(i)]
     ends_s = kept_s or [episode.start_s, episode.start_s + episode.duration_s]
@@ -138,32 +139,18 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO) -> None:
         is_near = first_s - _SOON_S <= at_s <= last_s + _SOON_S
         if is_near and not (record.topic == Topic.CAMERA and notes.is_deleted(record.sequence)):
             writer.write_copy(record)
-    _write_events(writer, episode, notes, first_s)
+    _write_events(writer, episode, notes, first_s, is_part)
     writer.close({"dropped_frames": "0", "lost_words": "0"})
 
 
-def _write_events(writer: EpisodeWriter, episode: Episode, notes: Notes, now_s: float) -> None:
+def _write_events(
+    writer: EpisodeWriter, episode: Episode, notes: Notes, now_s: float, is_part: bool
+) -> None:
     """Write what was undone of an earlier recording, and what is to be learned."""
-    for undone in _reaching_back(event for _, event in episode.events):
-        writer.write_message(Topic.LESSON, now_s, describe_event(undone))
-    for _, event in plan([(episode, notes)]):
-        if isinstance(event, Edited) and notes.edits:
-            continue  # without these frames it would change other learned images
+    undone = [event for _, event in surviving([(episode, notes)]) if isinstance(event, Undone)]
+    for event in (*undone, *(step.event for step in plan([(episode, notes)]))):
+        if is_part and (isinstance(event, Edited) or event == Undone(frame_ids=())):
+            continue
         if isinstance(event, Taught) and event.example.frame_id in episode.frames:
             now_s = episode.frames[event.example.frame_id].captured_s
         writer.write_message(Topic.LESSON, now_s, describe_event(event))
-
-
-def _reaching_back(events: Iterable[HistoryEvent]) -> Iterator[Undone]:
-    """Yield what was undone of an earlier recording: examples, or an edit of an image."""
-    own, edits = set(), 0
-    for event in events:
-        if isinstance(event, Taught):
-            own.add(event.example.frame_id)
-        elif isinstance(event, Edited):
-            edits += 1
-        elif isinstance(event, Undone):
-            if not (own.issuperset(event.frame_ids) if event.frame_ids else edits):
-                yield event
-            elif not event.frame_ids:
-                edits -= 1

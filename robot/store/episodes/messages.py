@@ -31,6 +31,8 @@ class Topic(StrEnum):
 
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
 """Names of the metadata records at the beginning and at the end."""
+EDITED = "edited"
+"""What the beginning names where edits were worked in: edits of images do not apply there."""
 MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
 """Names of the attachments: what the learner knew at the beginning and at the end."""
 

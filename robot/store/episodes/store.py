@@ -153,7 +153,7 @@ class EpisodeStore:
             new = self.new_path(f"{episode_id[:60]}-2")
             with whole_file(new) as file:
                 second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
-                write_edited(episode, second, file)
+                write_edited(episode, second, file, is_part=True)
             if notes.title:
                 write_notes(new, Notes(title=f"{notes.title} 2"))
             write_notes(path, notes.with_edit(trim(episode.frames, before[0], before[-1])))

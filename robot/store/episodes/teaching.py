@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from robot.policy.history import Edited, HistoryEvent, LogEvent, Taught, Undone,
 from robot.policy.policy import Policy
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
+from robot.store.episodes.messages import EDITED
 from robot.types import Action, Example
 
 EditedEpisode = tuple[Episode, Notes]
@@ -50,7 +52,7 @@ class Report:
 
 def plan(episodes: Sequence[EditedEpisode]) -> list[Step]:
     """List what there is to learn, in order, without what was undone or deleted."""
-    log, steps = _surviving(episodes), []
+    log, steps = surviving(episodes), []
     for episode, notes in episodes:
         late = _labelled_late(episode, notes)
         for event in (event for other, event in log if other is episode):
@@ -83,25 +85,33 @@ def _labelled_late(episode: Episode, notes: Notes) -> list[Taught]:
     return found
 
 
-def _surviving(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, HistoryEvent]]:
-    """Leave out what was undone while driving, also across the recordings of one run."""
+def surviving(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, HistoryEvent]]:
+    """Leave out what was undone while driving, also across the recordings of one run; what was
+    undone of a recording before these stays undone."""
     log: list[tuple[Episode, HistoryEvent]] = []
     for episode, _ in episodes:
         for _, event in episode.events:
-            if not isinstance(event, Undone):
-                log.append((episode, event))
-            elif event.frame_ids:
-                gone, run = set(event.frame_ids), episode.run.get("run", "")
-                log = [one for one in log if not _is_of(one, gone, run)]
-            elif edits := [i for i, (_, made) in enumerate(log) if isinstance(made, Edited)]:
-                del log[edits[-1]]
+            if isinstance(event, Undone):
+                gone = _gone(log, event, episode.run.get("run", ""))
+                log = [one for i, one in enumerate(log) if i not in gone]
+                if len(gone) >= max(1, len(event.frame_ids)):
+                    continue
+            log.append((episode, event))
     return log
 
 
-def _is_of(made: tuple[Episode, HistoryEvent], frame_ids: set[int], run: str) -> bool:
-    episode, event = made
-    is_one = isinstance(event, Taught) and event.example.frame_id in frame_ids
-    return is_one and episode.run.get("run", "") == run
+def _gone(log: list[tuple[Episode, HistoryEvent]], event: Undone, run: str) -> list[int]:
+    """Return the places of these examples of the run, or of the last edit of an image."""
+    if not event.frame_ids:
+        return [i for i, (_, made) in enumerate(log) if isinstance(made, Edited)][-1:]
+    frame_ids = set(event.frame_ids)
+    return [
+        i
+        for i, (episode, made) in enumerate(log)
+        if isinstance(made, Taught)
+        and made.example.frame_id in frame_ids
+        and episode.run.get("run", "") == run
+    ]
 
 
 def learn_again(
@@ -114,14 +124,13 @@ def learn_again(
     """Teach the policy everything the recordings hold.
 
     Edits of learned images are repeated only where they apply to the same images: with the learner
-    that was driven, and recordings without edits. Otherwise they are counted as left out.
+    that was driven, and up to the first recording with edits. Others are counted as left out.
 
     Raises:
         ConfigurationError: If a label is not one of the policy's moves.
     """
-    is_faithful = all(
-        episode.run.get("learner") == policy.name and not notes.edits for episode, notes in episodes
-    )
+    same = list(takewhile(lambda one: _is_as_driven(policy, *one), episodes))
+    faithful = [episode for episode, _ in same]
     if declared := [move for episode, _ in episodes for move in episode.declared_moves]:
         policy.kinds.describe(declared)
     report = Report(taught=Counter())
@@ -133,12 +142,17 @@ def learn_again(
             else:
                 replay(policy, [event])
                 report.taught[event.example.label] += 1
-        elif is_faithful:
+        elif step.episode in faithful:
             replay(policy, [step.event], report.leave_out)
         else:
             report.left_out_edits += 1
         on_step()
     return report
+
+
+def _is_as_driven(policy: Policy, episode: Episode, notes: Notes) -> bool:
+    is_edited = notes.edits or EDITED in episode.run
+    return episode.run.get("learner") == policy.name and not is_edited
 
 
 def _seen_by(policy: Policy, episode: Episode, event: Taught) -> Taught | None:

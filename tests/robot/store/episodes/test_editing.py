@@ -9,12 +9,13 @@ from pathlib import Path
 import pytest
 
 from robot.policy.gallery import images
+from robot.policy.history import Edited
 from robot.policy.registry import make_policy
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Edit, Notes
 from robot.store.episodes.episode import open_episode
 from robot.store.episodes.store import EpisodeStore
-from robot.store.episodes.teaching import learn_again
+from robot.store.episodes.teaching import learn_again, plan
 from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
@@ -87,6 +88,63 @@ def test_what_a_recording_took_back_of_the_one_before_stays_taken_back(
     store.compact(second)
     assert same_nodes(before, learned(store, first, second)[0])  # type: ignore[arg-type]
     assert left_out == 0
+
+
+@pytest.mark.parametrize("way", ["compact", "split", "split and compact"])
+@pytest.mark.parametrize("taken_back", [1, 2])
+def test_the_edit_of_an_image_that_is_taken_back_later_is_the_right_one(
+    tmp_path: Path, taken_back: int, way: str
+) -> None:
+    """Also where the recording that has it was edited, and written anew or split."""
+    chance, storage = random.Random(taken_back), Storage(tmp_path)
+    robot = RecordedBench(storage.episodes, "default-8")
+    for scenes in (range(40), range(40, 60)):
+        drive_and_edit_an_image(robot, scenes, chance)
+        robot.stand(12)
+    for _ in range(taken_back):
+        robot.loop.submit(robot.loop.history.undo_edit)
+    robot.drive(range(60, 80))
+    first, second, third = [path.stem for path in robot.finish()]
+    store = EpisodeStore(storage)
+    ids = list(store.open(second).frames)
+
+    def left(*names: str) -> list[tuple[str, int]]:
+        steps = plan([(store.open(name), store.notes(name)) for name in names])
+        made = [
+            (step.event.verb, step.event.node_id)
+            for step in steps
+            if isinstance(step.event, Edited)
+        ]
+        assert learned(store, *names)[1] == 0
+        return made
+
+    edit = Edit(verb="delete", ranges=((ids[2], ids[4]),))
+    before, _ = left(first, second, third), store.edit(second, edit)
+    state, _ = learned(store, first, second, third)
+    names = [first, second, third]
+    if "split" in way:
+        names.insert(2, store.split(second, ids[10]))
+    if "compact" in way:
+        store.compact(second)
+    assert left(*names) == before and len(before) == 2 - taken_back
+    assert same_nodes(state, learned(store, *names)[0])  # type: ignore[arg-type]
+
+
+def test_edits_of_images_apply_up_to_the_first_recording_that_was_edited(tmp_path: Path) -> None:
+    chance, storage = random.Random(3), Storage(tmp_path)
+    robot = RecordedBench(storage.episodes, "default-8")
+    for scenes in (range(40), range(40, 60), range(60, 80)):
+        drive_and_edit_an_image(robot, scenes, chance)
+        robot.stand(12)
+    names = [path.stem for path in robot.finish()]
+    store = EpisodeStore(storage)
+    ids = list(store.open(names[1]).frames)
+    store.edit(names[1], Edit(verb="delete", ranges=((ids[2], ids[4]),)))
+    before, left_out = learned(store, *names)
+    assert left_out == 2
+    store.compact(names[1])
+    after, left_out = learned(store, *names)
+    assert left_out == 2 and same_nodes(before, after)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
