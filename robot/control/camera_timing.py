@@ -55,12 +55,7 @@ class CameraState:
 class CameraTiming:
     """Estimates a camera's period and the age at which its pictures arrive.
 
-    Args:
-        shortest_timeout_s: The limit for a quick camera; never less.
-        config: The bounds.
-
-    Attributes:
-        state: The estimates and limits, as one frozen value.
+    `state` has the estimates and limits, as one frozen value: never less than `shortest_timeout_s`.
     """
 
     _WINDOW = 15
@@ -78,12 +73,9 @@ class CameraTiming:
         self.state = self._judge(USUAL_PERIOD_S, 0.0)
 
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
-        """Take note of a new picture.
+        """Take note of a new picture: when it was taken, and when the loop first saw it.
 
-        Args:
-            captured_s: When it was taken, on the loop's clock.
-            delivered_s: When the loop first saw it.
-            is_moving: True in a mode in which the robot may move: estimates then grow slowly.
+        In a mode in which the robot may move (`is_moving`) estimates grow slowly.
         """
         if self._captured_s is not None and captured_s > self._captured_s:
             self._periods_s.append(captured_s - self._captured_s)
@@ -100,7 +92,6 @@ class CameraTiming:
         )
 
     def _judge(self, period_s: float, delivery_age_s: float) -> CameraState:
-        """Derive the limits from the estimates."""
         longest_s = max(self.config.longest_timeout_s, self._shortest_timeout_s)
         longest_s += max(0.0, period_s - self.config.full_speed_s)
         wanted_s = delivery_age_s + self._MISSED_PERIODS * period_s

@@ -47,9 +47,7 @@ class GateConfig:
 class Gate:
     """The dead-man's switch and the choice of who drives.
 
-    Args:
-        config: The time limits.
-        on_stop: Called whenever a robot that could move is stopped.
+    `on_stop` is called whenever a robot that could move is stopped.
 
     Attributes:
         mode: What the pilot has asked for; STOPPED after any stop.
@@ -84,16 +82,12 @@ class Gate:
 
     def start(self, mode: Mode, now_s: float, proven_s: float | None = None) -> bool:
         """Enter `mode` on the pilot's explicit request; False while an emergency is latched, and
-        for a request that is too old.
+        for a request that is too old. STOPPED is always accepted.
 
         The command is emptied: what was held before does not count in the new mode. Where the
         newest picture is too old (a camera's pause, a busy computer) the robot stands in the new
-        mode until one comes that is not, for `start_patience_s` at most.
-
-        Args:
-            mode: The mode that the pilot asked for. STOPPED is always accepted.
-            now_s: The loop's clock.
-            proven_s: A time before which the request cannot have been sent; None: now.
+        mode until one comes that is not, for `start_patience_s` at most. `proven_s` is a time
+        before which the request cannot have been sent; None: now.
         """
         if mode is Mode.STOPPED:
             self.trip(StopReason.PILOT_ASKED)
@@ -160,12 +154,8 @@ class Gate:
     ) -> Decision:
         """Decide this tick's action; trips first if anything is in doubt.
 
-        Args:
-            now_s: The loop's clock.
-            prediction: What the policy makes of the newest frame; None before any.
-            frame_captured_s: When the newest frame was taken; None before any.
-            camera_fault: The camera reports a fault.
-            frame_timeout_s: How old the newest frame may be; None: as configured.
+        Prediction and time are those of the newest frame, None before any; `frame_timeout_s` is how
+        old it may be, None: as configured.
         """
         if self.mode is not Mode.STOPPED:
             if frame_timeout_s is None:

@@ -68,14 +68,11 @@ def age_of_link_s(
 ) -> float:
     """Return the age to judge by: that of the picture, or that of the command if it is worse.
 
-    Args:
-        picture_age_s: Age of the named picture when the command came, counted from its delivery
-            to the loop: both ways of the link and the time on the phone are in it. Measured on
-            one clock, so it cannot be wrong.
-        reported_age_s: The same when the command was sent, as the page estimates it; None if
-            it does not report it. Then the whole `picture_age_s` is attributed to the link.
-        phone_s: How much of that the picture had spent on the phone. It is not
-            attributed to the link: a slow phone costs pictures, not examples. None: not known.
+    `picture_age_s` is that of the named picture when the command came, counted from its delivery to
+    the loop: both ways of the link and the time on the phone are in it. Measured on one clock, it
+    cannot be wrong. `reported_age_s` is the same when the command was sent, as the page estimates
+    it; without it all is attributed to the link. Not so what of that the picture had spent on the
+    phone (`phone_s`, if it is known): a slow phone costs pictures, not examples.
     """
     if reported_age_s is None:
         return picture_age_s
@@ -109,14 +106,10 @@ class LinkGovernor:
         camera: CameraState,
         now_s: float,
     ) -> None:
-        """Take note of what a command tells of the link: how old the picture is that it names.
+        """Take note of what a command tells of the link, even one that is too old to be obeyed.
 
-        Args:
-            command: Any command, even one that is too old to be obeyed.
-            named_s: When the frame that it names was taken, and when it reached the loop.
-            seen_s: When the newest frame that was acknowledged reached the loop.
-            camera: How fast pictures come.
-            now_s: The loop's clock.
+        `named_s` is when the frame that it names was taken, and when it reached the loop; `seen_s`
+        when the newest frame that was acknowledged did.
         """
         captured_s, delivered_s = named_s
         self.note_seen(seen_s)

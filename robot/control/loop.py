@@ -132,11 +132,9 @@ class ControlLoop:
     ) -> Future[bool]:
         """Choose a mode: the explicit start after any stop. The future is True if it was taken.
 
-        Args:
-            mode: The mode; STOPPED is always accepted.
-            proven_s: A time before which the request cannot have been made; None: now. The loop
-                checks it when it runs the request, so time in the queue counts.
-            frame_id: The frame that the pilot sees; None: not known.
+        `proven_s` is a time before which the request cannot have been made; None: now. The loop
+        checks it when it runs the request, so time in the queue counts. `frame_id` is the frame
+        that the pilot sees.
         """
         asked_s = self.clock.now_s() if proven_s is None else proven_s
         epoch = self._epoch

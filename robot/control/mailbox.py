@@ -24,11 +24,8 @@ class Mailbox:
         """Queue a request to be run on the loop's thread; before all others if it is urgent.
 
         Everything that reads or changes the training history comes here: undo, edits, saving,
-        replacing.
-
-        Returns:
-            A future with its result. It is done at the end of the tick that ran the request, when
-            the state is published and every listener was called.
+        replacing. The future is done at the end of the tick that ran the request, when the state is
+        published and every listener was called.
         """
         future: Future[_T] = Future()
         add = self._requests.appendleft if is_urgent else self._requests.append

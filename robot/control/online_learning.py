@@ -157,12 +157,8 @@ class OnlineLearning:
     ) -> bool:
         """Process the camera's newest frame; False if it is not new, or there is none.
 
-        Args:
-            delivered_s: When the loop got the frame; None: when it was taken. The others are those
-                of `Policy.propose`.
-
-        Raises:
-            CameraError: If the frame cannot be decoded; it then counts as not seen.
+        The loop got it at `delivered_s`; None: when it was taken. The rest is for `Policy.propose`.
+        CameraError if the frame cannot be decoded; it then counts as not seen.
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False

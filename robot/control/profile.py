@@ -28,12 +28,7 @@ Profile = Mapping[Action, NDArray[np.float64]]
 def behavior_profile(moves: Sequence[Action], distances_m: ArrayLike) -> Profile:
     """Return the profile of a drive: what was done at which sonar reading. STOP is no move.
 
-    Args:
-        moves: The action of each tick.
-        distances_m: The sonar reading of each tick, shape (n,).
-
-    Raises:
-        ValueError: If the two are not equally long.
+    Each tick has an action and a reading, shape (n,); ValueError if there are not as many of both.
     """
     distances = np.asarray(distances_m, np.float64)
     if distances.shape != (len(moves),):

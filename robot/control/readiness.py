@@ -86,8 +86,7 @@ class Gap:
 class Readiness:
     """Follows one robot tick by tick; call `note` on the loop's thread.
 
-    Attributes:
-        clean_s: For how long the robot has driven alone since something last went wrong.
+    `clean_s` is for how long the robot has driven alone since something last went wrong.
     """
 
     def __init__(self) -> None:
