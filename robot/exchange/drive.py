@@ -73,16 +73,10 @@ def drive_of(
     report: ImportReport,
     **about: Any,
 ) -> Drive:
-    """Make a drive of the shots that can be read.
+    """Make a drive of the shots that can be read; RecordingError if there are none.
 
-    Args:
-        found: Where each stands, and what was found there.
-        read: Makes a shot of it; raises ValueError if it cannot.
-        what: What they were found in, for a person.
-        **about: Further fields of the drive.
-
-    Raises:
-        RecordingError: If there are none.
+    `read` makes a shot of where one stands and what was found there, or raises ValueError. `what`
+    they were found in is told a person; `about` are further fields of the drive.
     """
     shots = []
     for place, raw in found:
@@ -101,9 +95,7 @@ def drive_of(
 def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lambda: None) -> int:
     """Write a drive as an episode; return how many pictures it has.
 
-    Raises:
-        RecordingError: If the drive is broken or empty; then no file is left.
-        OSError: If the disk refuses; no file is left either.
+    RecordingError if the drive is broken or empty, OSError if the disk refuses: no file is left.
     """
     is_past = 0 < drive.started_at_s <= RealClock().wall_s()
     started_at_s = drive.started_at_s if is_past else 0.0  # unknown: never newer than a drive here

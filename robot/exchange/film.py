@@ -41,10 +41,7 @@ def write_film(
 
     H.264 with 4:2:0 colour, which every player supports; it needs even sides, so an odd last row or
     column is left out. A key frame each second, or every so many pictures, makes seeking fast.
-
-    Raises:
-        MissingExtraError: If `av` is not installed.
-        RecordingError: If there are none, or of several sizes, or of one row or column.
+    RecordingError if there are none, or of several sizes, or of one row or column.
     """
     av = need(*AV)
     count, stream = 0, None
@@ -111,12 +108,7 @@ class FilmReader:
         self._asked_s = math.inf
 
     def at(self, t_s: float) -> Picture:
-        """Return the picture at this time, as a JPEG.
-
-        Raises:
-            RecordingError: If the film has none there, or is damaged.
-            MissingExtraError: If `av` is not installed.
-        """
+        """Return the picture at this time, as a JPEG; RecordingError if the film has none there."""
         if t_s < self._asked_s:  # back, or for the first time
             self._frames = self._decode()
             self._next = next(self._frames, None)
@@ -140,8 +132,7 @@ class FilmReader:
 
 
 def check_suffix(path: Path) -> None:
-    """Refuse a name without a supported suffix; ConfigurationError if the suffix is not supported;
-    lists those that are."""
+    """Refuse a name without a supported suffix by a ConfigurationError, which lists these."""
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
             f"a film's name must end in {' or '.join(SUFFIXES)}, not in {path.suffix!r}: {path}"
@@ -161,9 +152,6 @@ def write_look(
     It lasts as long as the drive without what was deleted. Where the camera gave no picture for a
     moment, the nearest one stays; longer gaps are cut. All are brought to the first one's size.
     Returns how many pictures the film has.
-
-    Raises:
-        MissingExtraError: If `av` or OpenCV is not installed.
     """
     found = moments(episode, notes)
     line = make_timeline([moment.at_s for moment in found])
@@ -184,7 +172,6 @@ def write_look(
 
 
 def _caption(picture: Pixels, moment: EpisodeFrame) -> Pixels:
-    """Enlarge the picture, and write the label and the prediction below it."""
     import cv2
 
     scale = max(1, -(-_SMALLEST_HEIGHT_PX // picture.shape[0]))

@@ -11,10 +11,9 @@ from pathlib import Path
 from robot.driver import CLASSIC, Move, describe, from_text, names, to_text
 from robot.errors import RecordingError, told_as
 from robot.exchange.drive import Drive, Shot, drive_of
-from robot.exchange.picture_files import read_picture_file, write_picture
+from robot.exchange.files import read_picture_file, read_text, write_picture
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, done_at, read_meant, read_point
-from robot.exchange.text_files import read_text
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -89,11 +88,7 @@ def read_folder(
     (`label`, `move`, `action`) or the steering angle (`angle`, `steering`), and may have one for
     the seconds (`time_s`, `t`, `timestamp`), and ones that say `yes` where the pilot corrected
     the robot (`correction`) or steered by degrees (`degrees`). A row that cannot be used is
-    skipped.
-
-    Raises:
-        RecordingError: If there is no such table, or more than one, or none of its rows can be
-            used.
+    skipped; RecordingError if none can be used, or if there is not exactly one such table.
     """
     path = table or _find_table(folder)
     found = _read_rows(path, report)

@@ -72,16 +72,8 @@ def write_lerobot(
 ) -> int:
     """Write recordings as one dataset; return how many LeRobot episodes it has.
 
-    Args:
-        episodes: Recordings with their edits.
-        folder: A new folder.
-        fps: Pictures a second; None for the first recording's own.
-        task: What the robot was doing, as a text.
-        on_frame: Called for each picture.
-
-    Raises:
-        MissingExtraError: If pyarrow, av or OpenCV is not installed.
-        RecordingError: If there are no pictures.
+    With so many pictures a second (None: as the first recording has), and the task that the robot
+    was doing, as a text. RecordingError if there are no pictures.
     """
     need(*PYARROW)
     need(*AV)

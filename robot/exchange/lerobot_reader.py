@@ -19,12 +19,11 @@ from robot.devices.pictures import Picture, read_picture
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.drive import Drive, Shot, drive_of
+from robot.exchange.files import parse, read_picture_file, read_text
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
-from robot.exchange.picture_files import read_picture_file
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, read_meant, read_point
-from robot.exchange.text_files import parse, read_text
 from robot.types import Action
 
 _ANGLES = ("angle", "steering", "steering_angle", "user/angle")
@@ -87,9 +86,7 @@ class LerobotDataset:
     def read(self, episode: int, threshold: float, report: ImportReport) -> Drive:
         """Read one episode; its pictures are read when the drive is written.
 
-        Raises:
-            RecordingError: If nothing of it can be used.
-            MissingExtraError: If pyarrow or av is not installed.
+        RecordingError if nothing of it can be used.
         """
         if episode not in self._files:
             raise RecordingError(f"the data of episode {episode} is lost")

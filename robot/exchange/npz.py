@@ -40,10 +40,8 @@ MAX_BYTES = 512 * 2**20
 def load_recording(path: Path | str, report: ImportReport | None = None) -> Drive:
     """Read one `.npz` recording; without executing anything in it.
 
-    Its shots are JPEGs of 160x120, each with a label and its seconds.
-
-    Raises:
-        RecordingError: If it is missing, broken or in another format.
+    Its shots are JPEGs of 160x120, each with a label and its seconds. RecordingError if it is
+    missing, broken or in another format.
     """
     path = Path(path)
     wrong = f"the recording {path} cannot be read"
@@ -58,11 +56,7 @@ def write_npz(
     """Write the taught pictures of an episode as a recording; return how many there are.
 
     A JPEG of 160x120 keeps its bytes; any other picture is scaled. The form has three labels, so
-    pictures that were taught another move are left out.
-
-    Raises:
-        RecordingError: If no picture was taught one of the three.
-        MissingExtraError: If OpenCV is not installed.
+    pictures that were taught another move are left out; RecordingError if none is left.
     """
     files, labels, times_s, points = [], [], [], []
     for moment in moments(episode, notes):

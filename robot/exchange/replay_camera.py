@@ -38,12 +38,7 @@ Footage = list[tuple[float, Callable[[], Picture | Frame]]]
 
 
 class ReplayCamera(ThreadedCamera):
-    """Plays one recording, or a folder's in the order of their names.
-
-    Raises:
-        ConfigurationError: If no recording was chosen, or the folder has none.
-        RecordingError: By `start`, if a recording is missing or broken.
-    """
+    """Plays one recording, or a folder's in the order of their names; raises if there is none."""
 
     name: ClassVar[str] = "replay"
     options_type: ClassVar[type[Any]] = ReplayCameraOptions

@@ -83,13 +83,8 @@ def _recording(path: Path) -> Source:
 def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
     """Unpack an archive into a folder that lasts as long as the context; else give the path itself.
 
-    Args:
-        path: A folder, a file, or an archive (.zip, .tar, .tar.gz, .tar.bz2).
-        scratch: A folder with room for what is in it.
-        report: What is damaged in the archive, or leads out of it, is skipped.
-
-    Raises:
-        RecordingError: If the archive cannot be read, or unpacks to more than 16 GB.
+    `scratch` has room for what is in it. What is damaged, or leads out of the archive, is skipped;
+    RecordingError if it cannot be read, or unpacks to more than 16 GB.
     """
     ending = next((e for e in _ENDINGS if path.name.lower().endswith(e)), None)
     if ending is None or not path.is_file():

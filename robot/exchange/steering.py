@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Sequence
 
 from robot.driver import TURNS_BEYOND, Move, describe, move_at, point_of
@@ -22,19 +23,11 @@ def read_meant(
     threshold: float = DEFAULT_THRESHOLD,
     names: Sequence[str] = _STEERED,
 ) -> Meant:
-    """Return what a car's driver meant.
+    """Return what a car's driver meant: FORWARD, LEFT or RIGHT; None if it stands or backs up.
 
-    Args:
-        written: Angle (-1: full left) and throttle as a program wrote them, or the angle alone.
-        threshold: An angle beyond it is a turn.
-        names: What they are called.
-
-    Returns:
-        FORWARD, LEFT or RIGHT with its point, or without if the throttle is not known; None for a
-        car that stands or drives backward.
-
-    Raises:
-        ValueError: If one of them is no number from -1 to 1.
+    `written` are angle (-1: full left) and throttle as a program wrote them under these names, or
+    the angle alone: then the move has no point. An angle beyond the threshold is a turn. ValueError
+    if one of them is no number from -1 to 1.
     """
     is_whole = len(written) == 2
     point = read_point(written if is_whole else [*written, 1.0], names)
@@ -62,12 +55,9 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
 def read_share(value: object, name: str) -> float:
     """Return a steering angle or a throttle as a program wrote it, as a number or its text;
     ValueError if it is not a number from -1 to 1: nothing is put in its place."""
-    try:
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise ValueError
-        share = float(value)
-        if not -1.0 <= share <= 1.0:
-            raise ValueError
-    except (ValueError, OverflowError):
-        raise ValueError(f"{name} is {str(value)[:40]!r}, not a number from -1 to 1") from None
-    return share
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        with contextlib.suppress(ValueError, OverflowError):
+            share = float(value)
+            if -1.0 <= share <= 1.0:
+                return share
+    raise ValueError(f"{name} is {str(value)[:40]!r}, not a number from -1 to 1")

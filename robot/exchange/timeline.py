@@ -52,10 +52,8 @@ def make_timeline(stamps_s: Sequence[object]) -> Timeline:
 
     A stamp that is missing or out of order takes its place between its neighbours. Equal stamps
     share the time until the next, or follow each other at the usual distance. Where the clock was
-    set back the time line runs on. A pause of more than a minute becomes two seconds.
-
-    Args:
-        stamps_s: Seconds of any clock; anything else than a finite number counts as missing.
+    set back the time line runs on. A pause of more than a minute becomes two seconds. Stamps are
+    seconds of any clock; anything else than a finite number counts as missing.
     """
     read = [_seconds(stamp) for stamp in stamps_s]
     if not read:

@@ -18,7 +18,7 @@ from typing import Any
 
 from robot.driver import CLASSIC, Move, point_of
 from robot.exchange.drive import Drive, Shot, drive_of
-from robot.exchange.picture_files import read_picture_file, write_picture
+from robot.exchange.files import read_picture_file, write_picture
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, done_at, read_meant, read_point
 from robot.exchange.tub_records import (
@@ -55,10 +55,8 @@ _CATALOG_RECORDS = 1000
 def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
     """Read a tub; its pictures are read when the drive is written.
 
-    Records that the autopilot drove, or of which it is not known, have no label.
-
-    Raises:
-        RecordingError: If it has no record that can be used.
+    Records that the autopilot drove, or of which it is not known, have no label. RecordingError if
+    there is none that can be used.
     """
     is_first = any(folder.glob("record_*.json")) and not (folder / "manifest.json").is_file()
     found, moves = (read_first(folder, report), None) if is_first else read_second(folder, report)
@@ -143,14 +141,7 @@ def write_tub(
     same examples, whatever the threshold. Angle and throttle are what the pilot meant by degrees
     (the record says so), or what the driver declared of the move; where a move has none, as `push`,
     the tub has no such columns: a zero would teach a car to stand. What the robot would have done
-    is in `pilot/angle` and `pilot/throttle`.
-
-    Args:
-        episode: What is exported.
-        notes: Its edits.
-        folder: A new folder.
-        taught_only: Leave out the pictures that nobody taught.
-        on_frame: Called for each picture.
+    is in `pilot/angle` and `pilot/throttle`. `taught_only` leaves out what nobody taught.
     """
     folder.mkdir(parents=True)
     origin_ms = episode.origin_ns // 10**6

@@ -1,8 +1,10 @@
-"""Picture files of other programs: one is read by an untrusted name, and written without loss."""
+"""Files of other programs, which may hold anything: text, and pictures named in a table."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 from robot.devices.pictures import Picture, read_picture
 from robot.devices.png import encode_png
@@ -11,7 +13,25 @@ from robot.policy.image import to_rgb
 from robot.store.records import read_regular
 from robot.types import Encoding, Frame
 
-_MOST_BYTES = 32 * 2**20
+_MOST_TEXT_BYTES = 64 * 2**20
+_MOST_PICTURE_BYTES = 32 * 2**20
+
+
+def read_text(path: Path) -> str:
+    """Read a file; bytes that are no UTF-8 become question marks. RecordingError if it cannot be
+    read, or is larger than 64 MB."""
+    with told_as(RecordingError, f"{path} cannot be read"):
+        if path.stat().st_size > _MOST_TEXT_BYTES:
+            raise RecordingError(f"{path} is too large")
+        return path.read_text("utf-8-sig", errors="replace")
+
+
+def parse(text: str) -> Any:
+    """Return what a text says as JSON; None if it is none."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        return None
 
 
 def read_picture_file(folder: Path, name: str) -> Picture:
@@ -23,7 +43,7 @@ def read_picture_file(folder: Path, name: str) -> Picture:
         path = (folder / name.replace("\\", "/")).resolve()  # tables are written on Windows, too
         if not path.is_relative_to(folder.resolve()):
             raise ValueError(f"it leads out of the folder {folder}")
-        data = read_regular(path, _MOST_BYTES)
+        data = read_regular(path, _MOST_PICTURE_BYTES)
     return read_picture(data, repr(name[:80]))
 
 
