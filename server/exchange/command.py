@@ -158,12 +158,10 @@ def _export(
 
 def _free_path(folder: Path, episode_id: str, form: str) -> Path:
     ending = {"film": ".mp4", "npz": ".npz"}.get(form, "")
-    for again in itertools.count(1):
-        name = re.sub(r"\s+", "-", f"{episode_id}-{form}")
-        path = folder / f"{name}{'' if again == 1 else f'-{again}'}{ending}"
-        if not path.exists():
-            return path
-    raise AssertionError
+    stem = re.sub(r"\s+", "-", f"{episode_id}-{form}")
+    names = itertools.chain([stem], (f"{stem}-{again}" for again in itertools.count(2)))
+    paths = (folder / f"{name}{ending}" for name in names)
+    return next(path for path in paths if not path.exists())
 
 
 EXPORT = EpisodeVerb("write episodes for other programs", configure_export, export_episodes)
