@@ -48,13 +48,10 @@ def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
         return False
     with path.open("rb") as file:
         status = os.fstat(file.fileno())
-        size = status.st_size
-        if size < 2 * len(MAGIC) or file.read(len(MAGIC)) != MAGIC:
-            return False
-        file.seek(-len(MAGIC), os.SEEK_END)
+        file.seek(max(0, status.st_size - len(MAGIC)))
         if file.read() == MAGIC:
             return False
-    if shutil.disk_usage(path.parent).free < size + _SPARE_BYTES:
+    if shutil.disk_usage(path.parent).free < status.st_size + _SPARE_BYTES:
         raise OSError(errno.ENOSPC, "the disk has no room for a copy")
     try:
         with whole_file(path) as copy:
@@ -68,14 +65,14 @@ def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
 
 def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> None:
     """Raises one of `UNREADABLE` if more is wrong with the recording than that it was cut."""
-    writer, cut, summary = None, Cut(reason="", lost_bytes=0, has_all=True), {}
+    writer, cut, summary = None, Cut(reason="", lost_bytes=0), {"damage": CUT_SHORT}
     for number, record in enumerate(scan(path), 1):
         if number % _RECORDS_AT_ONCE == 0:
             rest()
         if isinstance(record, Cut):
             cut = record
         elif isinstance(record, Metadata) and record.name == SUMMARY:
-            summary = record.values
+            summary = record.values  # nothing but what repeats the rest was cut
         elif isinstance(record, Metadata) and record.name == RUN:
             writer = EpisodeWriter(copy, check_run(record.values))
         elif writer is None:
@@ -84,4 +81,4 @@ def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> 
             writer.write_copy(record)
     if writer is None or cut.lost_bytes is None or cut.lost_bytes > _MOST_LOST_BYTES:
         raise RecordingError(cut.reason)
-    writer.close(summary if cut.has_all else {"damage": CUT_SHORT})
+    writer.close(summary)

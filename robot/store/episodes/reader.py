@@ -84,12 +84,11 @@ class Cut(NamedTuple):
     """The file ends here although it is not at its end; the reason is for a person.
 
     `lost_bytes` stand behind the last whole record of a file that was cut short; None if it is
-    damaged in another way. `has_all` is True if nothing but its summary was cut.
+    damaged in another way.
     """
 
     reason: str
     lost_bytes: int | None = None
-    has_all: bool = False
 
 
 class CutError(RecordingError):
@@ -119,7 +118,7 @@ def scan(path: Path) -> Iterator[Record]:
                 end = file.tell()
         except CutError as error:
             lost_bytes = os.fstat(file.fileno()).st_size - end
-            yield Cut(reason=str(error), lost_bytes=lost_bytes, has_all=has_all)
+            yield Cut(reason=str(error), lost_bytes=lost_bytes)
         except (RecordingError, ValueError, KeyError, MemoryError, struct.error) as error:
             yield Cut(reason=str(error) or type(error).__name__)
 
