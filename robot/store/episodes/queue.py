@@ -16,6 +16,7 @@ from robot.clock import Clock
 from robot.store.disk import Announce
 from robot.store.episodes.messages import Fields, Topic
 from robot.store.episodes.writer import EpisodeWriter
+from robot.store.folder import free_name, paths_in
 from robot.store.models.model import Model, encode_model
 from robot.types import Frame
 
@@ -145,20 +146,13 @@ class RecordingQueue:
         if self.fault is not None:
             return
         before = encode_model(model, is_packed=True) if model is not None else None
-        episode_id, file = self._open_free(run["episode"])
-        run = {**run, "episode": episode_id}
-        self._writer = EpisodeWriter(file, run, before)
+        # A clock that was set back may have given this name before.
+        episode_id = free_name(run["episode"], {path.stem for path in paths_in(self._folder)})
+        file = self._open_file(self._folder / f"{episode_id}.mcap")
+        self._writer = EpisodeWriter(file, {**run, "episode": episode_id}, before)
         self.episode_id = episode_id
         self._lost_before = lost_before
         self._announce("recording_on", episode=self.episode_id)
-
-    def _open_free(self, wanted: str) -> tuple[str, BinaryIO]:
-        """Open a file of this name; a clock that was set back may have given it before."""
-        for number in range(1, 1000):
-            episode_id = wanted if number == 1 else f"{wanted}-{number}"
-            with contextlib.suppress(FileExistsError):
-                return episode_id, self._open_file(self._folder / f"{episode_id}.mcap")
-        raise OSError("there are too many recordings of the same moment")
 
     def _check_room(self) -> None:
         self._checked_s = self._clock.now_s()
