@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Callable
 from datetime import datetime
 from importlib.metadata import entry_points
-from pathlib import Path
 from typing import Any
 
 from robot.errors import ConfigurationError
@@ -17,7 +16,7 @@ from robot.store.episodes.episode import Episode
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
 from robot.store.folder import Storage, default_root
-from server.cli.kept import EPISODE_HELP, EpisodeVerb, add_data, find_episodes, find_id
+from server.cli.kept import EPISODE_HELP, EpisodeVerb, add_data, find_episodes, find_id, find_path
 from server.cli.parser import number
 
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
@@ -150,10 +149,8 @@ def _letter(move: str | None) -> str:
 def play_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
     from server.cli.main import main
 
-    path = Path(args.episode)
-    if not path.is_file():
-        path = store.path(find_id(store, args.episode))
-    words = ["serve", "--robot", "replay", "--episode", str(path), "--port", args.port]
+    path = str(find_path(store, args.episode))
+    words = ["serve", "--robot", "replay", "--episode", path, "--port", args.port]
     return main([*words, "--data", str(storage.root)])
 
 

@@ -43,14 +43,14 @@ def find_id(store: EpisodeStore, name: str) -> str:
     return found[0]
 
 
+def find_path(store: EpisodeStore, name: str) -> Path:
+    """Return the file of this name, or that of an episode."""
+    path = Path(name)
+    is_file = path.suffix == ".mcap" and path.is_file()
+    return path if is_file else store.path(find_id(store, name))
+
+
 def find_episodes(store: EpisodeStore, names: list[str]) -> list[EditedEpisode]:
     """Open episodes by name or by file, in the order given."""
-    found: list[EditedEpisode] = []
-    for name in names:
-        path = Path(name)
-        if path.suffix == ".mcap" and path.is_file():
-            found.append((open_episode(path), read_notes(path)))
-        else:
-            episode_id = find_id(store, name)
-            found.append((open_episode(store.path(episode_id)), store.notes(episode_id)))
-    return found
+    paths = [find_path(store, name) for name in names]
+    return [(open_episode(path), read_notes(path)) for path in paths]
