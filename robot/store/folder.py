@@ -97,14 +97,8 @@ def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:
 def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
     """Open a file that comes into its place all at once, where no exception ends the writing.
 
-    After a power cut it is the old one or the new one.
-
-    Args:
-        path: The file; its folder is made if there is none.
-        mode: Who may read it, before the umask; 0o600 for secrets.
-
-    Raises:
-        OSError: If the disk refuses; then the old file is untouched.
+    After a power cut it is the old one or the new one; OSError if the disk refuses leaves the old
+    one untouched. Its folder is made if there is none. `mode` 0o600 is for secrets.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -160,11 +154,7 @@ def move_aside(path: Path, targets: Iterable[Path]) -> Path:
 
 def is_text(name: str) -> bool:
     """True for a file's name that is UTF-8; others cannot be shown, nor sent."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
+    return name == name.encode(errors="ignore").decode()
 
 
 def paths_in(folder: Path) -> list[Path]:
@@ -198,13 +188,8 @@ def sync_folder(folder: Path) -> None:
 class Storage:
     """The data folder. Making one makes the folder and what belongs in it.
 
-    Args:
-        root: Where it is.
-        must_be_usable: False takes a folder in which nothing can be written, whose `fault` says
-            why: for a server, which drives on without keeping anything. A full disk is no fault.
-
-    Raises:
-        ConfigurationError: If nothing can be written there, and it must be usable.
+    ConfigurationError if nothing can be written there. With `must_be_usable` False `fault` says so
+    instead: for a server, which drives on without keeping anything. A full disk is no fault.
     """
 
     def __init__(self, root: Path, *, must_be_usable: bool = True) -> None:

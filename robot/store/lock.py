@@ -58,8 +58,8 @@ class FolderLock(StartStop):
             lock.release()
 
     def _read_holder(self) -> str:
-        try:
+        with contextlib.suppress(OSError):
             text = self._holder.read_text(encoding="ascii", errors="replace").strip()
-        except OSError:
-            return "unknown"
-        return text if text.isdecimal() else "unknown"
+            if text.isdecimal():
+                return text
+        return "unknown"

@@ -71,5 +71,4 @@ def _move(path: Path, into: Path) -> str:
 
 
 def _shown(name: str) -> str:
-    """Return a name as text, whatever its bytes are."""
     return name.encode("utf-8", "surrogateescape").decode("ascii", "backslashreplace")[:100]

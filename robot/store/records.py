@@ -26,17 +26,13 @@ def frame_record(payload: bytes) -> bytes:
 
 
 def open_new(path: Path) -> BinaryIO:
-    """Open a file that is not there yet; raises OSError if it is there."""
     return path.open("xb")
 
 
 class RecordWriter:
     """Writes the same records to several new files; goes on while one of them takes them.
 
-    For one thread, but for `sync`, which another may call.
-
-    Raises:
-        OSError: If no file can be opened or written any more.
+    For one thread, but for `sync`, which another may call. OSError if no file takes any more.
     """
 
     def __init__(

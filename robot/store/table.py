@@ -17,7 +17,6 @@ class Table:
     note: str = ""
 
     def as_text(self) -> str:
-        """Return the table with its columns aligned."""
         lines = [self.columns, *([format_cell(cell) for cell in row] for row in self.rows)]
         widths = [max(len(line[i]) for line in lines) for i in range(len(self.columns))]
         texts = [

@@ -100,10 +100,7 @@ class Episode:
 def open_episode(path: Path) -> Episode:
     """Read a recording's messages and the positions of its pictures; a cut file up to its end.
 
-    Raises:
-        RecordingError: If it is not a recording of this program, or of a newer format.
-        MissingExtraError: If the library `mcap` is not installed.
-        OSError: If the file cannot be read.
+    RecordingError if it is not a recording of this program, or of a newer format.
     """
     episode = Episode(path=path)
     for record in scan(path):

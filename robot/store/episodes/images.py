@@ -78,7 +78,6 @@ class FrameEntry:
 
 
 def decode_image(entry: FrameEntry, message: bytes) -> Frame:
-    """Read a frame back."""
     name = entry.schema
     if name not in _FIELDS:
         raise RecordingError(f"not an image message: {name}")

@@ -72,14 +72,11 @@ class EpisodeStore:
             return self._read(path, is_growing, *state)
 
     def path(self, episode_id: str) -> Path:
-        """Return the file of an episode."""
         is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
         path = self._storage.episodes / f"{episode_id}.mcap"
-        try:
+        with contextlib.suppress(OSError, ValueError):  # no file can have such a name
             if is_name and episode_id and path.is_file():
                 return path
-        except (OSError, ValueError):  # no file can have such a name
-            pass
         raise NotFoundError(f"unknown episode {episode_id[:80]!r}")
 
     def open(self, episode_id: str) -> Episode:

@@ -68,7 +68,6 @@ def read_summary(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
 
 
 def _read_head(path: Path) -> dict[str, Any]:
-    """Read the metadata at the beginning of a recording that is being written."""
     for record in scan(path):
         if isinstance(record, Metadata) and record.name == RUN:
             lasted_s = path.stat().st_mtime - seconds_in(record.values.get("started_at_s", "0"))

@@ -125,11 +125,9 @@ def learn_again(
 
     Edits of learned images are repeated only where they apply to the same images: with the learner
     that was driven, and up to the first recording with edits. Others are counted as left out.
-
-    Raises:
-        ConfigurationError: If a label is not one of the policy's moves.
+    ConfigurationError if a label is not one of the policy's moves.
     """
-    same = list(takewhile(lambda one: _is_as_driven(policy, *one), episodes))
+    same = takewhile(lambda one: _is_as_driven(policy, *one), episodes)
     faithful = [episode for episode, _ in same]
     if declared := [move for episode, _ in episodes for move in episode.declared_moves]:
         policy.kinds.describe(declared)

@@ -121,7 +121,6 @@ class EpisodeWriter:
         self._add(camera_channel(frame), stamp_ns, data, frame.frame_id)
 
     def write_message(self, topic: Topic, now_s: float, fields: Fields) -> None:
-        """Add one message."""
         stamp_ns = self._to_ns(now_s)
         self._add(json_channel(topic), stamp_ns, to_json(fields))
         if topic == Topic.SENSORS and fields["pose"]:

@@ -125,10 +125,9 @@ class Autosave:
 
     def load_last(self, learner: str | None = None) -> str | None:
         """Load the model used last, or the newest good one; None if there is none."""
+        self.save_if_changed()
         if self.has_unsaved:
-            self.save_if_changed()
-            if self.has_unsaved:
-                return self.name
+            return self.name
         for name, model in self.store.good_models():
             if learner in (None, model.summary.learner) and not self._lacks(model):
                 self._use(name, model)

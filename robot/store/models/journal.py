@@ -118,7 +118,6 @@ class Journal:
         self.boot = max([after, *(part.boot for part in list_parts(self._folder))]) + 1
 
     def stop(self) -> None:
-        """Write what is queued, and end; idempotent."""
         self._thread.stop()
         self.sync()
         self._close()
@@ -126,7 +125,6 @@ class Journal:
     # Called on the loop's thread ---------------------------------------------------------------
 
     def note(self, tick: Tick, history: TrainingHistory, name: str | None, place: str = "") -> None:
-        """Queue the changes of the learner in one tick."""
         events, must = tick.history_events, self._needs_checkpoint
         drives, self._drives = self._drives, history.drives
         if drives != history.drives and not must:

@@ -70,7 +70,6 @@ class Model:
     state: State
 
     def to_policy(self) -> Policy:
-        """Build the policy with this state."""
         what = f"the model of the learner {self.summary.learner[:40]!r} cannot be opened"
         with told_as(RecordingError, what, Exception):  # its learner may be anybody's
             policy = make_policy(self.summary.learner, self.summary.moves)
@@ -200,6 +199,8 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
         if raw is None or raw.dtype != np.uint8:
             raise ValueError("it has no metadata")
         meta = json.loads(raw.tobytes())
+        # Half a character can be neither shown nor sent.
+        json.dumps(meta, ensure_ascii=False).encode()
         is_known = isinstance(meta["format"], int) and meta["format"] >= 1
         if not is_known or not isinstance(meta["state"]["params"], dict):
             raise ValueError("its metadata have an unknown form")
@@ -213,21 +214,14 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
 def _summary(meta: dict[str, Any]) -> ModelSummary:
     with told_as(RecordingError, "the model's description is damaged", *UNREADABLE):
         return ModelSummary(
-            learner=_text(meta["learner"]),
+            learner=str(meta["learner"]),
             moves=tuple(Action(move) for move in meta["moves"]),
             taught={Action(action): _count(count) for action, count in meta["taught"].items()},
             n_nodes=_count(meta["n_nodes"]),
             saved_at_s=_finite(float(meta["saved_at_s"])),
-            place=_text(meta["place"])[:200],
+            place=str(meta["place"])[:200],
             position=_position(meta.get("journal")),
         )
-
-
-def _text(value: Any) -> str:
-    """Return a text that can be shown and sent; raises ValueError for half a character."""
-    text = str(value)
-    text.encode()
-    return text
 
 
 def _finite(number: float) -> float:
@@ -246,5 +240,5 @@ def _position(plain: Any) -> JournalPosition | None:
     if plain is None:
         return None
     return JournalPosition(
-        run=_text(plain["run"]), boot=_count(plain["boot"]), change=_count(plain["change"])
+        run=str(plain["run"]), boot=_count(plain["boot"]), change=_count(plain["change"])
     )

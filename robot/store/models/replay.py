@@ -182,8 +182,5 @@ def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
             taught.subtract([event.example.label])
 
     replay(policy, events, refuse)
-    summary = model.summary
     position = JournalPosition(run=run.run, boot=run.boot, change=run.last)
-    return take_model(
-        policy, taught, saved_at_s=summary.saved_at_s, place=summary.place, position=position
-    )
+    return take_model(policy, taught, place=model.summary.place, position=position)

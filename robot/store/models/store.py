@@ -109,7 +109,6 @@ class ModelStore:
             write_whole(marker, f"{name}\n{_checksum(name)}\n".encode())
 
     def save(self, name: str, model: Model) -> Path:
-        """Write the model as the newest version under this name."""
         if name not in self.names():  # whatever a folder that is there is called
             name = check_name(name)
         versions = self._versions(name)
