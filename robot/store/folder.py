@@ -61,7 +61,7 @@ def default_root() -> Path:
 def check_name(name: str) -> str:
     """Return a person's name for a thing in the form in which it can also name a file;
     ConfigurationError if it could lead elsewhere, or some system could not store it."""
-    tidy = unicodedata.normalize("NFC", name).strip().rstrip(". ")
+    tidy = composed(name).strip().rstrip(". ")
     if not _NAME.fullmatch(tidy) or _RESERVED.fullmatch(tidy) or len(tidy.encode()) > 200:
         raise ConfigurationError(
             f"{name[:80]!r} cannot be a name: use up to {_LONGEST_NAME} letters, digits, spaces "
@@ -70,10 +70,14 @@ def check_name(name: str) -> str:
     return tidy
 
 
+def composed(name: str) -> str:
+    """Return a name with each accent on its letter: macOS may write them apart."""
+    return unicodedata.normalize("NFC", name)
+
+
 def fold(name: str) -> str:
-    """Return what is the same for names that a file system may mix up: macOS writes accents as
-    letters of their own."""
-    return unicodedata.normalize("NFC", name).casefold()
+    """Return what is the same for names that a file system may mix up."""
+    return composed(name).casefold()
 
 
 def free_name(wanted: str, taken: set[str]) -> str:
@@ -318,6 +322,7 @@ class Storage:
 
 def _is_called(entry: str, names: Collection[str]) -> bool:
     """True for a name with any ending, also of a part (`-2`) or of a copy (` (2)`)."""
+    entry, names = composed(entry), [composed(name) for name in names]
     return any(entry == n or (entry.startswith(n) and entry[len(n)] in ".- (") for n in names)
 
 

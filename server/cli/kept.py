@@ -12,7 +12,7 @@ from robot.store.episodes.edits import read_notes
 from robot.store.episodes.episode import open_episode
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.teaching import EditedEpisode
-from robot.store.folder import Storage
+from robot.store.folder import Storage, composed
 
 EPISODE_HELP = "name, beginning of a name, file, or last"
 
@@ -36,7 +36,8 @@ def find_id(store: EpisodeStore, name: str) -> str:
         raise NotFoundError("nothing is recorded yet")
     if name == "last" and name not in ids:
         return store.summaries()[0].id  # by its time, and never by its name
-    found = [i for i in ids if i == name] or [i for i in ids if i.startswith(name)]
+    typed = composed(name)
+    found = [i for i in ids if i == name] or [i for i in ids if composed(i).startswith(typed)]
     if len(found) != 1:
         what = "no episode" if not found else f"{len(found)} episodes"
         raise NotFoundError(f"{what} of this name: {name!r}; see: drivelesson episodes list")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import unicodedata
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -32,6 +34,21 @@ def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> N
     assert "'forward': 20, 'left': 20, 'right': 20" in shown
     pilot = next(line for line in shown.splitlines() if line.startswith("pilot"))
     assert "FFFFLLLLRRRR" in pilot
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+@pytest.mark.parametrize("typed", ["Küche", "Kü", unicodedata.normalize("NFD", "Küche")])
+def test_a_name_is_found_however_its_accents_are_written(
+    episode_id: str,
+    data: Path,
+    form: Literal["NFC", "NFD"],
+    typed: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = EpisodeStore(Storage(data)).path(episode_id)
+    path.rename(path.with_stem(unicodedata.normalize(form, "Küche")))
+    say(f"episodes title {typed} Here", capsys)
+    assert [one.title for one in EpisodeStore(Storage(data)).summaries()] == ["Here"]
 
 
 def test_before_anything_is_recorded_that_is_said(
