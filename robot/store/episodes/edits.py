@@ -113,7 +113,8 @@ def write_notes(episode: Path, notes: Notes) -> None:
         "edits": [asdict(edit) for edit in notes.edits],
         "undone": [asdict(edit) for edit in notes.undone],
     }
-    write_whole(notes_path(episode), json.dumps(plain, indent=1, ensure_ascii=False).encode())
+    text = json.dumps(plain, indent=1, ensure_ascii=False)
+    write_whole(notes_path(episode), text.encode(errors="replace"))  # a terminal may send no text
 
 
 def _edit_from_plain(plain: Any) -> Edit:

@@ -34,6 +34,13 @@ def store(storage: Storage) -> EpisodeStore:
     return EpisodeStore(storage)
 
 
+def test_a_title_that_is_no_text_is_kept_as_far_as_it_is(store: EpisodeStore) -> None:
+    [episode_id] = store.ids()
+    for title in ("Fl\udcfcr", "\ud83d", "Küche"):
+        store.set_title(episode_id, title)
+        assert store.notes(episode_id).title == title.encode(errors="replace").decode()
+
+
 def test_a_list_shows_what_an_episode_holds_without_reading_it_all(store: EpisodeStore) -> None:
     [summary] = store.summaries()
     episode = store.open(summary.id)
