@@ -6,6 +6,7 @@ Where a session stands is what its log says, so that it can be taken up again at
 from __future__ import annotations
 
 import logging
+import os
 import re
 from collections.abc import Callable, Mapping
 from typing import Any, cast
@@ -36,11 +37,16 @@ def name_of_world(body: object) -> str | None:
 
 def check_body(body: Any, condition: Condition) -> None:
     """Refuse (ConfigurationError) a body simulated in another world, or that lacks a move."""
-    here = name_of_world(body)
-    if here not in (None, condition.world):
+    here, place = name_of_world(body), condition.world
+    worlds: Mapping[str, str] = getattr(body, "worlds", {place: place})
+    file = os.path.realpath(place)  # of a world that is no more than a file
+    place = next((name for name, at in worlds.items() if os.path.realpath(at) == file), place)
+    if here not in (None, place):
+        do = f"choose {place!r} under Settings, Place, while no session is on"
+        if place not in worlds:
+            do = "that is no place under Settings: start the robot with --world and its TOML file"
         raise ConfigurationError(
-            f"this is driven in the world {condition.world!r}, and this is {here!r}; "
-            f"choose {condition.world!r} under Settings, Place, while no session is on"
+            f"this is driven in the world {condition.world!r}, and this is {here!r}; {do}"
         )
     missing = set(condition.moves) - set(body.moves)
     if missing:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import json
+import shutil
 from pathlib import Path
 
 import pytest
 
+from robot.devices.simulation import world
 from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.devices.simulation.world import world_names
 from robot.errors import ConfigurationError
@@ -33,6 +36,29 @@ def test_a_trial_in_another_world_is_refused_with_a_sentence(world: str, trial: 
     ) as refused:
         check_body(body, condition(trial))
     assert repr(world) in str(refused.value)
+
+
+def test_a_world_that_is_only_a_file_is_known_by_its_file_and_by_its_name(tmp_path: Path) -> None:
+    file = tmp_path / "room.toml"
+    shutil.copy(Path(world.__file__).parent / "worlds" / "box.toml", file)
+    (tmp_path / "other").mkdir()
+    here, elsewhere = SimDriver(SimOptions(world=str(file))), SimDriver(SimOptions())
+
+    def driven_in(place: str) -> Condition:
+        text = trial_plan(1, 90).replace('world = "box"', f"world = {json.dumps(place)}")
+        return parse_plan(text).conditions[0]
+
+    for place in ("room", str(file), str(tmp_path / "other" / ".." / "room.toml")):
+        check_body(here, driven_in(place))
+        with pytest.raises(ConfigurationError, match="start the robot with --world and its TOML"):
+            check_body(elsewhere, driven_in(place))
+    for place in ("roam", str(tmp_path / "other" / "room.toml")):
+        with pytest.raises(ConfigurationError, match="no place under Settings"):
+            check_body(here, driven_in(place))
+    here.enter("office")
+    here.advance(0.1)
+    with pytest.raises(ConfigurationError, match="choose 'room' under Settings, Place"):
+        check_body(here, driven_in(str(file)))
 
 
 def test_of_a_real_robot_the_place_is_not_known() -> None:
