@@ -151,8 +151,7 @@ class RobotLink:
                 self._session.forget()  # it was started anew, perhaps without the key
                 raise
         async with self._session.connect("/ws/drive") as channel:
-            if self.stop.stage is not None:
-                await self.stop.send(channel)
+            await self.stop.send_again(channel)
             await channel.send(json.dumps({"type": "idle"}))
             self.stop.channel, self._was_there = channel, True
             self.status, self.detail = Status.THERE, ""

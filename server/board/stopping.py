@@ -46,6 +46,10 @@ class RobotStop:
     ) -> None:
         self.stage: Stopping | None = None
         self.channel: Any = None
+        self._is_shown = False
+        """Whether the line has told of this stop: what comes before that is older than it."""
+        self._is_behind = False
+        """Whether the line may still tell of a stop that was released since."""
         self._session, self._clock = session, clock
         self._on_change = on_change
         self._pressing: asyncio.Task[None] | None = None
@@ -61,7 +65,7 @@ class RobotStop:
         if self.channel is not None:
             self._start(self.send(self.channel))
         if not self.is_under_way:
-            self.stage = Stopping.ASKED
+            self.stage, self._is_shown = Stopping.ASKED, False
             if self._pressing is not None:
                 self._pressing.cancel()
             self._pressing = self._start(self._see_to_it())
@@ -71,16 +75,25 @@ class RobotStop:
         """Let the robot's pupils start it again; one that is away stays stopped."""
         if self.channel is None:
             raise UnreachableError("it is not connected")
-        self.stage = None
+        self.stage, self._is_behind = None, True
         with as_unreachable():
             await self.channel.send(_RELEASE)
         self._on_change()
 
     def note_state(self, *, is_stopped: bool) -> None:
-        if is_stopped and self.stage is not None:
-            self.stage = Stopping.STOPPED
-        elif self.stage is Stopping.STOPPED:
-            self.stage = None  # released
+        """Take in what the robot says on the line, which may be older than what it was told."""
+        if not is_stopped:
+            self._is_behind = False
+            if self.stage is Stopping.STOPPED and self._is_shown:
+                self.stage = None  # released
+        elif self.stage is not None and not self._is_behind:
+            self.stage, self._is_shown = Stopping.STOPPED, True
+
+    async def send_again(self, channel: Any) -> None:
+        """Send what is not released on a line that has just been opened, before all else."""
+        self._is_shown = self._is_behind = False
+        if self.stage is not None:
+            await self.send(channel)
 
     async def send(self, channel: Any) -> None:
         """Send the stop on an open line; what fails here is noticed where it is confirmed."""

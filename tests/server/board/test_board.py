@@ -122,6 +122,50 @@ def test_a_pupil_s_own_stop_confirms_none_of_the_teacher() -> None:
     in_class(scenario)
 
 
+def test_what_the_line_tells_late_neither_clears_nor_confirms_a_stop() -> None:
+    """The stop is confirmed by a request of its own while the line still tells what was before."""
+    free = {"emergency": False, "stopped_by_teacher": False}
+    held = {"emergency": True, "stopped_by_teacher": True}
+
+    async def scenario(world: ClassWorld) -> None:
+        one, *_ = world.pupils.values()
+        await world.until_there([one])
+        link = world.link(one)
+        hear, link._note_state = link._note_state, lambda _: None  # the line is slow
+        world.board.stop()
+        await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "by a request")
+        assert any("/api/stop" in path for _, path in world.network.requests)
+        for late in (free, free, held):
+            hear(late)
+            assert link.stop.stage is Stopping.STOPPED, "that was before the stop"
+        hear(free)
+        assert link.stop.stage is None, "that was after it"
+        hear(held)
+        await world.board.release(link.number)
+        world.board.stop()
+        hear(held)
+        assert link.stop.stage is Stopping.ASKED, "that was the stop before"
+        hear(free)
+        hear(held)
+        assert link.stop.stage is Stopping.STOPPED
+
+    in_class(scenario)
+
+
+def test_a_stop_that_is_sent_again_on_a_new_line_is_not_cleared_by_what_was_before() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        one, *_ = world.pupils.values()
+        await world.until_there([one])
+        link = world.link(one)
+        world.board.stop()
+        await world.until(lambda: link.stop.stage is Stopping.STOPPED, 1.0, "confirmed")
+        await link.stop.send_again(link.stop.channel)
+        link._note_state({"emergency": False, "stopped_by_teacher": False})
+        assert link.stop.stage is Stopping.STOPPED
+
+    in_class(scenario)
+
+
 def test_a_stop_for_nobody_silences_no_page() -> None:
     async def scenario(world: ClassWorld) -> None:
         board = Board(ClassKey("k" * 40), NetworkTransport(), world.clock)
