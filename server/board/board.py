@@ -120,7 +120,7 @@ class Board:
         """Release the stop of one robot, or of all that the board has stopped."""
         for robot in self._chosen(number):
             if number is not None or robot.state.get("stopped_by_teacher"):
-                with suppress(UnreachableError, TimeoutError):  # the page shows that it is away
+                with suppress(UnreachableError):  # the page shows that it is away
                     await robot.stop.release()
 
     # Pages -------------------------------------------------------------------------------------

@@ -23,8 +23,8 @@ async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[st
     try:
         name = _name_in(await source.ask("POST", "/api/models/save", {}))
         data = (await source.ask("GET", f"/api/models/{quote(name, safe='')}/file")).body
-    except (RobotError, TimeoutError) as error:
-        return [f"{source.name} gave no model: {_why(error)}"]
+    except RobotError as error:
+        return [f"{source.name} gave no model: {error}"]
     faults = await asyncio.gather(*(_give(target, name, data) for target in targets))
     return [fault for fault in faults if fault is not None]
 
@@ -35,9 +35,9 @@ async def _give(target: RobotLink, name: str, data: bytes) -> str | None:
         kept = _name_in(await target.ask("PUT", f"/api/models/{quote(name, safe='')}/file", data))
         so_far = f"has it as {kept} and goes on with its own"
         await target.ask("POST", f"/api/models/{quote(kept, safe='')}/load", {})
-    except (RobotError, TimeoutError) as error:
-        return f"{target.name} {so_far}: {_why(error)}"
-    with suppress(RobotError, TimeoutError):
+    except RobotError as error:
+        return f"{target.name} {so_far}: {error}"
+    with suppress(RobotError):
         await target.refresh()
     return None
 
@@ -47,7 +47,3 @@ def _name_in(answer: HttpAnswer) -> str:
     if not isinstance(name, str):
         raise UnreachableError("its answer makes no sense")
     return name
-
-
-def _why(error: Exception) -> str:
-    return str(error) or "it does not answer in time"

@@ -18,7 +18,7 @@ from robot.clock import Clock
 from robot.errors import UNREADABLE, RobotError, told_as
 from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
-from server.board.transport import UnreachableError
+from server.board.transport import UnreachableError, within
 from server.hosting.banner import pairing_address
 from server.protocol import ProtocolError, encode_acknowledgement, parse_object, parse_picture
 from server.routes.sockets import first_of
@@ -118,8 +118,8 @@ class RobotLink:
                     await self._serve()
                 except WrongClassError as error:
                     self._lose(error.status, str(error))
-                except (RobotError, TimeoutError) as error:
-                    self._lose(Status.AWAY, str(error) or "it does not answer in time")
+                except RobotError as error:
+                    self._lose(Status.AWAY, str(error))
                 except UNREADABLE as error:
                     self._lose(Status.AWAY, f"its answer makes no sense: {error!r}"[:300])
                 was_there, self._was_there = self._was_there, False
@@ -142,7 +142,7 @@ class RobotLink:
 
     async def _serve(self) -> None:
         """Connect once, and stay until the connection ends."""
-        async with asyncio.timeout(_PATIENCE_S):
+        async with within(_PATIENCE_S):
             if not self._session.is_open:
                 await self._session.join()
             try:
@@ -195,7 +195,7 @@ class RobotLink:
     async def _ping(self, channel: Any) -> None:
         while True:
             words = {"type": "ping", "client_ms": self._clock.now_s() * 1000}
-            async with asyncio.timeout(SILENCE_S):
+            async with within(SILENCE_S):
                 await channel.send(json.dumps(words))
             await self._clock.pause(PING_EVERY_S)
             if self._clock.now_s() - self._heard_s > SILENCE_S:

@@ -15,7 +15,7 @@ from typing import Any
 
 from robot.clock import Clock
 from server.board.teacher_session import TeacherSession
-from server.board.transport import UnreachableError, as_unreachable
+from server.board.transport import UnreachableError, within
 
 log = logging.getLogger(__name__)
 
@@ -76,7 +76,7 @@ class RobotStop:
         if self.channel is None:
             raise UnreachableError("it is not connected")
         self.stage, self._is_behind = None, True
-        with as_unreachable():
+        async with within(None):
             await self.channel.send(_RELEASE)
         self._on_change()
 
@@ -97,8 +97,8 @@ class RobotStop:
 
     async def send(self, channel: Any) -> None:
         """Send the stop on an open line; what fails here is noticed where it is confirmed."""
-        with contextlib.suppress(UnreachableError), as_unreachable():
-            async with asyncio.timeout(1.0):
+        with contextlib.suppress(UnreachableError):
+            async with within(1.0):
                 await channel.send(_STOP)
 
     def close(self) -> None:
@@ -113,8 +113,8 @@ class RobotStop:
                 log.warning("stop not confirmed robot=%s", self._session.address)
                 self.stage = Stopping.NOT_REACHED
                 self._on_change()
-            with contextlib.suppress(UnreachableError, TimeoutError):
-                async with asyncio.timeout(_PATIENCE_S):
+            with contextlib.suppress(UnreachableError):
+                async with within(_PATIENCE_S):
                     # The open connection may be dead without knowing it: this is one of its own.
                     answer = await self._session.send("POST", "/api/stop")
                 if answer.json().get("emergency") is True and self.stage is not None:

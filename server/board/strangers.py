@@ -15,7 +15,7 @@ from typing import Any
 
 from robot.clock import Clock
 from server.board.teacher_session import Status, TeacherSession, WrongClassError
-from server.board.transport import RobotAddress, UnreachableError
+from server.board.transport import RobotAddress, UnreachableError, within
 
 AT_ONCE = 32
 """So many are asked at the same time; the transport has threads for more."""
@@ -102,13 +102,12 @@ class Strangers:
     async def _ask(self, address: RobotAddress, stranger: Stranger) -> None:
         stranger.not_before_s = math.inf
         try:
-            async with asyncio.timeout(_PATIENCE_S):
+            async with within(_PATIENCE_S):
                 await self._meet(address).join()
         except WrongClassError as error:
             stranger.status, stranger.detail = error.status, str(error)
-        except (UnreachableError, TimeoutError, ValueError) as error:
-            stranger.status = Status.AWAY
-            stranger.detail = str(error) or "it does not answer in time"
+        except (UnreachableError, ValueError) as error:
+            stranger.status, stranger.detail = Status.AWAY, str(error)
         else:
             self._known.pop(address, None)
             self._welcome(address)

@@ -15,6 +15,7 @@ from server.board.transport import (
     RobotAddress,
     ServerPlace,
     UnreachableError,
+    within,
 )
 
 _LONGEST = 300
@@ -61,7 +62,7 @@ class TeacherSession:
     @property
     def is_open(self) -> bool:
         """True while the robot is believed to know this session."""
-        return self._secret is not None and self.place is not None
+        return self._secret is not None
 
     async def join(self) -> None:
         """Prove to each other that board and robot are of one class; open a session.
@@ -110,22 +111,25 @@ class TeacherSession:
 
         The body is sent as JSON, or as it is if it is bytes.
         """
-        if self.place is None:
-            raise UnreachableError("it is not connected")
         is_file = isinstance(body, bytes)
         data = body if is_file else b"" if body is None else json.dumps(body).encode()
         kind = "application/octet-stream" if is_file else "application/json"
         headers = {**self.headers, "content-type": kind}
-        return await self._transport.request(self.place, method, path, headers, data)
+        async with within(None):
+            return await self._transport.request(self._there, method, path, headers, data)
 
     def connect(self, path: str) -> AbstractAsyncContextManager[Any]:
-        if self.place is None:
-            raise UnreachableError("it is not connected")
-        return self._transport.connect(self.place, path, self.headers)
+        return self._transport.connect(self._there, path, self.headers)
 
     def forget(self) -> None:
         """Close the session; `join` opens the next."""
         self._secret = None
+
+    @property
+    def _there(self) -> ServerPlace:
+        if self.place is None:
+            raise UnreachableError("it is not connected")
+        return self.place
 
     @property
     def headers(self) -> dict[str, str]:

@@ -14,7 +14,7 @@ import io
 import os
 import socket
 import ssl
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -104,7 +104,7 @@ class NetworkTransport:
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
         """Return where a robot is now: look its name up, and over https its certificate."""
-        with as_unreachable():
+        async with within(_PATIENCE_S):
             found = await asyncio.get_running_loop().run_in_executor(
                 self._looking_up, _look_up, address.host, address.port
             )
@@ -114,7 +114,7 @@ class NetworkTransport:
                 return ServerPlace(there, own)
             unchecked = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
             unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
-            async with _connected(there, unchecked, _PATIENCE_S) as (_, writer):
+            async with _connected(there, unchecked) as (_, writer):
                 der = writer.get_extra_info("ssl_object").getpeercert(binary_form=True)
             pinned = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
             pinned.check_hostname = False  # the certificate itself is compared, whatever its names
@@ -137,8 +137,8 @@ class NetworkTransport:
         lines = [f"{name}: {text}\r\n" for name, text in {**own, **headers}.items()]
         head = f"{method} {path} HTTP/1.1\r\nconnection: close\r\n{''.join(lines)}\r\n"
         data = bytearray()
-        with as_unreachable():
-            async with _connected(address, place.certificate, patience_s) as (reader, writer):
+        async with within(patience_s):
+            async with _connected(address, place.certificate) as (reader, writer):
                 writer.write(head.encode("utf-8", "replace") + body)
                 await writer.drain()
                 while part := await reader.read(1 << 16):
@@ -160,9 +160,8 @@ class NetworkTransport:
         options |= {"open_timeout": _PATIENCE_S, "close_timeout": 1.0, "ping_interval": None}
         if place.certificate is not None:
             options["ssl"] = place.certificate
-        with as_unreachable():
-            async with _open(url, dict(headers), options) as socket:
-                yield socket
+        async with within(None), _open(url, dict(headers), options) as socket:
+            yield socket
 
 
 def _open(url: str, headers: dict[str, str], options: dict[str, Any]) -> Any:
@@ -183,22 +182,23 @@ def _look_up(host: str, port: int) -> str:
 
 @contextlib.asynccontextmanager
 async def _connected(
-    address: RobotAddress, certificate: ssl.SSLContext | None, patience_s: float
+    address: RobotAddress, certificate: ssl.SSLContext | None
 ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
-    """Connect for the length of the block, and no longer than so, whatever still comes."""
-    async with asyncio.timeout(patience_s):
-        reader, writer = await asyncio.open_connection(address.host, address.port, ssl=certificate)
-        try:
-            yield reader, writer
-        finally:
-            writer.transport.abort()
-
-
-@contextlib.contextmanager
-def as_unreachable() -> Iterator[None]:
-    """Turn whatever ends a connection into an UnreachableError that says what it was."""
+    """Connect for the length of the block, and no longer, whatever still comes."""
+    reader, writer = await asyncio.open_connection(address.host, address.port, ssl=certificate)
     try:
-        yield
+        yield reader, writer
+    finally:
+        writer.transport.abort()
+
+
+@contextlib.asynccontextmanager
+async def within(patience_s: float | None) -> AsyncIterator[None]:
+    """Turn whatever ends a connection, also that this takes longer, into an UnreachableError that
+    says what it was."""
+    try:
+        async with asyncio.timeout(patience_s):
+            yield
     except UnreachableError:
         raise
     except TimeoutError as error:
