@@ -27,7 +27,6 @@ log = logging.getLogger(__name__)
 
 PING_EVERY_S, SILENCE_S = 1.0, 3.0
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
-_PATIENCE_S = 5.0
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
@@ -142,7 +141,7 @@ class RobotLink:
 
     async def _serve(self) -> None:
         """Connect once, and stay until the connection ends."""
-        async with within(_PATIENCE_S):
+        async with within():
             if not self._session.is_open:
                 await self._session.join()
             try:

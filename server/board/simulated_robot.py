@@ -52,7 +52,8 @@ class SimulatedRobot:
         if not (folder / "robot.json").exists():
             again, place = divmod(number - 1, len(NAMES))
             name = f"{NAMES[place]} {again + 1}" if again else NAMES[place]
-            IdentityFile(folder, name).change(colour=min(_HUES_DEG, key=self._is_off_by))
+            off = {c: (hue - self._hue_deg + 180) % 360 - 180 for c, hue in _HUES_DEG.items()}
+            IdentityFile(folder, name).change(colour=min(off, key=lambda colour: abs(off[colour])))
 
     def start(self, host: str, world: str, key: Path, rate_hz: float) -> None:
         """Start its process, and return when it serves; what it says is in `log.txt`."""
@@ -91,9 +92,6 @@ class SimulatedRobot:
                 self._process.wait(_END_S)
             self._process.kill()
             self._process.wait()
-
-    def _is_off_by(self, colour: str) -> int:
-        return abs((_HUES_DEG[colour] - self._hue_deg + 180) % 360 - 180)
 
     def _report(self, process: subprocess.Popen[bytes]) -> None:
         process.wait()

@@ -21,7 +21,6 @@ log = logging.getLogger(__name__)
 
 CONFIRM_S = 0.3
 """A stop that is not confirmed in this time is reported, and sent again by another way."""
-_PATIENCE_S = 5.0
 _STOP, _RELEASE = json.dumps({"type": "stop"}), json.dumps({"type": "release"})
 
 
@@ -114,7 +113,7 @@ class RobotStop:
                 self.stage = Stopping.NOT_REACHED
                 self._on_change()
             with contextlib.suppress(UnreachableError):
-                async with within(_PATIENCE_S):
+                async with within():
                     # The open connection may be dead without knowing it: this is one of its own.
                     answer = await self._session.send("POST", "/api/stop")
                 if answer.json().get("emergency") is True and self.stage is not None:

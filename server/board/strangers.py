@@ -22,7 +22,6 @@ AT_ONCE = 32
 FORGOTTEN_S = 180.0
 """The network is asked each minute: who was not heard for so long is gone."""
 _MOST, _SHOWN = 4096, 30
-_PATIENCE_S = 5.0
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 300.0
 
 
@@ -102,7 +101,7 @@ class Strangers:
     async def _ask(self, address: RobotAddress, stranger: Stranger) -> None:
         stranger.not_before_s = math.inf
         try:
-            async with within(_PATIENCE_S):
+            async with within():
                 await self._meet(address).join()
         except WrongClassError as error:
             stranger.status, stranger.detail = error.status, str(error)

@@ -193,7 +193,7 @@ async def _connected(
 
 
 @contextlib.asynccontextmanager
-async def within(patience_s: float | None) -> AsyncIterator[None]:
+async def within(patience_s: float | None = 5.0) -> AsyncIterator[None]:
     """Turn whatever ends a connection, also that this takes longer, into an UnreachableError that
     says what it was."""
     try:
