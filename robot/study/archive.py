@@ -137,7 +137,8 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
         with zipfile.ZipFile(path) as archive:
             if sum(info.file_size for info in archive.infolist()) > _LARGEST_ZIP_MB * 1_000_000:
                 raise ConfigurationError(f"{path} unpacks to more than {_LARGEST_ZIP_MB} MB")
-            files = {name: archive.read(name) for name in archive.namelist()}
+            entries = [info for info in archive.infolist() if not info.is_dir()]
+            files = {info.filename: archive.read(info) for info in entries}
     except ConfigurationError:
         raise
     except Exception as error:  # zipfile, zlib and lzma have errors of their own

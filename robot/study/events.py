@@ -83,7 +83,7 @@ def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
     """Read a session's log; a last line that was cut short is left out. RecordingError if it is not
     such a log, or not from its beginning; says which line."""
     with told_as(RecordingError, f"{where} is not UTF-8", UnicodeDecodeError):
-        text = whole_lines(data).decode()
+        text = whole_lines(data).decode("utf-8-sig")
     events: list[StudyEvent] = []
     lines = csv.reader(io.StringIO(text))
     try:
@@ -114,8 +114,9 @@ def _read(line: list[str]) -> StudyEvent:
     values: dict[str, object] = {n: _DISARMED.sub(r"\1\2", text) for n, text in texts.items()}
     values.update({name: int(texts[name]) for name in _WHOLE})
     values.update({name: number_in(texts[name]) for name in _REAL})
-    if values["wall_s"] is None:
-        raise ValueError("'wall_s' is missing")
+    wall_s = number_in(texts["wall_s"])
+    if wall_s is None or wall_s < 0:
+        raise ValueError("'wall_s' is missing, or before 1970")
     if texts["event"] == "frame":
         Action(texts["move"])  # refuses what is none
     return StudyEvent(**values)  # type: ignore[arg-type]  # as the columns say

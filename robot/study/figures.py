@@ -11,6 +11,7 @@ _WIDTH, _HEIGHT = 480, 280
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 16, 36, 40
 _STYLE = "font-family='system-ui, sans-serif' font-size='12' fill='#1d2327'"
 _PILOT, _ROBOT = "#b87900", "#006ba8"
+_LEAST = 1e-300  # what is less has no tenth
 
 
 def strips(title: str, columns: Mapping[str, Mapping[str, float]], *, joined: bool) -> str:
@@ -75,7 +76,8 @@ def curves(title: str, pilot: Sequence[float], robot: Sequence[float], step_m: f
 
 def _axis(least: float, most: float) -> tuple[float, float, list[float]]:
     """Return the ends of an axis, and round numbers on it."""
-    span = (most - least) or abs(most) or 1.0
+    span = (most - least) or abs(most)
+    span = span if span > _LEAST else 1.0
     step = 10.0 ** math.floor(math.log10(span / 3))
     for factor in (5, 2):
         if span / (step * factor) >= 3:

@@ -36,13 +36,10 @@ def run(args: argparse.Namespace) -> int:
 def _new(args: argparse.Namespace) -> int:
     from robot.study.builtin import paper_plan
 
-    try:
-        with args.plan.open("x", encoding="utf-8") as file:
-            file.write(paper_plan(args.trial))
-    except FileExistsError as error:
-        raise ConfigurationError(f"{args.plan} exists already; choose another name") from error
-    except OSError as error:
-        raise ConfigurationError(f"cannot write {args.plan}: {error}") from error
+    if args.plan.exists():
+        raise ConfigurationError(f"{args.plan} exists already; choose another name")
+    with told_as(ConfigurationError, f"cannot write {args.plan}"):
+        args.plan.write_text(paper_plan(args.trial), encoding="utf-8")
     print(f"{args.plan} has the paper's protocol of trial {args.trial}. Change it, then check it:")
     print(f"drivelesson study check {quoted(str(args.plan))}")
     return 0

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import os
+import random
 import subprocess
 import sys
 import zipfile
@@ -12,7 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, RecordingError
+from robot.study import figures
 from robot.study.archive import pack, rebuild, report
 from robot.study.rows import columns
 
@@ -141,3 +144,42 @@ def test_what_is_no_study_is_refused_with_a_sentence(tmp_path: Path, fault: str)
     with pytest.raises(ConfigurationError, match=r"study\.zip"):
         report(file, tmp_path / "out")
     assert not (tmp_path / "evil.csv").exists()
+
+
+def test_a_zip_that_was_packed_again_and_saved_by_a_spreadsheet_gives_the_same(
+    tmp_path: Path,
+) -> None:
+    """With folders among its entries, and Windows' line ends and marks in the logs."""
+    data = pack(SMALL_PLAN, logs_of(small_plan(), 2))
+    file = tmp_path / "study.zip"
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(file, "w") as new:
+        new.mkdir("events")
+        for name in old.namelist():
+            content = old.read(name)
+            if name.startswith("events/") or name == "plan.toml":
+                content = b"\xef\xbb\xbf" + content.replace(b"\n", b"\r\n")
+            new.writestr(name, content)
+    assert report(file, tmp_path / "out")[1] == []
+
+
+_STRANGE = ("-1", " -5", "-6e10", "-2.5e11", "2.5e11", "5e-324", "1e-310", "nan", "", "0", "1_0")
+
+
+def test_whatever_numbers_a_log_has_it_is_reported_or_refused() -> None:
+    dice, plan = random.Random(3), small_plan()
+    lines = logs_of(plan, 1)["P01"].decode().splitlines()
+    places = [n for n, line in enumerate(lines) if ",measure," in line or ",answer," in line]
+    for turn in range(150):
+        changed = [line.split(",") for line in lines]
+        for _ in range(dice.randrange(1, 4)):
+            row = changed[dice.choice(places) if turn % 2 else dice.randrange(1, len(lines))]
+            row[dice.choice((0, 6, 9, -1))] = dice.choice(_STRANGE)
+        log = "".join(",".join(cells) + "\n" for cells in changed).encode()
+        with contextlib.suppress(RecordingError):
+            rebuild(SMALL_PLAN, {"P01": log})
+    early = [line.split(",", 1)[1] for line in lines]
+    log = "\n".join([lines[0], *(f"-6e10,{rest}" for rest in early[1:])]) + "\n"
+    with pytest.raises(RecordingError, match="before 1970"):
+        rebuild(SMALL_PLAN, {"P01": log.encode()})
+    for value in ("5e-324", "1e-310"):
+        assert "<circle" in figures.strips("x", {"a": {"P01": float(value)}}, joined=False)
