@@ -1,4 +1,4 @@
-"""Files of other programs, which may hold anything: text, and pictures named in a table."""
+"""Files of other programs, as far as they are text or pictures, under names that nobody trusts."""
 
 from __future__ import annotations
 
@@ -13,17 +13,25 @@ from robot.policy.image import to_rgb
 from robot.store.records import read_regular
 from robot.types import Encoding, Frame
 
-_MOST_TEXT_BYTES = 64 * 2**20
-_MOST_PICTURE_BYTES = 32 * 2**20
+_MOST_TEXT_BYTES, _MOST_PICTURE_BYTES = 64 * 2**20, 32 * 2**20
+
+
+def files_ending(folder: Path, suffix: str) -> list[Path]:
+    """List a folder's files with this ending, also in capitals, in the order of their names; none
+    of those that macOS lays beside them (`._NAME`)."""
+    found = (path for path in folder.iterdir() if path.suffix.lower() == suffix)
+    return sorted(path for path in found if path.is_file() and not path.name.startswith("."))
 
 
 def read_text(path: Path) -> str:
     """Read a file; bytes that are no UTF-8 become question marks. RecordingError if it cannot be
     read, or is larger than 64 MB."""
-    with told_as(RecordingError, f"{path} cannot be read"):
-        if path.stat().st_size > _MOST_TEXT_BYTES:
-            raise RecordingError(f"{path} is too large")
-        return path.read_text("utf-8-sig", errors="replace")
+    with told_as(RecordingError, f"{path} cannot be read", OSError, ValueError):
+        is_too_large = path.stat().st_size > _MOST_TEXT_BYTES
+        text = "" if is_too_large else path.read_text("utf-8-sig", errors="replace")
+    if is_too_large:
+        raise RecordingError(f"{path} is too large")
+    return text
 
 
 def parse(text: str) -> Any:

@@ -11,9 +11,9 @@ from pathlib import Path
 from robot.driver import CLASSIC, Move, describe, from_text, names, to_text
 from robot.errors import RecordingError, told_as
 from robot.exchange.drive import Drive, Shot, drive_of
-from robot.exchange.files import read_picture_file, read_text, write_picture
+from robot.exchange.files import files_ending, read_picture_file, read_text, write_picture
 from robot.exchange.report import ImportReport
-from robot.exchange.steering import Meant, done_at, read_meant, read_point
+from robot.exchange.steering import ANGLES, THROTTLES, Meant, done_at, read_meant, read_point
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -26,8 +26,6 @@ COLUMNS = (
 )
 _FILE = ("file", "image", "filename", "path", "img", "image_path")
 _LABEL = ("label", "move", "action", "class")
-_ANGLE = ("angle", "steering", "user/angle", "steering_angle")
-_THROTTLE = ("throttle", "user/throttle", "speed")
 _TIME = ("time_s", "t", "time", "timestamp", "seconds")
 Cells = dict[str, str]
 
@@ -92,7 +90,10 @@ def read_folder(
     """
     path = table or _find_table(folder)
     found = _read_rows(path, report)
-    declared = _read_moves(path.with_name(MOVES))
+    moves, declared = path.with_name(MOVES), tuple[Move, ...]()
+    if moves.is_file():
+        with told_as(RecordingError, f"{moves} cannot be read", ValueError):
+            declared = from_text(read_text(moves))
     known = {str(move): move for move in (*CLASSIC, *names(declared))}
 
     def read(place: str, cells: Cells) -> Shot:
@@ -117,13 +118,8 @@ def read_folder(
     )
 
 
-def _read_moves(path: Path) -> tuple[Move, ...]:
-    with told_as(RecordingError, f"{path} cannot be read", ValueError):
-        return from_text(read_text(path)) if path.is_file() else ()
-
-
 def _find_table(folder: Path) -> Path:
-    tables = sorted(folder.glob("*.csv"))
+    tables = files_ending(folder, ".csv")
     if len(tables) != 1:
         raise RecordingError(f"the folder {folder} has {len(tables)} CSV tables; it must have one")
     return tables[0]
@@ -137,7 +133,7 @@ def _read_rows(path: Path, report: ImportReport) -> list[tuple[str, Cells]]:
         columns = {(name or "").strip().lower() for name in reader.fieldnames or ()}
     if not columns.intersection(_FILE):
         raise RecordingError(f"the table {path} has no column {' or '.join(_FILE[:4])}")
-    if not columns.intersection(_LABEL + _ANGLE):
+    if not columns.intersection(_LABEL + ANGLES):
         raise RecordingError(f"the table {path} has no column label or angle")
     rows: list[tuple[str, Cells]] = []
     while True:
@@ -171,7 +167,7 @@ def _find(row: Cells, names: tuple[str, ...]) -> str | None:
 
 def _meant(row: Cells, threshold: float, known: Mapping[str, Action]) -> Meant:
     """Return the label of a row; raises ValueError if it has none that can be believed."""
-    text, angle, throttle = (_find(row, names) for names in (_LABEL, _ANGLE, _THROTTLE))
+    text, angle, throttle = (_find(row, names) for names in (_LABEL, ANGLES, (*THROTTLES, "speed")))
     if text is not None and not text.strip():
         return None, None
     label = known.get((text or "").strip().lower())

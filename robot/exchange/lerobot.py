@@ -14,6 +14,7 @@ Source: lerobot, datasets/utils.py, dataset_writer.py and docs/source/lerobot-da
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,20 +24,13 @@ from numpy.typing import NDArray
 
 from robot.errors import RecordingError, need
 from robot.exchange.film import AV, of_size, write_film
-from robot.exchange.lerobot_stats import (
-    Columns,
-    Stats,
-    brightness_stats,
-    column_stats,
-    count_brightness,
-)
+from robot.exchange.lerobot_stats import Columns, Stats, brightness_stats, column_stats
 from robot.exchange.lerobot_tables import (
     DEGREES,
     PILOT,
     PYARROW,
     write_data,
     write_episodes,
-    write_json,
     write_tasks,
 )
 from robot.exchange.steering import done_at
@@ -91,7 +85,7 @@ def write_lerobot(
         chunk, file = divmod(index, _FILES_A_CHUNK)
         name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
         counts = np.zeros_like(seen)
-        pictures = count_brightness(_pictures(part, size, on_frame), counts)
+        pictures = _pictures(part, size, counts, on_frame)
         write_film(pictures, folder / name, rate, key_every=_KEY_EVERY)
         seen += counts
         own = columns["episode_index"] == index
@@ -115,8 +109,8 @@ def write_lerobot(
         "video_path": _FILMS,
         "features": {CAMERA: _film_feature(size, rate), **features},
     }
-    write_json(folder / "meta/info.json", info)
-    write_json(folder / "meta/stats.json", _stats(columns, seen))
+    for name, value in {"info": info, "stats": _stats(columns, seen)}.items():
+        (folder / f"meta/{name}.json").write_text(json.dumps(value, indent=4), encoding="utf-8")
     return len(parts)
 
 
@@ -126,11 +120,17 @@ def _split(episode: Episode, notes: Notes, fps: int) -> list[Part]:
     return [(episode, [kept[i] for i in stretch]) for stretch in stretches]
 
 
-def _pictures(part: Part, size: tuple[int, int], on_frame: Callable[[], None]) -> Iterator[Pixels]:
+def _pictures(
+    part: Part, size: tuple[int, int], counts: NDArray[np.int64], on_frame: Callable[[], None]
+) -> Iterator[Pixels]:
+    """Yield pictures, shape (height, width, 3), and add to `counts`, shape (3, 256), how often each
+    brightness occurs in each colour: all statistics follow from it."""
     episode, taken = part
     for moment in taken:
         on_frame()
-        yield of_size(episode.frame(moment.frame_id), size)
+        picture = of_size(episode.frame(moment.frame_id), size)
+        counts += [np.bincount(colour, minlength=256) for colour in picture.reshape(-1, 3).T]
+        yield picture
 
 
 def _table(parts: list[Part], fps: int) -> tuple[Columns, dict[str, Any]]:

@@ -23,11 +23,9 @@ from robot.exchange.files import parse, read_picture_file, read_text
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
 from robot.exchange.report import ImportReport
-from robot.exchange.steering import Meant, read_meant, read_point
+from robot.exchange.steering import ANGLES, THROTTLES, Meant, read_meant, read_point
 from robot.types import Action
 
-_ANGLES = ("angle", "steering", "steering_angle", "user/angle")
-_THROTTLES = ("throttle", "user/throttle")
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
 """Where nothing else says who drove, the pilot is believed to have driven these alone."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
@@ -70,7 +68,7 @@ class LerobotDataset:
                 with contextlib.suppress(RecordingError):
                     rows += read_table(path)
         elif (path := self.folder / "meta/episodes.jsonl").is_file():
-            rows += map(parse, read_text(path).splitlines())
+            rows += map(parse, read_text(path).split("\n"))
         found = ((row.get("episode_index"), row) for row in rows if isinstance(row, dict))
         return {n: row for n, row in found if isinstance(n, int)}
 
@@ -79,8 +77,13 @@ class LerobotDataset:
         """Where the frames of each episode are, by the name of a file or by what is in it."""
         files: dict[int, Path] = {}
         for path in sorted(self.folder.glob("data/*/*.parquet")):
-            of_name = re.fullmatch(r"episode_(\d{1,9})", path.stem)
-            files |= dict.fromkeys([int(of_name[1])] if of_name else _episodes_in(path), path)
+            if of_name := re.fullmatch(r"episode_(\d{1,9})", path.stem):
+                files[int(of_name[1])] = path
+                continue
+            with contextlib.suppress(RecordingError):
+                rows = read_table(path, ["episode_index"])
+                found = [row.get("episode_index") for row in rows]
+                files |= {n: path for n in found if isinstance(n, int)}
         return files
 
     def read(self, episode: int, threshold: float, report: ImportReport) -> Drive:
@@ -190,8 +193,8 @@ class LerobotDataset:
         """Return what tells a frame's label, by what the action's elements are called."""
         features = self._info.features
         names = _names(features.get("action", {}).get("names"))
-        angle = next((i for i, n in enumerate(names) if n in _ANGLES), None)
-        throttle = next((i for i, n in enumerate(names) if n in _THROTTLES), None)
+        angle = next((i for i, n in enumerate(names) if n in ANGLES), None)
+        throttle = next((i for i, n in enumerate(names) if n in THROTTLES), None)
 
         def steered(record: Record) -> list[Any]:
             values = _action(record, len(names))
@@ -213,19 +216,6 @@ class LerobotDataset:
         told = ", ".join(names)[:80] or "without names"
         report.skip("action", f"is neither steering nor moves ({told}): nothing is an example")
         return lambda record: (None, None)
-
-
-def is_dataset(folder: Path) -> bool:
-    """True if the folder is a LeRobot dataset."""
-    return (folder / "meta/info.json").is_file()
-
-
-def _episodes_in(path: Path) -> set[int]:
-    try:
-        rows = read_table(path, ["episode_index"])
-    except RecordingError:
-        return set()
-    return {n for row in rows if isinstance(n := row.get("episode_index"), int)}
 
 
 def _info_of(feature: Record) -> Record:

@@ -2,27 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from robot.policy.image import Pixels
 
 Columns = dict[str, NDArray[Any]]
 """Values of a frame each, by feature."""
 Stats = dict[str, dict[str, list[Any]]]
 """Least, most, mean, deviation, quantiles and count, by feature."""
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
-
-
-def count_brightness(pictures: Iterable[Pixels], counts: NDArray[np.int64]) -> Iterator[Pixels]:
-    """Pass pictures on, shape (height, width, 3), and add to `counts`, shape (3, 256), how often
-    each brightness occurs in each colour: all statistics follow from it."""
-    for picture in pictures:
-        counts += [np.bincount(colour, minlength=256) for colour in picture.reshape(-1, 3).T]
-        yield picture
 
 
 def brightness_stats(counts: NDArray[np.int64], n_pictures: int) -> dict[str, list[Any]]:

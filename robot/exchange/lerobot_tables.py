@@ -1,4 +1,4 @@
-"""The parquet tables and JSON files of a LeRobot dataset."""
+"""The parquet tables of a LeRobot dataset."""
 
 from __future__ import annotations
 
@@ -82,9 +82,3 @@ def write_tasks(folder: Path, task: str) -> None:
 def _write_table(table: Any, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     need(*_PARQUET).write_table(table, path, compression="snappy")
-
-
-def write_json(path: Path, value: Any) -> None:
-    """Write plain values as readable JSON."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(value, indent=4), encoding="utf-8")

@@ -27,9 +27,9 @@ from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
 from robot.store.npz import read_arrays
-from robot.types import DEFAULT_MOVES, Encoding, Frame, Point
+from robot.types import DEFAULT_MOVES, Encoding, Point
 
-WIDTH, HEIGHT = 160, 120
+SIZE = 160, 120
 _STEERED = "angle", "throttle"
 _MEAN = "angle_mean"
 _UNKNOWN = Point(math.nan, math.nan)
@@ -62,7 +62,9 @@ def write_npz(
     for moment in moments(episode, notes):
         on_frame()
         if not moment.is_deleted and moment.label in DEFAULT_MOVES:
-            files.append(_small_jpeg(episode.frame(moment.frame_id)))
+            frame = episode.frame(moment.frame_id)
+            is_kept = frame.encoding is Encoding.JPEG and (frame.width, frame.height) == SIZE
+            files.append(frame.data if is_kept else to_jpeg(of_size(frame, SIZE)).data)
             labels.append(DEFAULT_MOVES.index(moment.label))
             times_s.append(moment.at_s)
             points.append(moment.point or _UNKNOWN)
@@ -82,12 +84,6 @@ def write_npz(
     return len(files)
 
 
-def _small_jpeg(frame: Frame) -> bytes:
-    if frame.encoding is Encoding.JPEG and (frame.width, frame.height) == (WIDTH, HEIGHT):
-        return frame.data
-    return to_jpeg(of_size(frame, (WIDTH, HEIGHT))).data
-
-
 def _checked(path: Path, arrays: dict[str, NDArray[Any]], report: ImportReport) -> Drive:
     def refuse_if(is_wrong: Any, what: str) -> None:
         if is_wrong:
@@ -101,8 +97,9 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]], report: ImportReport) 
         jpeg.dtype == np.uint8
         and offsets.dtype.kind in "iu"
         and labels.dtype.kind in "iu"
+        and t.dtype.kind in "fiu"
         and offsets.shape == (n_frames + 1,)
-        and t.shape == (n_frames,)
+        and labels.shape == t.shape == (n_frames,)
         and n_frames > 0
     )
     refuse_if(not is_well_formed, "is not of the expected form")

@@ -14,6 +14,7 @@ from robot.devices.options import Options, option
 from robot.devices.pictures import Picture
 from robot.devices.watched_camera import ThreadedCamera
 from robot.errors import ConfigurationError, RecordingError, told_as
+from robot.exchange.files import files_ending
 from robot.exchange.npz import load_recording
 from robot.exchange.timeline import make_timeline
 from robot.types import Frame
@@ -93,7 +94,7 @@ def _load_episode(path: Path) -> list[Footage]:
 def _load_recordings(path: Path) -> list[Footage]:
     """Load a recording, or all recordings of a folder in the order of their names."""
     with told_as(RecordingError, f"cannot read the folder {path}"):
-        paths = sorted(path.glob("*.npz")) if path.is_dir() else [path]
+        paths = files_ending(path, ".npz") if path.is_dir() else [path]
     if not paths:
         raise ConfigurationError(f"the folder {path} has no recordings (.npz)")
     found: list[Footage] = []

@@ -16,6 +16,7 @@ class ImportReport:
 
     def skip(self, place: str, reason: str) -> None:
         """Leave something out; raises RecordingError if the import is strict."""
+        place, reason = map(_shown, (place, reason))
         if self.is_strict:
             raise RecordingError(f"{place}: {reason}")
         self.skipped.append((place, reason))
@@ -40,3 +41,8 @@ class ImportReport:
             return ""
         place, reason = self.skipped[0]
         return f"; {len(self.skipped)} were skipped, the first in {place}: {reason}"
+
+
+def _shown(text: str) -> str:
+    """Leave out what a terminal would obey: some of it is from names that others gave."""
+    return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import stat
 import tarfile
 import tempfile
@@ -15,8 +16,9 @@ from typing import IO, NamedTuple
 
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive
+from robot.exchange.files import files_ending
 from robot.exchange.folder import read_folder
-from robot.exchange.lerobot_reader import LerobotDataset, is_dataset
+from robot.exchange.lerobot_reader import LerobotDataset
 from robot.exchange.npz import load_recording
 from robot.exchange.report import ImportReport
 from robot.exchange.tub import read_tub
@@ -28,7 +30,8 @@ _MOST_FILES = 2_000_000
 _ENDINGS = (".zip", ".tar", ".tar.gz", ".tgz", ".tar.bz2")
 _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
 _OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
-"""What spoils one file of an archive alone."""
+"""What spoils one file of an archive alone; so does a name that this system gives to no file."""
+_NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 
 
@@ -46,9 +49,9 @@ class Source(NamedTuple):
 def find_drives(path: Path) -> list[Source]:
     """Return the drives at a path, or in its folders; RecordingError if there is none that is
     known, or a dataset without a readable description."""
-    if not path.is_dir() and path.suffix == ".npz":
+    if not path.is_dir() and path.suffix.lower() == ".npz":
         return [_recording(path)]
-    if path.is_file() and path.suffix == ".csv":
+    if path.is_file() and path.suffix.lower() == ".csv":
         return [Source(path.name, partial(read_folder, path.parent, table=path))]
     found = _within(path, _DEEPEST) if path.is_dir() else []
     if not found:
@@ -61,14 +64,14 @@ def find_drives(path: Path) -> list[Source]:
 
 
 def _within(folder: Path, depth: int) -> list[Source]:
-    if is_dataset(folder):
+    if (folder / "meta/info.json").is_file():
         dataset = LerobotDataset(folder)
         return [Source(f"{folder.name} {n}", partial(dataset.read, n)) for n in dataset.episodes()]
     if is_tub(folder):
         return [Source(folder.name, partial(read_tub, folder))]
-    if any(folder.glob("*.csv")):
+    if files_ending(folder, ".csv"):
         return [Source(folder.name, partial(read_folder, folder))]
-    found = [_recording(each) for each in sorted(folder.glob("[!._]*.npz")) if each.is_file()]
+    found = [_recording(at) for at in files_ending(folder, ".npz") if not at.name.startswith("_")]
     inner = sorted(each for each in folder.iterdir() if each.is_dir() and not each.is_symlink())
     for each in inner if depth else ():
         found += _within(each, depth - 1) if each.name[0] not in "._" else []
@@ -100,7 +103,11 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
             if not any(folder.iterdir()):
                 raise RecordingError(f"{path} cannot be unpacked: {error}") from error
             report.skip(path.name, f"the archive is damaged or cut from here on: {error}")
-        yield folder
+        try:
+            yield folder
+        except RecordingError as error:  # nobody else knows that folder
+            told = f"{error}".replace(str(folder), str(path))
+            raise RecordingError(f"{told}{report.why_nothing()}") from error
 
 
 def _zip_entries(path: Path) -> Iterator[Entry]:
@@ -138,7 +145,9 @@ def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> Non
                 while left_bytes >= 0 and (data := source.read(2**20)):
                     left_bytes -= file.write(data)
         except BaseException as error:
-            target.unlink(missing_ok=True)
-            if not isinstance(error, _OF_ONE):
+            with contextlib.suppress(OSError):
+                target.unlink()
+            if not isinstance(error, _OF_ONE) and getattr(error, "errno", None) not in _NO_NAME:
                 raise
-            report.skip(name[:80], f"cannot be unpacked: {error}")
+            why = getattr(error, "strerror", None) or error
+            report.skip(name[:80], f"cannot be unpacked: {why}")

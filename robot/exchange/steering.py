@@ -13,6 +13,9 @@ DEFAULT_THRESHOLD = TURNS_BEYOND
 """Share of full lock from which on a car is said to turn."""
 
 
+ANGLES = ("angle", "steering", "user/angle", "steering_angle")
+THROTTLES = ("throttle", "user/throttle")
+"""What other programs call them."""
 _STEERED = "the angle", "the throttle"
 Meant = tuple[Action | None, Point | None]
 """A label, and the same by degrees where it is known."""

@@ -28,7 +28,7 @@ Placed = tuple[str, Record]
 
 def is_tub(folder: Path) -> bool:
     """True if the folder looks like a tub of either version, whole or not."""
-    is_second = (folder / "manifest.json").is_file() or any(folder.glob("*.catalog"))
+    is_second = (folder / "manifest.json").is_file() or any(folder.glob("[!.]*.catalog"))
     return is_second or any(folder.glob("record_*.json"))
 
 
@@ -74,7 +74,7 @@ def _read_manifest(
     catalogs = lines[4] if len(lines) > 4 and isinstance(lines[4], dict) else {}
     named = catalogs.get("paths")
     if not isinstance(named, list):
-        there = (p.name for p in folder.glob("*.catalog"))
+        there = (p.name for p in folder.glob("[!.]*.catalog"))
         names = sorted(there, key=lambda name: (int("0" + re.sub(r"[^0-9]", "", name)[:18]), name))
         report.skip(path.name, "it is lost, so records that had been deleted cannot be told")
         return names, [], None

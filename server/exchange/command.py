@@ -9,6 +9,7 @@ import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.drive import write_episode
@@ -23,19 +24,23 @@ from robot.exchange.timeline import make_timeline
 from robot.exchange.tub import write_tub
 from robot.store.episodes.editing import moments
 from robot.store.episodes.store import EpisodeStore
-from robot.store.episodes.teaching import EditedEpisode
-from robot.store.folder import Storage
+from robot.store.folder import Storage, check_name
 from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
 from server.cli.parser import progress, whole
 
-EXPORTS: dict[str, tuple[Callable[..., int], str]] = {
-    "tub": (write_tub, "records"),
-    "lerobot": (write_lerobot, "LeRobot episodes"),
-    "folder": (write_folder, "pictures"),
-    "npz": (write_npz, "examples"),
-    "film": (write_look, "pictures"),
+EXPORTS: dict[str, tuple[Callable[..., int], str, Callable[[argparse.Namespace], dict[str, Any]]]]
+EXPORTS = {
+    "tub": (write_tub, "records", lambda args: {"taught_only": not args.all}),
+    "lerobot": (
+        write_lerobot,
+        "LeRobot episodes",
+        lambda args: {"fps": args.fps, "task": args.task or TASK},
+    ),
+    "folder": (write_folder, "pictures", lambda _: {}),
+    "npz": (write_npz, "examples", lambda _: {}),
+    "film": (write_look, "pictures", lambda args: {"fps": args.fps}),
 }
-"""By its name what writes a form, and what it counts."""
+"""By its name what writes a form, what it counts, and its options."""
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:
@@ -101,8 +106,11 @@ def _import_one(source: Source, args: argparse.Namespace, store: EpisodeStore) -
 
 
 def _tidy(name: str) -> str:
-    """Return the name of a folder as the name of an episode."""
-    return re.sub(r"[^\w .()+,-]", "-", name).strip("-_ .")[:64] or "import"
+    """Return the name of a folder as the name of an episode, or another if it can be none."""
+    try:
+        return check_name(re.sub(r"[^\w .()+,-]", "-", name).strip("-_ .")[:64])
+    except ConfigurationError:
+        return "import"
 
 
 def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
@@ -114,12 +122,14 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
         check_suffix(out)
     if out.exists():
         raise ConfigurationError(f"{out} exists already; choose another with --out")
+    write, what, options = EXPORTS[args.form]
+    given = [episodes] if args.form == "lerobot" else episodes[0]
     total = sum(len(episode.frames) for episode, _ in episodes)
     refusing = told_as(ConfigurationError, f"cannot write {out}")
     showing = progress(total, "picture", "episodes", "episodes")
     with refusing, showing as bar, _beside(out) as part:
-        made = _export(args, episodes, part, bar.update)
-    print(f"{out}: {made}")
+        made = write(*given, part, on_frame=bar.update, **options(args))
+    print(f"{out}: {made} {what}")
     sizes = {frame.size for episode, _ in episodes for frame in episode.frames.values()}
     if len(sizes) > 1 and args.form in ("film", "lerobot"):
         print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
@@ -140,20 +150,6 @@ def _beside(path: Path) -> Iterator[Path]:
         (folder / path.name).rename(path)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
-
-
-def _export(
-    args: argparse.Namespace, episodes: list[EditedEpisode], out: Path, tick: Callable[[], None]
-) -> str:
-    """Write them, and say how much that is."""
-    write, what = EXPORTS[args.form]
-    options = {
-        "tub": {"taught_only": not args.all},
-        "lerobot": {"fps": args.fps, "task": args.task or TASK},
-        "film": {"fps": args.fps},
-    }
-    given = [episodes] if args.form == "lerobot" else episodes[0]
-    return f"{write(*given, out, on_frame=tick, **options.get(args.form, {}))} {what}"
 
 
 def _free_path(folder: Path, episode_id: str, form: str) -> Path:

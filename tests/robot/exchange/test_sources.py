@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import random
 import tarfile
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from robot.errors import RecordingError
+from robot.exchange.npz import load_recording
 from robot.exchange.report import ImportReport
 from robot.exchange.sources import find_drives, unpacked
 from robot.exchange.steering import DEFAULT_THRESHOLD
 
-from .test_imports import jpeg, tub_1
+from .test_imports import jpeg, tub_1, tub_2
 
 PLACES = ("", "a", "a/b", "a/b/c/d/e", "two words")
 
@@ -68,3 +72,102 @@ def test_what_lies_too_deep_or_is_a_folder_is_none(tmp_path: Path) -> None:
     recording(tmp_path / "1/2/3/4/5/6/deep.npz", 1)
     (tmp_path / "folder.npz").mkdir()
     assert [source.name for source in find_drives(tmp_path)] == ["x.npz"]
+
+
+@pytest.mark.parametrize("kind", ["table", "recordings", "tub"])
+def test_what_macos_lays_beside_files_and_names_in_capitals_keep_nothing_away(
+    tmp_path: Path, kind: str
+) -> None:
+    folder = tmp_path / "drive"
+    if kind == "tub":
+        tub_2(folder, [{"user/angle": 0.0, "user/throttle": 0.3}])
+        (folder / "manifest.json").unlink()
+        (folder / "._catalog_0.catalog").write_bytes(b"\0\5\26\7{}")
+    elif kind == "table":
+        folder.mkdir()
+        (folder / "A.JPG").write_bytes(jpeg(1))
+        (folder / "FRAMES.CSV").write_bytes(b"\xef\xbb\xbffile,label\r\nA.JPG,left\r\n")
+        (folder / "._FRAMES.CSV").write_bytes(b"\0\5\26\7")
+    else:
+        recording(folder / "x.npz", 1)
+        (folder / "x.npz").rename(folder / "X.NPZ")
+        (folder / "._X.NPZ").write_bytes(b"\0\5\26\7")
+    report = ImportReport()
+    [source] = find_drives(folder)
+    assert len(source.read(DEFAULT_THRESHOLD, report).shots) == 1
+    assert {place for place, _ in report.skipped} <= {"manifest.json"}
+    alone = {"table": "FRAMES.CSV", "recordings": "X.NPZ"}.get(kind, "")
+    assert len(find_drives(folder / alone)) == 1
+
+
+@pytest.mark.parametrize("bad", ["n" * 300, "a.csv/x", ".", "b"])
+@pytest.mark.parametrize("form", ["tar", "zip"])
+def test_a_name_that_no_file_can_have_spoils_nothing_but_itself(
+    tmp_path: Path, form: str, bad: str
+) -> None:
+    names, path = ["a.csv", "b/x.txt", bad, "c/y.txt"], tmp_path / f"drive.{form}"
+    if form == "tar":
+        with tarfile.open(path, "w") as tar:
+            for name in names:
+                tar.addfile(tarfile.TarInfo(name))
+    else:
+        with zipfile.ZipFile(path, "w") as archive:
+            for name in names:
+                archive.writestr(name, b"")
+    report = ImportReport()
+    with unpacked(path, tmp_path, report) as folder:
+        found = {each.relative_to(folder).as_posix() for each in folder.rglob("*")}
+    assert found == {"a.csv", "b", "b/x.txt", "c", "c/y.txt"}
+    [(place, why)] = report.skipped
+    assert place == bad[:80] and why.startswith("cannot be unpacked")
+
+
+def test_no_name_in_an_archive_commands_the_terminal(tmp_path: Path) -> None:
+    path = tmp_path / "drive.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("../\x1b[2J\x07\nskipped: none", b"")
+    report = ImportReport()
+    with unpacked(path, tmp_path, report):
+        assert all(line.isprintable() for line in report.lines())
+
+
+def test_of_an_archive_without_a_drive_it_is_told_what_and_why(tmp_path: Path) -> None:
+    path, report = tmp_path / "drive.zip", ImportReport()
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("../frames.csv", b"")
+    with pytest.raises(RecordingError) as refused, unpacked(path, tmp_path, report) as folder:
+        find_drives(folder)
+    assert str(refused.value).startswith(f"{path} is neither a donkeycar tub")
+    assert "the first in ../frames.csv: leads out of the archive" in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["a\0b.catalog", "\ud800.catalog", "x" * 300])
+def test_a_catalog_of_a_name_that_no_file_can_have_is_skipped(tmp_path: Path, name: str) -> None:
+    folder = tub_2(tmp_path / "tub", [{"user/angle": 0.0, "user/throttle": 0.3}])
+    *lines, last = (folder / "manifest.json").read_text().splitlines()
+    catalogs = json.loads(last)
+    catalogs["paths"].insert(0, name)
+    (folder / "manifest.json").write_text("\n".join([*lines, json.dumps(catalogs)]))
+    report = ImportReport()
+    assert len(find_drives(folder)[0].read(DEFAULT_THRESHOLD, report).shots) == 1
+    assert [why.partition(":")[0] for _, why in report.skipped] == ["cannot be read"]
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("labels", np.zeros((1, 3), np.uint8)),
+        ("t", np.array(["a", "b", "c"])),
+        ("t", np.zeros(3, complex)),
+        ("t", np.zeros(3, "M8[s]")),
+        ("offsets", np.zeros((2, 2), int)),
+    ],
+)
+def test_an_array_of_another_form_is_refused_with_a_sentence(
+    tmp_path: Path, name: str, value: Any
+) -> None:
+    recording(tmp_path / "x.npz", 3)
+    with np.load(tmp_path / "x.npz") as arrays:
+        np.savez(tmp_path / "y.npz", **{**arrays, name: value})
+    with pytest.raises(RecordingError, match="not of the expected form"):
+        load_recording(tmp_path / "y.npz")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -132,3 +133,13 @@ def test_what_cannot_be_done_is_one_clear_line(
     episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert complaint in say(words, capsys, status=1).splitlines()[-1]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="some of these are no names there")
+@pytest.mark.parametrize("name", ["aux", "nul.2", "---", "\U00020000" * 60])
+def test_a_folder_of_any_name_is_imported(
+    episode_id: str, tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say(f"episodes export last --as folder --out {tmp_path}/{name}", capsys)
+    told = say(f"episodes import {tmp_path}/{name}", capsys)
+    assert told.startswith("import: ") and f" pictures from {name} (folder)" in told
