@@ -40,9 +40,6 @@ class ConditionLog:
     events: Sequence[StudyEvent]
     common: Row
 
-    def phase(self, name: str) -> list[StudyEvent]:
-        return [event for event in self.events if event.phase == name]
-
     def profile(self, by: DrivenBy, *kinds: PhaseKind) -> Profile:
         """Return the Behavior Profile of who drove in phases of these kinds."""
         names = {phase.name for phase in self.condition.phases if phase.kind in kinds}
@@ -96,7 +93,7 @@ def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
     """Yield a row for each phase that was begun, then one with the answers."""
     teacher = log.profile(DrivenBy.PILOT, "teach")
     for phase in log.condition.phases:
-        if events := log.phase(phase.name):
+        if events := [event for event in log.events if event.phase == phase.name]:
             yield {**log.common, **_drive(log, phase, events, teacher)}
     given = {e.name: e.value for e in named(log.events, "answer")}  # the last one where it changed
     if given:

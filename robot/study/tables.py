@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import statistics
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from robot.store.table import Cell, Table
 from robot.study.plan import StudyPlan
@@ -107,19 +107,14 @@ def _order(plan: StudyPlan, rows: Sequence[Row]) -> Table:
 
 
 def _answers(plan: StudyPlan, rows: Sequence[Row]) -> Table:
+    lines: list[tuple[Cell, ...]] = []
+    asked = [question.name for question in plan.questions if question.kind != "text"]
+    for name, condition in itertools.product(asked, plan.conditions):
+        given = Counter(values_of(rows, condition.name, (QUESTIONS, name)).values())
+        lines += [(name, condition.name, int(answer), n) for answer, n in sorted(given.items())]
     return Table(
         title="How often each answer was given",
         columns=("question", "condition", "answer", "n"),
-        rows=tuple(_count_answers(plan, rows)),
+        rows=tuple(lines),
         note="A choice is the number of its option. Free texts are in phases.csv alone.",
     )
-
-
-def _count_answers(plan: StudyPlan, rows: Sequence[Row]) -> Iterator[tuple[Cell, ...]]:
-    for question in plan.questions:
-        if question.kind == "text":
-            continue
-        for condition in plan.conditions:
-            given = values_of(rows, condition.name, (QUESTIONS, question.name))
-            for answer, n in sorted(Counter(given.values()).items()):
-                yield question.name, condition.name, int(answer), n

@@ -38,7 +38,7 @@ def name_of_world(body: object) -> str | None:
 def check_body(body: Any, condition: Condition) -> None:
     """Refuse (ConfigurationError) a body simulated in another world, or that lacks a move."""
     here, place = name_of_world(body), condition.world
-    worlds: Mapping[str, str] = getattr(body, "worlds", {place: place})
+    worlds: Mapping[str, str] = getattr(body, "worlds", {place: place}) if here else {}
     file = os.path.realpath(place)  # of a world that is no more than a file
     place = next((name for name, at in worlds.items() if os.path.realpath(at) == file), place)
     if here not in (None, place):
