@@ -49,7 +49,10 @@ class Edges:
         self.weights[node, :size] = weights
         self.weights[:size, node] = weights
         if self._is_cached:
-            self._update(node, weights)
+            changed = self._partner == node
+            changed[:size] |= weights <= self._least[:size]
+            changed[node] = True
+            self._rescan(np.flatnonzero(changed))
 
     def remove(self, node: int, last: int) -> None:
         """Let the last node take the place of `node`."""
@@ -59,25 +62,12 @@ class Edges:
             self.weights[node, :last] = self.weights[:last, node] = row
             self.weights[node, node] = np.inf
         if self._is_cached:
-            self._partner = self.weights.argmin(axis=1)
-            self._least = self.weights[np.arange(self._n), self._partner]
+            self._rescan(np.arange(self._n))
 
-    def _update(self, node: int, weights: Distances) -> None:
-        """Update each row's smallest weight after one node's weights changed."""
-        size = weights.size
-        least, partner = self._least[:size], self._partner[:size]
-        lost = np.flatnonzero(partner == node)
-        better = (weights < least) | ((weights == least) & (node < partner))
-        least[better] = weights[better]
-        partner[better] = node
-        for row in lost.tolist():
-            self._rescan(row)
-        self._rescan(node)
-
-    def _rescan(self, row: int) -> None:
-        best = int(self.weights[row].argmin())
-        self._partner[row] = best
-        self._least[row] = self.weights[row, best]
+    def _rescan(self, rows: NDArray[np.intp]) -> None:
+        """Find the smallest weight of each of these rows."""
+        self._partner[rows] = partners = self.weights[rows].argmin(axis=1)
+        self._least[rows] = self.weights[rows, partners]
 
 
 MOST_FRAMES = 10**9
