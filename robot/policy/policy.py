@@ -87,8 +87,6 @@ class Policy(Stateful):
         parts += [("", recognition), ("pace", smoothing.pace)]
         parts += [("", smoothing), ("degrees", degrees)]
         self._parts = parts
-        self._on_frame = _overridden(parts, "on_frame")
-        self._on_example = _overridden(parts, "on_example")
         self._begun, _ = self.save()
 
     @property
@@ -144,8 +142,8 @@ class Policy(Stateful):
             by_degrees=by_degrees,
         )
         try:
-            for on_frame in self._on_frame:
-                on_frame(seen)
+            for _, part in self._parts:
+                part.on_frame(seen)
         except NotFittedError:
             return Prediction(frame_id=frame_id)
         known = seen.evidence
@@ -193,8 +191,8 @@ class Policy(Stateful):
             at_s=at_s,
             point=point,
         )
-        for on_example in self._on_example:
-            on_example(lesson)
+        for _, part in self._parts:
+            part.on_example(lesson)
         self.n_seen += 1
 
     def _check_move(self, label: Action) -> None:
@@ -280,12 +278,3 @@ class Policy(Stateful):
             return chance
         guess = 1.0 / sum(share > 0.0 for share in shares.values())
         return guess + (chance - guess) / (1.0 + _DOUBT * (novelty - 1.0))
-
-
-def _overridden(parts: list[tuple[str, PolicyPart]], method: str) -> list[Callable[..., None]]:
-    """Return this method of the parts that have something to do in it."""
-    return [
-        getattr(part, method)
-        for _, part in parts
-        if getattr(type(part), method) is not getattr(PolicyPart, method)
-    ]

@@ -21,7 +21,7 @@ from robot.policy.history import (
     TrainingHistory,
     Undone,
 )
-from robot.policy.part import Lesson
+from robot.policy.part import Lesson, PolicyPart
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Action, Example, Point
@@ -147,20 +147,20 @@ def test_a_bad_edit_is_refused_and_changes_nothing() -> None:
     assert same(history.policy.get_state(), before)
 
 
-N_PARTS = len(make_policy("default-8")._on_example)
+N_PARTS = len(make_policy("default-8")._parts)
 
 
-class Plugin:
+class Plugin(PolicyPart):
     """Refuses what it is told to, when the parts before it have learned."""
 
     def __init__(self, policy: Policy, done: int) -> None:
         self.refuses = False
         self.error: Exception = RuntimeError("not today")
-        policy._on_example.insert(done, self.learn)
+        policy._parts.insert(done, ("", self))
         theirs = type("Theirs", (type(policy.learner),), {"__module__": "somebodys.plugin"})
         policy.learner.__class__ = theirs
 
-    def learn(self, lesson: Lesson) -> None:
+    def on_example(self, lesson: Lesson) -> None:
         if self.refuses:
             raise self.error
 
