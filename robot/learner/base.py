@@ -117,25 +117,17 @@ class Learner(Protocol):
     A context is a small number; what it stands for is its user's affair.
     """
 
-    @property
-    def abilities(self) -> Abilities:
-        """What it can do beyond learning and predicting."""
-        ...
-
-    @property
-    def sharpness(self) -> float:
-        """The power that turns shares of votes into calibrated chances; 1 for none."""
-        ...
+    abilities: Abilities = Abilities()
+    """What it can do beyond learning and predicting."""
+    sharpness: float = 1.0
+    """The power that turns shares of votes into calibrated chances; 1 for none."""
+    last_node_: int | None = None
+    """Id of the image that took in the latest example; None if there is none."""
 
     @property
     def n_nodes_(self) -> int:
         """How many images it keeps."""
-        ...
-
-    @property
-    def last_node_(self) -> int | None:
-        """Id of the image that took in the latest example; None if there is none."""
-        ...
+        return 0
 
     @abstractmethod
     def learn_one(self, x: Vector, y: Label) -> None:
@@ -222,7 +214,4 @@ class Learner(Protocol):
 class BaseLearner(Learner):
     """A `Learner` without images and other abilities, to derive from: four methods are to write."""
 
-    abilities = Abilities()
-    sharpness = 1.0
     n_nodes_ = 0
-    last_node_: int | None = None

@@ -24,7 +24,7 @@ from robot.learner.change_of_mind import ChangeOfMind
 from robot.learner.clusters import MOST_FRAMES, Clusters
 from robot.learner.part import Array, Arrays, Params, Stateful, Value
 from robot.learner.published import PublishedBSOC
-from robot.learner.ridge import N_CONTEXTS, LinearPart
+from robot.learner.ridge import EVERY, LinearPart
 from robot.learner.values import count
 
 GROUP_COST = 1000.0
@@ -69,8 +69,6 @@ class BSOCClassifier(Stateful, Learner):
             "node_angles", np.float64, ("max_nodes", 3), -MOST_FRAMES, MOST_FRAMES, may_miss=True
         ),
     )
-    last_node_: int | None = None
-    sharpness: float = 1.0
 
     def __init__(
         self,
@@ -96,8 +94,14 @@ class BSOCClassifier(Stateful, Learner):
         self.n_seen_ = 0
         self.linear = linear
         self.linear_share = linear_share
-        if linear is not None:
-            self.sharpness = SHARPNESS
+        self.sharpness = SHARPNESS if linear is not None else 1.0
+        self.abilities = Abilities(
+            images=True,
+            pinning=True,
+            novelty=cluster.measures_novelty,
+            contexts=linear is not None and linear.knows_contexts,
+            angles=True,
+        )
         self.balance = balance
         self.novelty_ = votes.Novelty(margin=novelty_margin)
         self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
@@ -116,23 +120,12 @@ class BSOCClassifier(Stateful, Learner):
         return self.cluster.n_nodes_
 
     @property
-    def abilities(self) -> Abilities:
-        """Images and pinning always; the others as its parts have them."""
-        return Abilities(
-            images=True,
-            pinning=True,
-            novelty=self.cluster.measures_novelty,
-            contexts=self.linear is not None and self.linear.knows_contexts,
-            angles=True,
-        )
-
-    @property
     def histograms_(self) -> NDArray[np.int64]:
         """Labels counted per node, shape (n, len(labels_))."""
         return self._histograms[: self.cluster.n_nodes_].copy()
 
     def learn_one(self, x: Vector, y: Label) -> None:
-        self.learn_in(x, y, range(N_CONTEXTS))
+        self.learn_in(x, y, EVERY)
 
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
         if self._node_angles is None:
@@ -171,7 +164,7 @@ class BSOCClassifier(Stateful, Learner):
             self.novelty_.learn(cluster.last_distance_)
         if self.linear is not None:
             targets = np.eye(len(self.labels_))[column]
-            self.linear.learn(x, targets, angle=steered, contexts=contexts)
+            self.linear.learn(x, targets, steered, contexts)
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; adds one for a new label."""
@@ -302,7 +295,7 @@ class BSOCClassifier(Stateful, Learner):
         last = self.cluster.delete(index)
         angle = 0.0 if self._node_angles is None else self._node_angles[index, :2] / frames
         if self.linear is not None:
-            self.linear.learn(image, self._histograms[index] / frames, -frames, angle)
+            self.linear.forget(image, self._histograms[index] / frames, frames, angle)
         for sums in self._sums():
             sums[index] = sums[last]
             sums[last] = 0

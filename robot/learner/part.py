@@ -116,7 +116,7 @@ class Array:
     def save(self, part: Stateful) -> NDArray[Any] | None:
         """Return a copy of the part's array, if it has one."""
         value = _get(part, self)
-        if value is None or (self.may_miss and len(value) == 0):
+        if value is None or (self.may_miss and np.size(value) == 0):
             return None
         return np.array(value, None if isinstance(self.dtype, tuple) else self.dtype)
 

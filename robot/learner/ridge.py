@@ -18,20 +18,24 @@ import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.learner.base import Vector
 from robot.learner.part import MOST_VALUES, Array, Arrays, Params, Stateful
 from robot.learner.values import demand
 
 Floats = NDArray[np.float64]
+Angle = Floats | float
+"""An angle and its size, shape (2,), or 0 where no angle is learned."""
 _WAITING = 8
 """So many changes of the inverse are written at once."""
 _MOST_INVERSE = 1e3
 """Beyond what an inverse holds: 1 / penalty at first, and less with every frame."""
 N_CONTEXTS = 2
+EVERY = range(N_CONTEXTS)
 
 
 @functools.cache
@@ -53,29 +57,25 @@ class LinearPart(Stateful, ABC):
         """Learn an angle, too, from now on; each frame so far had the angle of its label."""
 
     @abstractmethod
-    def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
+    def scores(self, x: Vector, context: int | None = None) -> Floats:
         """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
 
-    def angle(self, x: NDArray[Any]) -> Floats | None:
+    def angle(self, x: Vector) -> Floats | None:
         """Return angle and size, shape (2,), not bounded; None from a part that learns none."""
         return None
 
     @abstractmethod
     def learn(
-        self,
-        x: NDArray[Any],
-        targets: Floats,
-        weight: float = 1.0,
-        angle: Floats | float = 0.0,
-        contexts: Collection[int] | None = None,
+        self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
-        """Add a frame with its target scores `weight` times; a negative weight takes it back.
-
-        With `contexts` it counts once, in these; else in each by the share of its label there.
-        """
+        """Add a frame with its target scores, which counts in these contexts alone."""
 
     @abstractmethod
-    def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
+    def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
+        """Take back so many frames, told by their means; in each context by its share of them."""
+
+    @abstractmethod
+    def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
 
 
@@ -114,7 +114,7 @@ class RecursiveRidge(LinearPart):
     def add_label(self) -> None:
         self._weights = np.hstack([self._weights, np.zeros((len(self._weights), 1))])
 
-    def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
+    def scores(self, x: Vector, context: int | None = None) -> Floats:
         scores: Floats = self._scaled(x) @ self._weights
         return scores
 
@@ -122,24 +122,20 @@ class RecursiveRidge(LinearPart):
         # Weights are linear in their targets: it is as if it had been learned from the first.
         self._angles = self._weights @ np.stack([of_labels, np.abs(of_labels)], axis=1)
 
-    def angle(self, x: NDArray[Any]) -> Floats:
+    def angle(self, x: Vector) -> Floats:
         assert self._angles is not None
         both: Floats = self._scaled(x) @ self._angles
         return both
 
     def learn(
-        self,
-        x: NDArray[Any],
-        targets: Floats,
-        weight: float = 1.0,
-        angle: Floats | float = 0.0,
-        contexts: Collection[int] | None = None,
+        self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
-        self._learn(self._scaled(x), targets, weight, angle)
+        self._add(1.0, self._scaled(x), targets, angle)
 
-    def _learn(
-        self, z: Floats, targets: Floats, weight: float = 1.0, angle: Floats | float = 0.0
-    ) -> None:
+    def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
+        self._add(-frames, self._scaled(x), targets, angle)
+
+    def _add(self, weight: float, z: Floats, targets: Floats, angle: Angle = 0.0) -> None:
         direction = self._solve(z)
         rest = 1.0 + weight * float(z @ direction)
         if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
@@ -165,7 +161,7 @@ class RecursiveRidge(LinearPart):
         self._waiting[:] = 0.0
         self._n_waiting = 0
 
-    def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
+    def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
         direction = self._solve(self._scaled(x))
         self._weights += np.outer(direction, change)
         if self._angles is not None:
@@ -177,7 +173,7 @@ class RecursiveRidge(LinearPart):
         solution: Floats = self._inverse @ z - (waiting @ z) @ waiting
         return solution
 
-    def _scaled(self, x: NDArray[Any]) -> Floats:
+    def _scaled(self, x: Vector) -> Floats:
         """Return the values that are used, scaled, and the constant; shape (n_features + 1,)."""
         z = np.ones(self.n_features + 1)
         np.divide(x[: self.n_features], self.scale, out=z[:-1])
@@ -230,7 +226,15 @@ class ContextRidge(RecursiveRidge):
     knows_contexts = True
     fields = (
         *RecursiveRidge.fields,
-        Array("context_counts", np.int64, (1 + N_CONTEXTS, "n_labels"), high=1e9, may_miss=True),
+        Array(
+            "context_counts",
+            np.int64,
+            (1 + N_CONTEXTS, "n_labels"),
+            high=1e9,
+            attribute="_counts",
+            older=1,
+            may_miss=True,
+        ),
     )
 
     def __init__(self, n_features: int, *, penalty: float = 3.0, scale: float = 255.0) -> None:
@@ -245,37 +249,32 @@ class ContextRidge(RecursiveRidge):
             ridge.add_label()
         self._counts = np.hstack([self._counts, np.zeros((1 + N_CONTEXTS, 1), np.int64)])
 
-    def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
+    def scores(self, x: Vector, context: int | None = None) -> Floats:
         if context is None or not self._ridges:
             return super().scores(x)
         return self._ridges[context].scores(x)
 
     def learn(
-        self,
-        x: NDArray[Any],
-        targets: Floats,
-        weight: float = 1.0,
-        angle: Floats | float = 0.0,
-        contexts: Collection[int] | None = None,
+        self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
-        if contexts is not None and len(contexts) < N_CONTEXTS and not self._ridges:
+        if len(contexts) < N_CONTEXTS and not self._ridges:
             self._ridges = self._copies(N_CONTEXTS)
-        z = self._scaled(x)
-        self._learn(z, targets, weight, angle)
-        if contexts is None:
-            for ridge, shares in zip(self._ridges, self._shares(), strict=False):
-                part = float((targets * shares).sum())
-                if part > 0.0:
-                    ridge._learn(z, targets * shares / part, weight * part)
-            return
+        super().learn(x, targets, angle)
         column = int(targets.argmax())
         self._counts[0, column] += 1
         for context in contexts:
             self._counts[1 + context, column] += 1
             if self._ridges:
-                self._ridges[context]._learn(z, targets)
+                self._ridges[context].learn(x, targets)
 
-    def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
+    def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
+        super().forget(x, targets, frames, angle)
+        for ridge, shares in zip(self._ridges, self._shares(), strict=False):
+            part = float((targets * shares).sum())
+            if part > 0.0:
+                ridge.forget(x, targets * shares / part, frames * part)
+
+    def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
         super().retarget(x, change, angle)
         lost = np.minimum(change, 0.0)
         for ridge, shares in zip(self._ridges, self._shares(), strict=False):
@@ -298,17 +297,6 @@ class ContextRidge(RecursiveRidge):
                 setattr(ridge, name, getattr(self, name).copy())
             ridge.restored()
         return ridges
-
-    @property
-    def _context_counts(self) -> NDArray[np.int64] | None:
-        return self._counts if self._counts.size else None
-
-    @_context_counts.setter
-    def _context_counts(self, counts: NDArray[np.int64] | None) -> None:
-        if counts is None and self._ridges:
-            raise ValueError("context_counts is missing")
-        together = np.ones((1 + N_CONTEXTS, self._weights.shape[1]), np.int64)
-        self._counts = together if counts is None else counts
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         return [(f"context{context}", ridge) for context, ridge in enumerate(self._ridges)]
@@ -338,5 +326,5 @@ class ContextRidge(RecursiveRidge):
                 demand(is_like_it and (frames.shape, targets.shape) == sides, "frames do not fit")
                 demand(bool(np.abs(frames).max() <= MOST_VALUES), "frames are out of bounds")
                 for z, target in zip(frames[frames[:, -1] != 0.0], targets, strict=False):
-                    ridge._learn(z, target)
+                    ridge._add(1.0, z, target)
         self._held_back = []

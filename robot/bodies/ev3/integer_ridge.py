@@ -9,13 +9,13 @@ Here a step goes all the way to the least error of its coordinate.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.learner.base import Vector
 from robot.learner.part import Array
-from robot.learner.ridge import LinearPart
+from robot.learner.ridge import EVERY, Angle, LinearPart
 from robot.learner.values import WHOLE
 
 Floats = NDArray[np.float64]
@@ -75,44 +75,33 @@ class IntegerRidge(LinearPart):
         self._weights = np.vstack([self._weights, row])
         self._residual = np.vstack([self._residual, row])
 
-    def scores(self, x: NDArray[Any], context: int | None = None) -> Floats:
+    def scores(self, x: Vector, context: int | None = None) -> Floats:
         scores: Floats = self._weights.dot(self._input(x)) / _ONE
         return scores
 
     def learn(
-        self,
-        x: NDArray[Any],
-        targets: Floats,
-        weight: float = 1.0,
-        angle: Floats | float = 0.0,
-        contexts: Collection[int] | None = None,
+        self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
-        """Add a frame with its target scores `weight` times; a negative weight takes it back.
-
-        A weight other than 1 is for the mean of so many frames: no vector of whole numbers.
-        """
-        if weight != 1.0:
-            self._learn_mean(x, targets, weight)
-        else:
-            z = self._input(x)
-            errors = (targets * _ONE).astype(np.int64) - self._weights.dot(z)
-            self._residual += errors[:, None] * z
-            np.multiply(z[:, None], z, out=self._work)
-            self._products += self._work
-            if self._products[-1, -1] >= _FULL:
-                self._halve()
+        z = self._input(x)
+        errors = (targets * _ONE).astype(np.int64) - self._weights.dot(z)
+        self._residual += errors[:, None] * z
+        np.multiply(z[:, None], z, out=self._work)
+        self._products += self._work
+        if self._products[-1, -1] >= _FULL:
+            self._halve()
         self._improve(self.steps)
 
-    def _learn_mean(self, x: NDArray[Any], targets: Floats, weight: float) -> None:
+    def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
         z = self._mean_input(x)
-        weight /= 2.0 ** self._halvings[0]
+        weight = -frames / 2.0 ** self._halvings[0]
         added = np.rint(weight * np.outer(z, z)).astype(np.int64)
         np.maximum(added, -self._products, out=added)  # by rounding, a sum could fall below 0
         self._products += added.astype(np.int32)
         self._residual += np.rint(weight * _ONE * np.outer(targets, z)).astype(np.int64)
         self._residual -= self._weights.dot(added)
+        self._improve(self.steps)
 
-    def retarget(self, x: NDArray[Any], change: Floats, angle: Floats | float = 0.0) -> None:
+    def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
         added = _ONE / 2.0 ** self._halvings[0] * np.outer(change, self._mean_input(x))
         self._residual += np.rint(added).astype(np.int64)
         self._improve(self.n_features)
@@ -137,14 +126,14 @@ class IntegerRidge(LinearPart):
         self._residual = (moments >> 1) - self._weights.dot(self._products.astype(np.int64))
         self._halvings += 1
 
-    def _input(self, x: NDArray[Any]) -> NDArray[np.int32]:
+    def _input(self, x: Vector) -> NDArray[np.int32]:
         z = np.empty(self.size, np.int32)
         z[:-1] = x[: self.n_features]
         z >>= _SHIFT
         z[-1] = _TOP
         return z
 
-    def _mean_input(self, x: NDArray[Any]) -> Floats:
+    def _mean_input(self, x: Vector) -> Floats:
         """The same of the mean of some frames, which is no vector of whole numbers."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 

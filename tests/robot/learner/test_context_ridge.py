@@ -78,7 +78,7 @@ def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):
     everywhere = [(x, column, ALL) for x, column, _ in examples]
     ridge = taught(everywhere)
     x, column, _ = everywhere[0]
-    ridge.learn(x, np.eye(3)[column], -1.0)
+    ridge.forget(x, np.eye(3)[column], 1.0)
     expected = alone(everywhere[1:])
     for scores in opinions(ridge, x):
         np.testing.assert_allclose(scores, expected.scores(x), atol=1e-9)
@@ -104,7 +104,7 @@ def test_a_context_without_frames_of_a_label_keeps_its_targets(examples):
     ridge = taught([(x, 0, (1,)) for x, _, _ in examples])
     x = examples[0][0]
     ridge.retarget(x, np.array([-4.0, 4.0, 0.0]))
-    ridge.learn(x, np.array([1.0, 0.0, 0.0]), -1.0)
+    ridge.forget(x, np.array([1.0, 0.0, 0.0]), 1.0)
     assert not ridge.scores(x, 0).any()
     assert ridge.scores(x, 1).any()
 

@@ -41,7 +41,7 @@ def test_takes_back_and_relabels(lessons):
         ridge.add_label()
     for x, target in zip(xs, targets, strict=True):
         ridge.learn(x, target)
-    ridge.learn(xs[0], targets[0], -1.0)
+    ridge.forget(xs[0], targets[0], 1.0)
     ridge.retarget(xs[1], np.array([1.0, 0.0, 0.0]) - targets[1])
     changed = targets.copy()
     changed[1] = [1.0, 0.0, 0.0]

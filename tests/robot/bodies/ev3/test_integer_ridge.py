@@ -82,7 +82,7 @@ def test_what_is_taken_back_is_as_if_it_had_never_been(seed):
     kept, gone = slice(0, 80), slice(80, 120)
     ridge = taught(xs, targets, steps=20)
     for x, target in zip(xs[gone], targets[gone], strict=True):
-        ridge.learn(x, target, -1.0)
+        ridge.forget(x, target, 1.0)
     never = taught(xs[kept], targets[kept], steps=20)
     assert (ridge.save()[1]["products"] == never.save()[1]["products"]).all()
     assert (moments(ridge) == moments(never)).all()
