@@ -40,7 +40,32 @@ class Features(Protocol):
         ...
 
 
-class GreyFeatures:
+class PictureFeatures:
+    """Base of vectors that end in a grey picture of 40x30.
+
+    Attributes:
+        n_others: How many values there are before it.
+        contrast: By what its grey values were divided.
+    """
+
+    n_others, contrast = 0, 1
+
+    def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
+        pixels = np.asarray(x)[self.n_others :] * float(self.contrast) + (self.contrast - 1) // 2
+        whole = pixels.round().clip(0, 255).astype(np.uint8)
+        return whole.reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH)
+
+    def grey(self, x: Vector) -> NDArray[np.uint8]:
+        return x[self.n_others :]
+
+    def brightened(self, x: Vector, gain: float) -> Vector:
+        """Return a copy with the grey part multiplied by `gain`, at most white."""
+        brighter = x.copy()
+        brighter[self.n_others :] = np.minimum(self.grey(x) * gain, 255 // self.contrast)
+        return brighter
+
+
+class GreyFeatures(PictureFeatures):
     """Grey, 40x30, area average: 1200 bytes."""
 
     name = "grey"
@@ -49,19 +74,12 @@ class GreyFeatures:
         """Return shape (1200,), uint8."""
         return image.to_small_grey(frame, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT).ravel()
 
-    def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        return _as_picture(np.asarray(x))
-
-    def grey(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (1200,)."""
-        return x
-
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of squares over parts of 5x5 pixels."""
         return sum_over_cells(difference)
 
 
-class GradientFeatures:
+class GradientFeatures(PictureFeatures):
     """Histograms of gradient orientations beside a grey picture at half contrast: 1584 bytes.
 
     Dalal and Triggs (2005), simplified: 8x6 cells over the frame, signed directions in 8 bins,
@@ -74,7 +92,8 @@ class GradientFeatures:
 
     name = "gradient"
     n_columns, n_rows, n_bins = CELL_COLUMNS, CELL_ROWS, 8
-    n_gradients = n_columns * n_rows * n_bins
+    n_gradients = n_others = n_columns * n_rows * n_bins
+    contrast = 2
     samples = 10
     """Gradients are taken at 10x10 points of each cell: every second pixel of 160x120. A larger
     picture is made that small before, so that a view is the same to a camera of any size."""
@@ -86,19 +105,6 @@ class GradientFeatures:
         grey = image.at_common_scale(image.to_grey(frame), *COMMON_SIDES)
         small = image.shrink(grey, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT)
         return np.concatenate([self._histograms(grey), small.ravel() >> 1])
-
-    def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        return _as_picture(np.asarray(x)[self.n_gradients :] * 2.0)
-
-    def grey(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (1200,), at half contrast."""
-        return x[self.n_gradients :]
-
-    def brightened(self, x: Vector, gain: float) -> Vector:
-        """Return a copy with the grey part multiplied by `gain`, at most white."""
-        brighter = x.copy()
-        brighter[self.n_gradients :] = np.minimum(x[self.n_gradients :] * gain, 127.0)
-        return brighter
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of squares of each cell's gradients and of its pixels."""
@@ -173,8 +179,3 @@ def sum_over_cells(
         axis=(1, 3)
     )
     return sums
-
-
-def _as_picture(pixels: NDArray[np.float64]) -> NDArray[np.uint8]:
-    whole = pixels.round().clip(0, 255).astype(np.uint8)
-    return whole.reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH)

@@ -14,15 +14,14 @@ from robot.policy.features import (
     COMMON_SIDES,
     THUMBNAIL_HEIGHT,
     THUMBNAIL_WIDTH,
+    PictureFeatures,
     sum_over_cells,
 )
 from robot.policy.policy import Policy
 from robot.types import Action, Frame
 
-_BRIGHTEST = 63.0
 
-
-class EyesFeatures:
+class EyesFeatures(PictureFeatures):
     """Outputs of a frozen net in 2x5 parts beside a grey picture at a quarter of its contrast.
 
     2000 bytes. The grey part is there for the gallery and to compare frames; at that contrast it
@@ -31,7 +30,8 @@ class EyesFeatures:
 
     name = "eyes"
     n_rows, n_columns = 2, 5
-    n_outputs = n_rows * n_columns * CHANNELS
+    n_outputs = n_others = n_rows * n_columns * CHANNELS
+    contrast = 4
     step = 24.0
     """A standard deviation of an output, in the values of the vector; 128 is the usual output."""
     penalty = 0.2
@@ -56,20 +56,6 @@ class EyesFeatures:
         means = outputs.reshape(CHANNELS, self.n_rows, high, self.n_columns, wide).mean((2, 4))
         values = np.clip(128.5 + self.step * means, 0, 255).astype(np.uint8)
         return np.concatenate([values.ravel(), small.ravel() >> 2])
-
-    def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        whole = (np.asarray(x)[self.n_outputs :] * 4.0 + 1.5).round().clip(0, 255)
-        return whole.astype(np.uint8).reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH)
-
-    def grey(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (1200,), at a quarter of its contrast."""
-        return x[self.n_outputs :]
-
-    def brightened(self, x: Vector, gain: float) -> Vector:
-        """Return a copy with the grey part multiplied by `gain`, at most white."""
-        brighter = x.copy()
-        brighter[self.n_outputs :] = np.minimum(x[self.n_outputs :] * gain, _BRIGHTEST)
-        return brighter
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of squares of each part's outputs and of its pixels."""
