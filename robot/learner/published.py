@@ -33,6 +33,7 @@ class PublishedBSOC(Clusters):
         super().__init__(max_nodes, max_nodes + 1, np.float64)
         self.integer = integer
         self._dtype: type[Any] = np.int32 if integer else np.float64
+        self._wide: type[Any] = np.int64 if integer else np.float64  # for sums of many frames
         self._images: NDArray[Any] = np.zeros((self.n_rows, 0), self._dtype)
 
     @property
@@ -102,14 +103,9 @@ class PublishedBSOC(Clusters):
 
     def _merged(self, one: int, two: int, count_one: int, count_two: int) -> NDArray[Any]:
         total = count_one + count_two
-        if not self.integer:
-            mean: NDArray[Any] = (
-                count_one * self._images[one] + count_two * self._images[two]
-            ) / total
-            return mean
-        sums = count_one * self._images[one].astype(np.int64) + count_two * self._images[two]
-        rounded: NDArray[Any] = (2 * sums + total) // (2 * total)
-        return rounded
+        sums = count_one * self._images[one].astype(self._wide) + count_two * self._images[two]
+        merged: NDArray[Any] = (2 * sums + total) // (2 * total) if self.integer else sums / total
+        return merged
 
     def _move(self, last: int, node: int) -> None:
         self._images[node] = self._images[last]

@@ -48,6 +48,8 @@ class LinearPart(Stateful, ABC):
     """A linear score per label, learned one frame at a time."""
 
     knows_contexts: ClassVar[bool] = False
+    n_features: int
+    """How many values of a vector it uses, from the first."""
 
     @abstractmethod
     def add_label(self) -> None:
@@ -258,7 +260,7 @@ class ContextRidge(RecursiveRidge):
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
         if len(contexts) < N_CONTEXTS and not self._ridges:
-            self._ridges = self._copies(N_CONTEXTS)
+            self._ridges = [self._copy() for _ in EVERY]
         super().learn(x, targets, angle)
         column = int(targets.argmax())
         self._counts[0, column] += 1
@@ -286,17 +288,13 @@ class ContextRidge(RecursiveRidge):
         shares: Floats = self._counts[1:] / np.maximum(self._counts[0], 1)
         return shares
 
-    def _copies(self, count: int) -> list[RecursiveRidge]:
-        """Return ridges that know what all contexts have in common so far, but no angles."""
-        ridges = [
-            RecursiveRidge(self.n_features, penalty=self.penalty, scale=self.scale)
-            for _ in range(count)
-        ]
-        for ridge in ridges:
-            for name in ("_inverse", "_weights", "_waiting"):
-                setattr(ridge, name, getattr(self, name).copy())
-            ridge.restored()
-        return ridges
+    def _copy(self) -> RecursiveRidge:
+        """Return a ridge that knows what all contexts have in common so far, but no angles."""
+        ridge = RecursiveRidge(self.n_features, penalty=self.penalty, scale=self.scale)
+        for name in ("_inverse", "_weights", "_waiting"):
+            setattr(ridge, name, getattr(self, name).copy())
+        ridge.restored()
+        return ridge
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         return [(f"context{context}", ridge) for context, ridge in enumerate(self._ridges)]
@@ -306,7 +304,7 @@ class ContextRidge(RecursiveRidge):
         super().upgrade(params, arrays)
         every = (f"context{context}" for context in range(N_CONTEXTS))
         names = [name for name in every if any(key.startswith(f"{name}_") for key in arrays)]
-        self._ridges = self._copies(len(names))
+        self._ridges = [self._copy() for _ in names]
         self._held_back = [
             [arrays.pop(f"{name}_block_{what}", np.zeros((0, 0))) for what in ("frames", "targets")]
             for name in names
@@ -315,11 +313,11 @@ class ContextRidge(RecursiveRidge):
     def restored(self) -> None:
         super().restored()
         for i, (frames, targets) in enumerate(self._held_back):
-            for field in self._ridges[i].fields:  # else what is out of bounds would be mended away
-                field.check(self._ridges[i])
-            if self._ridges[i].is_indefinite:  # frames of the other context were taken back from it
-                self._ridges[i : i + 1] = self._copies(1)
             ridge = self._ridges[i]
+            for field in ridge.fields:  # else what is out of bounds would be mended away
+                field.check(ridge)
+            if ridge.is_indefinite:  # frames of the other context were taken back from it
+                ridge = self._ridges[i] = self._copy()
             if len(frames):
                 sides = ((len(frames), ridge.size), (len(frames), ridge._weights.shape[1]))
                 is_like_it = frames.dtype == targets.dtype == np.float64

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 LARGEST, WHOLE = 1e12, 2**53
+MOST_NAMES = 10_000
+"""More moves than a body has."""
 
 Names = Mapping[str, str]
 """The labels or moves that a model may name, and what each is to its parts; empty: any."""
@@ -51,7 +53,7 @@ def optional(reader: Reader) -> Reader:
     return lambda plain, names: None if plain is None else reader(plain, names)
 
 
-def many(reader: Reader, most: int, least: int = 0) -> Reader:
+def many(reader: Reader, most: int = MOST_NAMES, least: int = 0) -> Reader:
     """Read a list of so many values of one kind."""
 
     def read(plain: Any, names: Names) -> list[Any]:

@@ -236,29 +236,27 @@ class TrainingHistory:
             self._snapshots.pop(0)
 
 
-def _raise_unless_edited(event: LogEvent, error: Exception) -> None:
-    if not isinstance(event, Edited):
-        raise error
-
-
 def replay(
     policy: Policy,
     events: Iterable[LogEvent],
-    on_refused: Callable[[LogEvent, Exception], None] = _raise_unless_edited,
+    on_refused: Callable[[LogEvent, Exception], None] | None = None,
 ) -> None:
     """Make these changes again, in order: undo, recovery and training from recordings all do.
 
     Args:
         policy: What learns.
         events: The changes. An example of no known teaching time has a negative one.
-        on_refused: Called for a change that cannot be made here. An edit's image may never have
-            come to be, or be pinned, where other examples are left out.
+        on_refused: Called for a change that cannot be made here; None: edits are left out. An
+            edit's image may never have come to be, or be pinned, where other examples are missing.
     """
     for event in events:
         try:
             _make(policy, event)
         except (LookupError, ValueError) as error:
-            on_refused(event, error)
+            if on_refused is not None:
+                on_refused(event, error)
+            elif not isinstance(event, Edited):
+                raise
 
 
 def _make(policy: Policy, event: LogEvent) -> None:

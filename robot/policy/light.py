@@ -31,7 +31,7 @@ class LightAdaptation(PolicyPart):
 
     fields = (Value("taught", number(0.0, 255.0)), Value("examples", number(0.0, EXAMPLES)))
 
-    def __init__(self, brighten: Callable[[Vector, float], Vector] = lambda x, gain: x) -> None:
+    def __init__(self, brighten: Callable[[Vector, float], Vector]) -> None:
         self._brighten = brighten
         self._taught = self._examples = 0.0
         self._driven: float | None = None

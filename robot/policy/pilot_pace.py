@@ -16,7 +16,7 @@ from robot.learner.part import Array, Arrays, Params, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
-from robot.types import DEFAULT_MOVES, Action, Point
+from robot.types import Action, Point
 
 STUCK_S = 0.5
 """After so long without effect a move is given up, if the pilot never meant to push."""
@@ -187,7 +187,7 @@ class PilotPace(PolicyPart):
         Value("run_s", number(0.0), older=(0.0,)),
         Value("label", optional(name), older=(None,)),
         Value("stand_s", number(0.0), older=(0.0,)),
-        Value("stands", many(name, 64), "stands", older=((),)),
+        Value("stands", many(name), "stands", older=((),)),
         Value("last_s", number()),
         Value("clock", row(number(0.0), number(0.0), optional(number())), "_headway.clock"),
         Value("before_s", number(), "scale.before_s", older=(0.0,)),
@@ -195,8 +195,8 @@ class PilotPace(PolicyPart):
         Array("picture", np.uint8, ("n_pixels",), attribute="scale.before", may_miss=True),
     )
 
-    def __init__(self, kinds: MoveKinds | None = None) -> None:
-        self.kinds = kinds or MoveKinds(DEFAULT_MOVES)
+    def __init__(self, kinds: MoveKinds) -> None:
+        self.kinds = kinds
         self.longest_debt_s = SHORTEST_DEBT_S
         self.scale = ChangeMeter()
         self._pushes_s = [0.0] * _MEANT
@@ -208,7 +208,7 @@ class PilotPace(PolicyPart):
         self._last_s = 0.0
         self._stand_s = 0.0
         self.stands: list[Action] = []
-        self._headway = Headway(self.kinds)
+        self._headway = Headway(kinds)
 
     @property
     def patience_s(self) -> float:

@@ -10,13 +10,14 @@ from robot.types import Action, Point
 from tests.robot.policy.passing import teach
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+KINDS = MoveKinds((F, L, R))
 BRAKE, GRIP = Action("brake"), Action("grip")
 
 
 class Pilot:
     """Labelled frames at some rate; pictures of a stripe that moves or stands."""
 
-    def __init__(self, rate_hz=10.0, kinds=None):
+    def __init__(self, rate_hz=10.0, kinds=KINDS):
         self.pace, self.dt_s = PilotPace(kinds), 1 / rate_hz
         self.now_s, self.shift = 0.0, 0.0
         self.rng = np.random.default_rng(3)
@@ -56,7 +57,7 @@ def test_a_wide_curve_pays_for_the_turn_before_it():
 
 
 def test_the_measure_has_bounds():
-    assert PilotPace().longest_debt_s == SHORTEST_DEBT_S
+    assert PilotPace(KINDS).longest_debt_s == SHORTEST_DEBT_S
     assert Pilot().drive(L, 60).pace.longest_debt_s == LONGEST_DEBT_S
 
 
