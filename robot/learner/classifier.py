@@ -137,8 +137,10 @@ class BSOCClassifier(Stateful, Learner):
     def learn_in(
         self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
     ) -> None:
-        if not isinstance(y, str) or not y:
-            raise ValueError(f"a label must be a string, not {y!r}")
+        _check(y, angle or 0.0)
+        if self.linear is not None and np.size(x) < self.linear.n_features:
+            least = self.linear.n_features
+            raise ValueError(f"the vector has {np.size(x)} values; the linear part needs {least}")
         column = self.labels_.index(y) if y in self.labels_ else len(self.labels_)
         cluster = self.cluster
         node = cluster.train(x, column)
@@ -276,6 +278,7 @@ class BSOCClassifier(Stateful, Learner):
         return f"classifier{'+linear' if self.linear else ''}:{self.cluster.kind}"
 
     def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
+        _check(y, angle)
         index = self._index(node_id)
         column = self._know(y)
         before = self._histograms[index].copy()
@@ -318,3 +321,11 @@ class BSOCClassifier(Stateful, Learner):
         if found.size == 0:
             raise LookupError(f"there is no node {node_id}")
         return int(found[0])
+
+
+def _check(label: Label, angle: float) -> None:
+    """Raise ValueError for what cannot be learned, before anything changes."""
+    if not isinstance(label, str) or not label:
+        raise ValueError(f"a label must be a string, not {label!r}")
+    if not -1.0 <= angle <= 1.0:
+        raise ValueError(f"an angle is from -1 to 1, not {angle}")

@@ -12,6 +12,8 @@ from robot.learner.base import Vector, checked_vector
 from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Arrays, Params, Stateful, Value
 
 Floats = NDArray[np.float32]
+_MOST_NORM = 1e24
+"""So that in float32 the dearest merge, of many frames and two groups, has a finite cost."""
 
 
 class Images(Stateful):
@@ -41,8 +43,8 @@ class Images(Stateful):
     def begin(self, x: Vector) -> None:
         """Fix length and origin by the first vector."""
         origin = checked_vector(x).astype(np.float32)
-        if not np.isfinite(origin).all():
-            raise ValueError("the vector holds values too large for float32")
+        if not 0.5 * float(origin.dot(origin)) < _MOST_NORM:
+            raise ValueError("the vector holds values that are too large")
         self._set_origin(origin)
         self._rows = np.zeros((self.max_nodes, origin.size), np.float32)
 
@@ -54,12 +56,12 @@ class Images(Stateful):
     def measure(self, x: Vector, size: int) -> Floats:
         """Return |n|^2 / 2 - n.x + |x|^2 / 2 for each image, shape (size,)."""
         array = np.asarray(x)
-        if array.shape != self._shape:
+        if array.shape != self._shape or array.dtype.kind not in "fiub":
             checked_vector(array, self._origin.size)
         # New memory each time: several threads may ask at once.
         centred = np.asarray(array, np.float32) - self._origin
         norm = 0.5 * float(centred.dot(centred))
-        if not norm < np.inf:
+        if not norm < _MOST_NORM:
             raise ValueError("the vector holds values that are not finite, or too large")
         self._x, self._x_norm = centred, norm
         is_full = size == self.max_nodes
@@ -148,7 +150,7 @@ class IntegerImages(Images):
         self._steps = _MOST_STEPS
 
     def begin(self, x: Vector) -> None:
-        self._set_sums(np.zeros((self.max_nodes, checked_vector(x).size), np.int32))
+        self._set_sums(np.zeros((self.max_nodes, checked_bytes(x).size), np.int32))
         self.is_empty = False
 
     def _set_sums(self, sums: NDArray[np.int32]) -> None:

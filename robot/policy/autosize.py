@@ -107,7 +107,7 @@ def choose_max_nodes(
     Raises:
         ConfigurationError: If not even the smallest size holds the rate.
     """
-    if rate_hz <= 0:
+    if not rate_hz > 0:
         raise ConfigurationError(f"a frame rate is above 0, not {rate_hz}")
     if cost_of is None:
         cost_of = partial(measure, kind=kind, frames=sample_frames(60))

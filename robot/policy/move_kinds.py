@@ -29,7 +29,7 @@ class MoveKinds(Stateful):
         points: Steering and throttle of the moves that have them; told by the body, never kept.
     """
 
-    fields = tuple(Value(kind, many(name, 64)) for kind in ("left", "right", "straight"))
+    fields = tuple(Value(kind, many(name)) for kind in ("left", "right", "straight"))
 
     def __init__(self, moves: Iterable[Action], declared: Iterable[Move] = ()) -> None:
         self._moves = tuple(moves)

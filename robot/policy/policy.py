@@ -180,9 +180,12 @@ class Policy(Stateful):
             point: The move by degrees, if the pilot meant it so.
 
         Raises:
-            ValueError: If the label is none of `moves`, or `x` cannot be learned; nothing changes.
+            ValueError: If the label is none of `moves`, a share of the point is not from -1 to 1,
+                or `x` cannot be learned; nothing changes.
         """
         self._check_move(label)
+        if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
+            raise ValueError(f"steering and throttle are from -1 to 1, not {tuple(point)}")
         lesson = Lesson(
             number=self.n_seen + 1,
             x=x,

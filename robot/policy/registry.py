@@ -125,9 +125,20 @@ def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MO
     Raises:
         ConfigurationError: If there is no such learner.
         MissingExtraError: If a library that it needs is not installed.
+        PluginError: If its package cannot be loaded.
     """
     kind, number = split_name(name)
-    maker = _load(kind, name)
+    if kind not in _points():
+        raise ConfigurationError(
+            f"unknown learner {name!r}{did_you_mean(kind, _points())}; there are "
+            f"{', '.join(f'{kind}-NUMBER' for kind in learner_kinds())}"
+        )
+    try:
+        maker: Maker = _points()[kind].load()
+    except MissingExtraError:
+        raise
+    except (ImportError, AttributeError) as error:
+        raise PluginError(f"the learner {kind!r} cannot be loaded: {error}") from error
     is_whole = platform.machine().startswith("armv5")  # the EV3's processor
     return maker(number, name, moves, is_whole)
 
@@ -138,7 +149,7 @@ def split_name(name: str) -> tuple[str, int]:
     Raises:
         ConfigurationError: If it is not KIND-NUMBER with a number of at least 1.
     """
-    match = re.fullmatch(r"(.+)-([1-9]\d{0,5})", name)
+    match = re.fullmatch(r"(.+)-([1-9][0-9]{0,5})", name)
     if match is None or int(match[2]) > MOST_NODES:
         raise ConfigurationError(
             f"a learner's name must be KIND-NUMBER, such as default-32, with a number from 1 to "
@@ -154,18 +165,3 @@ def full_name(learner: str, number: object, default: object) -> str:
     if not own.isdecimal():
         kind, own = learner, ""
     return f"{kind}-{number or own or default}"
-
-
-def _load(kind: str, name: str) -> Maker:
-    if kind not in _points():
-        raise ConfigurationError(
-            f"unknown learner {name!r}{did_you_mean(kind, _points())}; there are "
-            f"{', '.join(f'{kind}-NUMBER' for kind in learner_kinds())}"
-        )
-    try:
-        maker: Maker = _points()[kind].load()
-    except MissingExtraError:
-        raise
-    except (ImportError, AttributeError) as error:
-        raise PluginError(f"the learner {kind!r} cannot be loaded: {error}") from error
-    return maker

@@ -108,8 +108,6 @@ class DrivingLearner:
         """
         if self._seen is None:
             raise ValueError("there is no new picture to learn: call see() before each teach()")
-        if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
-            raise ValueError(f"steering and throttle are from -1 to 1, not {tuple(point)}")
         x, at_s = self._seen
         example = Example(
             frame_id=self._frame_id,

@@ -137,3 +137,31 @@ def test_a_row_cache_finds_the_same_pairs(monkeypatch):
         if i in (50, 200):
             assert plain.delete(3) == cached.delete(3)
     assert np.array_equal(plain.nodes_, cached.nodes_)
+
+
+@pytest.mark.parametrize("refused", [[300.0, 1.0], [0.5, 1.0], [-1.0, 1.0]])
+def test_a_refused_first_frame_fixes_no_length(refused):
+    whole = BSOC(4, integer=True)
+    with pytest.raises(ValueError, match="from 0 to 255"):
+        whole.train(np.array(refused))
+    assert whole.train(np.zeros(5, np.uint8)) == 0
+
+
+@pytest.mark.parametrize("size", [1.0, 1e6, 1e11, 1e13, 1e16, 1e18])
+def test_values_of_any_size_are_clustered_or_refused(size):
+    """Beyond float32 every merge would cost the same, and a pinned node be merged."""
+    learner, n_learned = BSOC(2, group_cost=1000.0), 0
+    for i in range(60):
+        x = size * min(i, 1) * np.random.default_rng(i).normal(size=3)
+        try:
+            learner.train(x, i % 2)
+        except ValueError as error:
+            assert "too large" in str(error)
+            continue
+        n_learned += 1
+        if learner.n_nodes_ == 1:
+            learner.pin(0)
+            pinned = learner.nodes_[0].copy()
+    assert learner.counts_.sum() == n_learned == learner.n_trained_
+    assert n_learned == 60 or size > 1e11
+    assert learner.counts_[0] == 1 and np.array_equal(learner.nodes_[0], pinned)

@@ -5,6 +5,7 @@ import pytest
 
 from robot.learner.base import Learner, NotFittedError
 from robot.learner.classifier import BSOCClassifier
+from robot.learner.ridge import ContextRidge, RecursiveRidge
 from tests.robot.learner import paper
 
 
@@ -53,3 +54,48 @@ def test_a_rare_label_weighs_more(power):
     learner.learn_one(np.array([1.0]), "left")
     shares = learner.predict_proba_one(np.array([0.5]))
     assert shares["left"] / shares["forward"] == pytest.approx(9.0**power)
+
+
+SIZE = 8
+
+
+@pytest.mark.parametrize("linear", [None, RecursiveRidge, ContextRidge])
+@pytest.mark.parametrize(
+    ("x", "label", "angle"),
+    [
+        (np.zeros(SIZE), "", 0.0),
+        (np.zeros(SIZE), None, 0.0),
+        (np.zeros(SIZE), "left", np.nan),
+        (np.zeros(SIZE), "left", 1.5),
+        (np.zeros(SIZE), "left", -np.inf),
+        (np.array(["1"] * SIZE), "left", 0.0),
+        (np.zeros(SIZE, complex), "left", 0.0),
+        (np.full(SIZE, np.nan), "left", 0.0),
+        (np.full(SIZE, 1e15), "left", 0.0),
+        (np.zeros(1), "left", 0.0),
+        (np.zeros(SIZE - 3), "left", 0.0),
+        (np.zeros((2, SIZE)), "left", 0.0),
+    ],
+)
+def test_what_it_refuses_changes_nothing(x, label, angle, linear):
+    learner = BSOCClassifier(4, linear=None if linear is None else linear(SIZE))
+    for first in (True, False):
+        before = learner.get_state()
+        if not (first and linear is None and x.ndim == 1 and x.size < SIZE):  # as long as any
+            with pytest.raises(ValueError, match=r"label|angle|vector"):
+                learner.learn_in(x, label, (0,), angle)
+        after = learner.get_state()
+        assert (before.params, before.labels) == (after.params, after.labels)
+        assert before.arrays.keys() == after.arrays.keys()
+        assert all(np.array_equal(before.arrays[n], after.arrays[n]) for n in after.arrays)
+        learner.learn_one(np.arange(SIZE), "forward")
+        learner.begin_angles({"forward": 0.0})
+
+
+@pytest.mark.parametrize(("label", "angle"), [("", 0.0), ("left", np.nan), ("left", -2.0)])
+def test_an_image_gets_no_label_or_angle_that_could_not_be_learned(label, angle):
+    learner = BSOCClassifier(4, linear=RecursiveRidge(SIZE))
+    learner.learn_one(np.arange(SIZE), "forward")
+    with pytest.raises(ValueError, match=r"label|angle"):
+        learner.relabel_node(0, label, angle)
+    assert learner.labels_ == ["forward"] and learner.predict_one(np.arange(SIZE)) == "forward"

@@ -24,6 +24,12 @@ def test_takes_the_largest_size_that_holds_the_rate_with_a_margin(rate_hz, expec
     assert chosen.frame_s <= autosize.MARGIN / rate_hz
 
 
+@pytest.mark.parametrize("rate_hz", [0.0, -1.0, float("nan")])
+def test_what_is_no_rate_is_refused(rate_hz):
+    with pytest.raises(ConfigurationError, match="above 0"):
+        autosize.choose_max_nodes(rate_hz, cost_of=lambda size: cost(size, 1e-3))
+
+
 def test_stops_at_the_first_size_that_is_too_slow():
     asked = []
 

@@ -5,10 +5,11 @@ import random
 import numpy as np
 import pytest
 
+from robot.driver import Move
 from robot.errors import ConfigurationError
 from robot.policy.gallery import images
 from robot.policy.registry import make_policy
-from robot.types import Action, Encoding, Frame
+from robot.types import Action, Encoding, Frame, Point
 from tests.learners import installed
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -118,3 +119,27 @@ def test_confidence_falls_with_novelty_towards_a_guess(kind):
     assert confidences[0] == confidences[1], "the known is not doubted"
     assert confidences[1:] == sorted(set(confidences[1:]), reverse=True)
     assert confidences[-1] == pytest.approx(0.5, abs=1e-3), "a guess between the moves taught"
+
+
+@pytest.mark.parametrize("name", installed("default-4", "published-4", "integer-4"))
+@pytest.mark.parametrize("point", [(np.nan, 0.5), (0.0, np.inf), (-1.5, 0.5), (0.0, np.nan)])
+def test_a_point_that_is_none_teaches_nothing(name, point):
+    policy = taught(name, 6)
+    before = policy.get_state()
+    with pytest.raises(ValueError, match="from -1 to 1"):
+        policy.learn(policy.extract(view(2)), L, 9.0, Point(*point))
+    after = policy.get_state()
+    assert before.params == after.params and before.arrays.keys() == after.arrays.keys()
+    assert all(np.array_equal(before.arrays[key], after.arrays[key]) for key in after.arrays)
+
+
+@pytest.mark.parametrize(("steering", "throttle"), [(-1.0, 0.5), (1.0, 0.5), (0.0, 0.5)])
+def test_a_body_may_have_more_moves_than_fit_on_a_page(steering, throttle):
+    moves = tuple(Action(f"move_{i}") for i in range(100))
+    policy, again = make_policy("default-4", moves), make_policy("default-4", moves)
+    policy.kinds.describe([Move(m, steering=steering, throttle=throttle) for m in moves])
+    for i, move in enumerate(moves):
+        policy.learn(policy.extract(view(i % 3)), move, 0.1 * i)
+    again.set_state(policy.get_state())
+    again.check()
+    assert again.kinds.turns == policy.kinds.turns and again.kinds.straight == policy.kinds.straight

@@ -16,7 +16,9 @@ def test_a_kind_or_a_full_name_makes_a_full_name(kind: str) -> None:
     assert split_name(full_name(f"{kind}-64", None, 32)) == (kind, 64)
 
 
-@pytest.mark.parametrize("name", ["", "-", "32", "-32", "default-", "defaul", "default-64-32", "²"])
+@pytest.mark.parametrize(
+    "name", ["", "-", "32", "-32", "default-", "defaul", "default-64-32", "²", "default-1٣"]
+)
 def test_what_names_no_learner_is_refused_as_it_was_given(name: str) -> None:
     with pytest.raises(ConfigurationError) as refusal:
         make_policy(full_name(name, None, 32))
