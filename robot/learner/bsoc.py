@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from robot.learner.base import Vector
 from robot.learner.clusters import SHARED, Clusters
-from robot.learner.images import Images, IntegerImages
+from robot.learner.images import Floats, Images, IntegerImages
 from robot.learner.part import MOST_DISTANCE, Array, Stateful, Value
 from robot.learner.values import number
 from robot.learner.votes import HELD_OUT
-
-Floats = NDArray[np.float32]
 
 
 class BSOC(Clusters):

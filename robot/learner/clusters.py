@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from robot.learner.base import Vector
 from robot.learner.part import Array, Arrays, Params, Stateful, Value
 from robot.learner.values import count
-
-Distances = NDArray[np.float32] | NDArray[np.float64]
+from robot.learner.votes import Distances
 
 CACHED_FROM = 200
 """Nodes from which on each row's least is kept. Below, one argmin over all weights is faster:

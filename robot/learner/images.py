@@ -33,12 +33,16 @@ class Images(Stateful):
 
     def __init__(self, max_nodes: int) -> None:
         self.max_nodes = max_nodes
-        self.is_empty = True
         self._rows: NDArray[Any] = np.zeros((max_nodes, 0), np.float32)
         self._norms: NDArray[Any] = np.zeros(max_nodes, np.float32)
         self._x: NDArray[Any] = np.zeros(0, np.float32)
         self._x_norm = 0.0
         self._set_origin(np.zeros(0, np.float32))
+
+    @property
+    def is_empty(self) -> bool:
+        """True before the first vector."""
+        return self._rows.size == 0
 
     def begin(self, x: Vector) -> None:
         """Fix length and origin by the first vector."""
@@ -49,7 +53,6 @@ class Images(Stateful):
         self._rows = np.zeros((self.max_nodes, origin.size), np.float32)
 
     def _set_origin(self, origin: Floats) -> None:
-        self.is_empty = origin.size == 0
         self._origin, self._step = origin, np.zeros_like(origin)
         self._shape = origin.shape
 
@@ -151,7 +154,6 @@ class IntegerImages(Images):
 
     def begin(self, x: Vector) -> None:
         self._set_sums(np.zeros((self.max_nodes, checked_bytes(x).size), np.int32))
-        self.is_empty = False
 
     def _set_sums(self, sums: NDArray[np.int32]) -> None:
         self._sums = sums
@@ -215,7 +217,6 @@ class IntegerImages(Images):
         self._norms[:] = 0.0
         for row in np.flatnonzero(counts).tolist():
             self._divide(row, int(counts[row]))
-        self.is_empty = self._sums.shape[1] == 0
 
     def upgrade(self, params: Params, arrays: Arrays) -> None:
         """Leave out what follows from the sums."""

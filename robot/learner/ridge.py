@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from robot.learner.base import Vector
 from robot.learner.part import MOST_VALUES, Array, Arrays, Params, Stateful
 from robot.learner.values import demand
+from robot.learner.votes import Floats
 
-Floats = NDArray[np.float64]
 Angle = Floats | float
 """An angle and its size, shape (2,), or 0 where no angle is learned."""
 _WAITING = 8

@@ -17,8 +17,7 @@ from robot.learner.base import Vector
 from robot.learner.part import Array
 from robot.learner.ridge import EVERY, Angle, LinearPart
 from robot.learner.values import WHOLE
-
-Floats = NDArray[np.float64]
+from robot.learner.votes import Floats
 
 _ONE = 1 << 24
 """A score of 1: the target of a frame's own label."""
