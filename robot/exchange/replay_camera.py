@@ -51,18 +51,16 @@ class ReplayCamera(ThreadedCamera):
                 "the camera 'replay' needs --recording, a file or a folder, or else --episode FILE"
             )
         self._path = Path(options.recording or options.episode).expanduser()
-        self._is_episode = bool(options.episode)
-        self._loops = options.loop
 
     def _begin(self) -> None:
-        load = _load_episode if self._is_episode else _load_recordings
+        load = _load_episode if self.options.episode else _load_recordings
         shown = [pair for footage in load(self._path) for pair in _timed(footage)]
         self._work(partial(self._play, shown))
 
     def _play(self, shown: list[tuple[Callable[[], Picture | Frame], float]]) -> None:
         try:
             due_s = self.clock.now_s()
-            for read, shown_s in itertools.cycle(shown) if self._loops else shown:
+            for read, shown_s in itertools.cycle(shown) if self.options.loop else shown:
                 frame = read()
                 if self._waits_until(due_s):
                     return

@@ -9,10 +9,11 @@ from itertools import product
 from typing import Any
 
 from robot.lab import metrics
+from robot.lab.chance import mean_of_known
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.metrics import DriveLog, DriveSample
-from robot.lab.tables import Columns, mean_of_known, of, tables_of
+from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial
 from robot.store.table import Table

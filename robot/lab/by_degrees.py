@@ -6,10 +6,11 @@ import statistics
 from collections.abc import Iterable
 from itertools import product
 
+from robot.lab.chance import mean_in_interval
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.habits import beside_pilot, ssd_in_place, taught_by
 from robot.lab.simulated_pilots.habits import HABITS, STEERED
-from robot.lab.tables import Columns, mean_in_interval, of, tables_of
+from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.store.table import Table
 from robot.types import Mode

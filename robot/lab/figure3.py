@@ -8,11 +8,12 @@ from itertools import product
 from pathlib import Path
 
 from robot.control.state import Tick
+from robot.lab.chance import deviation
 from robot.lab.evaluation import judge, recorded_pairs, seen_by
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_learner, make_pilot
 from robot.lab.lessons import TRIALS
-from robot.lab.tables import Columns, deviation, of, tables_of
+from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial
 from robot.policy.registry import make_policy

@@ -11,12 +11,13 @@ from typing import Any
 
 from robot.control.profile import compare
 from robot.lab import metrics
+from robot.lab.chance import difference_by_chance
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
 from robot.lab.ideas import make_learner
 from robot.lab.metrics import DriveLog
 from robot.lab.simulated_pilots.habits import HABITS, Habit
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
-from robot.lab.tables import Columns, difference_by_chance, mean_percent, of, percent, tables_of
+from robot.lab.tables import Columns, mean_percent, of, percent, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial, drive_by_hand
 from robot.store.table import Cell, Table

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from robot.errors import MissingExtraError
 from robot.lab.adapters.for_river import RiverBSOC
 from robot.lab.adapters.for_sklearn import BSOCEstimator
+from robot.lab.chance import mean_in_interval
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
-from robot.lab.tables import mean_in_interval
 from robot.lab.task import Params, Result, Task
 from robot.store.table import Table
 

@@ -8,49 +8,9 @@ from functools import reduce
 from operator import getitem
 from typing import Any
 
-import numpy as np
-
+from robot.lab.chance import deviation
 from robot.lab.task import Result
 from robot.store.table import Cell, Table
-
-_DRAWS = 2000
-"""Of the bootstrap that the intervals come from."""
-
-
-def deviation(values: Sequence[float]) -> float:
-    """Return the standard deviation of a sample; 0 for one."""
-    return statistics.stdev(values) if len(values) > 1 else 0.0
-
-
-def mean_of_known(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return statistics.fmean(known) if known else None
-
-
-def interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return the 95 % interval of the mean of some runs, by bootstrap; the same on every call."""
-    draws = np.random.default_rng(0).choice(values, (_DRAWS, len(values)))
-    low, high = np.quantile(draws.mean(axis=1), (0.025, 0.975))
-    return float(low), float(high)
-
-
-def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tuple[float, float]:
-    """Return where 90 % of the differences of two medians lie when all values are drawn anew.
-
-    A minute's SSD is half chance, so that medians of sixty robots differ by a fifth without cause.
-    """
-    rng = np.random.default_rng(0)
-    ours, theirs = (
-        np.median(rng.choice(sample, (_DRAWS, len(sample))), axis=1) for sample in (values, others)
-    )
-    least, most = np.quantile(ours - theirs, (0.05, 0.95))
-    return float(least), float(most)
-
-
-def mean_in_interval(values: Sequence[float], digits: int = 2) -> str:
-    """Return the mean of some runs as text, and its interval in brackets."""
-    low, high = (f"{end:.{digits}f}" for end in interval(values))
-    return f"{statistics.fmean(values):.{digits}f} [{low}, {high}]"
 
 
 def percent(share: float, digits: int = 0) -> str:

@@ -194,6 +194,8 @@ def test_a_recording_plays_scrubs_and_steps_by_keyboard(rovers_phone: Any, shelf
     assert time_slider.input_value() == str(last - 2)
     phone.keyboard.press("o")
     assert phone.get_by_label("To", exact=True).input_value() == str(last - 2)
+    time_slider.fill("0")  # it plays for a while from there
+    phone.locator(".player").focus()
     phone.keyboard.press("Space")
     phone.get_by_role("button", name="Pause", exact=True).wait_for()
     phone.keyboard.press("Space")

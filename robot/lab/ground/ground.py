@@ -8,10 +8,11 @@ from itertools import product
 
 import numpy as np
 
+from robot.lab.chance import mean_in_interval, mean_of_known
 from robot.lab.experiment import Experiment, ExperimentSettings, Plot, Runs, group, seeded
 from robot.lab.ground.run import TEACHER, run_ground
 from robot.lab.ground.worlds import WORLDS
-from robot.lab.tables import Columns, mean_in_interval, mean_of_known, tables_of
+from robot.lab.tables import Columns, tables_of
 from robot.lab.task import Result, Task
 from robot.store.table import Table
 

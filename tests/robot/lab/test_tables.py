@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from robot.errors import MissingExtraError, RecordingError
+from robot.lab.chance import deviation
 from robot.lab.experiment import EXPERIMENTS, ExperimentSettings, load_experiment
 from robot.lab.report import write_html
-from robot.lab.tables import deviation
 from robot.lab.task import Task
 from robot.lab.variants import VARIANTS
 from robot.store.table import Table

@@ -75,7 +75,7 @@ export class DriveMap extends HTMLElement {
     this.paths = ['pilot', 'robot'].map((who) => svg('path', { class: `way ${who}` }));
     this.marks = svg('g');
     this.robot = makeRobot();
-    this.picture = svg('svg', { role: 'img', class: 'above' }, svg('g', { transform: 'scale(1 -1)' }, this.things, ...this.paths, this.marks, this.robot));
+    this.picture = svg('svg', { role: 'img', 'aria-label': t('above.map'), class: 'above' }, svg('g', { transform: 'scale(1 -1)' }, this.things, ...this.paths, this.marks, this.robot));
     this.caption = h('p', { class: 'under' });
     this.append(this.picture, this.caption);
     const wide = matchMedia(WIDE);

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from robot.lab.adapters.driving_learner import DrivingLearner
+from robot.lab.chance import interval
 from robot.lab.ground.run import FIRST_EXAMPLES, Course, drive_alone
 from robot.lab.ground.worlds import Picture
-from robot.lab.tables import interval
 from robot.types import Point
 
 
