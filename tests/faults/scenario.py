@@ -176,7 +176,7 @@ class HubSocket:
             self._leave: Callable[[], None] = lambda: hub.leave(client)
             self.task: asyncio.Future[None] = asyncio.ensure_future(self._pass_on(client))
         else:
-            viewer = Viewer(lambda shot: self._down.send(shot.message, len(shot.message)))
+            viewer = Viewer(lambda message: self._down.send(message, len(message)))
             self._up = world.link.line(lambda data: self._draw(viewer, data), throttled=False)
             self._leave = lambda: hub.video.remove(viewer)
             self.task = asyncio.get_running_loop().create_future()

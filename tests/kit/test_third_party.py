@@ -127,7 +127,12 @@ def teach_in_one_drive(
 ) -> dict[str, int]:
     """Serve the robot and teach it by hand; return what each move has been taught."""
     with stand_in(package) as robot, MjpegServer() as camera:
-        options = ["--wheely-address", robot.driver._address, "--source", camera.address]
+        options = [
+            "--wheely-address",
+            robot.driver.options.wheely_address,
+            "--source",
+            camera.address,
+        ]
         options += ["--robot", "wheely", "--camera", "mjpeg"]
         with served(environment, data, *options) as address:
             context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)

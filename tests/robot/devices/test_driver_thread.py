@@ -162,6 +162,14 @@ def names(body: Body) -> list[str]:
     return [what for _, what in body.requests]
 
 
+def test_what_a_body_declares_is_the_wrappers_own() -> None:
+    body = ReplayDriver(ReplayDriver.options_type(), VirtualClock())
+    wrapped = DriverThread(body, VirtualClock())
+    for name in (*Driver.__annotations__, "moves", "first_moves", "takes_advice"):
+        if name != "is_remote":  # it is none any more
+            assert getattr(wrapped, name) == getattr(body, name), name
+
+
 def test_only_the_newest_action_is_sent() -> None:
     _, body, driver = wrapped()
     drain(driver)
