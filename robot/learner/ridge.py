@@ -304,6 +304,7 @@ class ContextRidge(RecursiveRidge):
         super().upgrade(params, arrays)
         every = (f"context{context}" for context in range(N_CONTEXTS))
         names = [name for name in every if any(key.startswith(f"{name}_") for key in arrays)]
+        demand(not names or "context_counts" in arrays, "context_counts is missing")
         self._ridges = [self._copy() for _ in names]
         self._held_back = [
             [arrays.pop(f"{name}_block_{what}", np.zeros((0, 0))) for what in ("frames", "targets")]

@@ -12,6 +12,7 @@ Before the first point is taught nothing is kept and nothing is answered.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,10 @@ class Degrees(PolicyPart):
 
     def reset(self) -> None:
         self.angle = self._steering = None
+
+    def faults(self) -> Iterator[str]:
+        if self._sums is not None and (np.abs(self._sums[:, 1:]) > self._sums[:, :1]).any():
+            yield "its moves were steered further than any body can"
 
 
 class Recognition(PolicyPart):

@@ -178,6 +178,19 @@ def test_a_policy_that_is_restored_goes_on_as_the_first(learner: str, seed: int)
     assert answers(first, seed + 50) == answers(second, seed + 50)
 
 
+def test_a_model_in_which_a_move_was_steered_beyond_all_degrees_is_refused() -> None:
+    policy = make_policy("default-8")
+    for step in range(3):
+        x = policy.extract(view(0.5, step))
+        policy.learn(x, Action.RIGHT, step / 10, point=Point(0.5, 0.5))
+    state = policy.get_state()
+    state.arrays["degrees_sums"][:, 1] *= -10.0
+    crafted = make_policy("default-8")
+    crafted.restore(state)
+    with pytest.raises(ValueError, match="further than any body can"):
+        crafted.check()
+
+
 def test_the_linear_angle_is_that_of_all_examples_whenever_degrees_began() -> None:
     """A move that was taught as such counts as the angle that the body declares of it."""
     dice = np.random.default_rng(4)
