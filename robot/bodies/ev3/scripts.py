@@ -17,14 +17,15 @@ python3 -c 'import ev3dev2' 2>/dev/null || {
 }
 if [ -f agent.pid ]; then kill "$(cat agent.pid)" 2>/dev/null || true; sleep 1; fi
 : >agent.log
+keeper=
 if ! systemctl is-active --quiet drivelesson-agent 2>/dev/null; then
   setsid sh ./keep-agent >/dev/null 2>&1 </dev/null &
-  echo $! >agent.pid
+  keeper=$!
 fi
 for i in 1 2 3 4 5 6 7 8 9 10; do
   if grep -q listening agent.log; then tail -n 1 agent.log; exit 0; fi
   sleep 1
-  kill -0 "$(cat agent.pid)" 2>/dev/null || break
+  [ -z "$keeper" ] || kill -0 "$keeper" 2>/dev/null || break
 done
 cat agent.log >&2
 exit 1
@@ -35,7 +36,7 @@ KEEP_SCRIPT = """\
 #!/bin/sh
 # Starts the agent, and again whenever it ends; not if a person must put something right (2).
 cd "$(dirname "$0")" || exit 2
-echo $$ >agent.pid
+echo $$ >agent.pid.new && mv -f agent.pid.new agent.pid  # it is whole whenever it is read
 trap 'kill $agent 2>/dev/null; exit 0' TERM INT
 while :; do
   python3 agent.pyz --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
