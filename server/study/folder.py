@@ -11,7 +11,7 @@ from typing import Any
 
 from robot.devices.outside import Outside, must_be, read, text, whole
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError, told_as
-from robot.store.folder import Storage, check_name, paths_in, size_of, write_whole
+from robot.store.folder import Storage, check_name, fold, paths_in, size_of, write_whole
 from robot.study.archive import pack
 from robot.study.events import StudyEvent, check_begun, read_events, recordings_in
 from robot.study.plan import CODE, MOST_CONDITIONS, StudyPlan, parse_plan
@@ -74,7 +74,7 @@ class StudyFolder:
         name = check_name(name)
         if len(name) > LONGEST_NAME:
             raise ConfigurationError(f"a study's name has at most {LONGEST_NAME} characters")
-        if name.casefold() in {other.casefold() for other in self.names()}:
+        if fold(name) in {fold(other) for other in self.names()}:
             raise ConfigurationError(f"there is already a study {name!r}; choose another name")
         parse_plan(plan_text)
         write_whole(self.root / name / _PLAN, plan_text.encode())

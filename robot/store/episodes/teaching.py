@@ -100,18 +100,18 @@ def surviving(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, HistoryE
     return log
 
 
-def _gone(log: list[tuple[Episode, HistoryEvent]], event: Undone, run: str) -> list[int]:
+def _gone(log: list[tuple[Episode, HistoryEvent]], event: Undone, run: str) -> set[int]:
     """Return the places of these examples of the run, or of the last edit of an image."""
     if not event.frame_ids:
-        return [i for i, (_, made) in enumerate(log) if isinstance(made, Edited)][-1:]
+        return set([i for i, (_, made) in enumerate(log) if isinstance(made, Edited)][-1:])
     frame_ids = set(event.frame_ids)
-    return [
+    return {
         i
         for i, (episode, made) in enumerate(log)
         if isinstance(made, Taught)
         and made.example.frame_id in frame_ids
         and episode.run.get("run", "") == run
-    ]
+    }
 
 
 def learn_again(
