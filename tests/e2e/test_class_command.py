@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import signal
 import socket
 import subprocess
@@ -22,6 +21,8 @@ from .world import PHONE, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 ROBOTS = 3
+PORTS_APART = 16
+CLAIMS: list[socket.socket] = []
 READ_CODES = """async () => {
   const images = [...document.querySelectorAll('figure img')];
   await Promise.all(images.map((image) => image.decode()));
@@ -35,13 +36,20 @@ READ_CODES = """async () => {
 
 
 def free_ports(count: int) -> int:
-    """Return the first of so many ports in a row that nobody has, nor another worker may find."""
-    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw"))
-    for first in range(21_000 + 100 * (worker % 16), 32_000, 1600):
+    """Return the first of so many ports in a row that nobody has, at most fifteen.
+
+    The one before them stays bound while this process lives: no other worker, nor another run of
+    these tests on the same machine, is given the same.
+    """
+    for before in range(21_000, 32_000, PORTS_APART):
+        claim = socket.socket()
         with contextlib.ExitStack() as held, contextlib.suppress(OSError):
-            for port in range(first, first + count):
+            claim.bind(("127.0.0.1", before))
+            for port in range(before + 1, before + 1 + count):
                 held.enter_context(socket.socket()).bind(("127.0.0.1", port))
-            return first
+            CLAIMS.append(claim)
+            return before + 1
+        claim.close()
     raise AssertionError("no free ports")
 
 
