@@ -15,7 +15,6 @@ from typing import Any
 import robot
 from robot.errors import RobotError, did_you_mean
 from server.cli.parser import Parser
-from server.hosting.low_memory import leave_out_unused
 
 GROUP = "drivelesson.commands"
 FIRST = "serve"
@@ -50,7 +49,6 @@ def main(argv: Sequence[str] | None = None) -> int:
             file=sys.stderr,
         )
         return 2
-    leave_out_unused()
     try:
         parser = make_parser(name, words)
         return int(load_command(name).run(parser.parse_args(words)))

@@ -108,9 +108,9 @@ After=network.target
 [Service]
 ExecStartPre=/opt/drivelesson/start
 ExecStart=/usr/sbin/chroot /opt/drivelesson/root /usr/bin/env PYTHONPATH=/opt/drivelesson \\
-  DRIVELESSON_LEAN=1 PYTHONDONTWRITEBYTECODE=1 LC_ALL=C.UTF-8 HOME=/root PATH=/usr/bin:/bin \\
-  /usr/bin/python3 -OO -m server serve --robot ev3 --lan --learner integer --max-nodes 32 \\
-  --data /var/lib/drivelesson --config /etc/drivelesson.toml
+  PYTHONDONTWRITEBYTECODE=1 LC_ALL=C.UTF-8 HOME=/root PATH=/usr/bin:/bin \\
+  /usr/bin/python3 -OO -m server.bodies.lean serve --robot ev3 --lan --learner integer \\
+  --max-nodes 32 --data /var/lib/drivelesson --config /etc/drivelesson.toml
 Restart=on-failure
 RestartSec=5
 OOMScoreAdjust=-500

@@ -116,7 +116,6 @@ class Armel:
             "PATH": "/usr/sbin:/usr/bin:/sbin:/bin",
             "PYTHONPATH": "/opt/drivelesson",
             "HOME": "/root",
-            "DRIVELESSON_LEAN": "1",
             "PYTHONDONTWRITEBYTECODE": "1",
             "LC_ALL": "C.UTF-8",
         }

@@ -182,7 +182,7 @@ def test_installing_is_safe_to_repeat(
     assert said.count("restart drivelesson") == 2
     assert "run-timed" in (program / "robot/bodies/ev3/agent/motors.py").read_text()
     unit = (far_home / "etc/systemd/system/drivelesson.service").read_text()
-    assert "DRIVELESSON_LEAN=1" in unit
+    assert "python3 -OO -m server.bodies.lean serve --robot ev3" in unit
     assert os.access(there / "start", os.X_OK)
 
 

@@ -22,7 +22,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from robot.bodies.ev3.fake_brick import FakeBrick
-from server.hosting.low_memory import PUT_OFF
+from server.bodies.lean import PUT_OFF
 from server.protocol import encode_acknowledgement
 from tests.robot.bodies.ev3 import film_camera
 from tests.robot.bodies.ev3.armel import Armel, guest_memory_mb
@@ -89,7 +89,7 @@ def served() -> Iterator[Served]:
         process = subprocess.Popen(
             armel.command(
                 "-m",
-                "server",
+                "server.bodies.lean",
                 "serve",
                 "--robot",
                 "ev3",
@@ -242,7 +242,14 @@ def every_move_on_the_brick_was_timed(served: Served) -> None:
 def no_motor_is_one_clear_line(served: Served) -> None:
     served_at = ["--port", "0", "--data", "/tmp/data-2"]
     done = served.armel.run(
-        "-m", "server", "serve", "--robot", "ev3", "--brick-root", "/nowhere", *served_at
+        "-m",
+        "server.bodies.lean",
+        "serve",
+        "--robot",
+        "ev3",
+        "--brick-root",
+        "/nowhere",
+        *served_at,
     )
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1

@@ -1,14 +1,12 @@
-"""Leaves out modules that libraries import but a server on a brick never uses.
+"""The command line without what a server on a brick never uses: `python -m server.bodies.lean`.
 
-With `DRIVELESSON_LEAN=1`, as the brick's start-up unit sets it, these modules are replaced before
-anything imports them: a brick has 64 MB, and OpenSSL alone takes five. https is then
-unavailable; `hashlib` computes the same with Python's own code. Others are put off until something
-uses them: numpy's random numbers alone take two.
+A brick has 64 MB, and OpenSSL alone takes five: its modules are replaced before anything imports
+them. https is then unavailable; `hashlib` computes the same with Python's own code. Others are put
+off until something uses them: numpy's random numbers alone take two.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 from importlib.abc import MetaPathFinder
@@ -55,10 +53,15 @@ class PutOff(MetaPathFinder):
 
 
 def leave_out_unused() -> None:
-    """Leave out and put off if the environment asks for it; modules already loaded stay."""
-    if os.environ.get("DRIVELESSON_LEAN") != "1":
-        return
+    """Leave out and put off; modules already loaded stay."""
     for name in LEFT_OUT:
         sys.modules.setdefault(name, None)  # type: ignore[arg-type]
     sys.modules.setdefault("ssl", StandIn("ssl"))
     sys.meta_path.insert(0, PutOff())
+
+
+if __name__ == "__main__":
+    leave_out_unused()
+    from server.cli.main import main
+
+    sys.exit(main())
