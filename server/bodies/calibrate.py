@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import os
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -147,7 +149,7 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
     """Set values at the head of a TOML file; all other lines, comments too, stay unchanged.
 
     Raises:
-        ConfigurationError: If the file cannot be written.
+        ConfigurationError: If the file cannot be written, or only with other values changed.
     """
     with told_as(ConfigurationError, f"cannot write {file}", OSError, ValueError):
         text = file.read_text("utf-8-sig") if file.exists() else ""
@@ -158,4 +160,15 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
             head, n = re.subn(rf"(?m)^[ \t]*{spelled}[ \t]*=.*$", f"{name} = {value}", head)
             if n == 0:
                 head += ("" if not head or head.endswith("\n") else "\n") + f"{name} = {value}\n"
+        wanted, made = {**_settings(text), **values}, None
+        with contextlib.suppress(tomllib.TOMLDecodeError):
+            made = _settings(head + rest)
+        if made != wanted:  # a list over several lines looks like a table
+            lines = "; ".join(f"{name} = {value}" for name, value in values.items())
+            raise ValueError(f"its lines cannot be told apart; write into it yourself: {lines}")
         write_whole(file, (head + rest).encode())
+
+
+def _settings(text: str) -> dict[str, object]:
+    """Read TOML; its settings may be spelled with hyphens."""
+    return {name.replace("-", "_"): value for name, value in tomllib.loads(text).items()}

@@ -67,6 +67,23 @@ def test_a_measure_is_found_however_it_is_spelled_and_no_line_goes(
     )
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        "a = [\n  [1, 2],\n  [3, 4]\n]\ntrack_m = 0.1\n",
+        'a = """\ntrack_m = 0.1\n"""\n',
+        "a = [\n  [1],\n]\n",
+        'a = """\n[gate]\n"""\n',
+    ],
+)
+def test_a_file_whose_lines_cannot_be_told_apart_stays_as_it_is(head: str, tmp_path: Path) -> None:
+    file = tmp_path / "drivelesson.toml"
+    file.write_text(head, "utf-8")
+    with pytest.raises(ConfigurationError, match=r"write into it yourself: track_m = 0\.12$"):
+        keep(file, {"track_m": 0.12})
+    assert file.read_text("utf-8") == head
+
+
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
 def test_a_file_of_any_letters_keeps_them(tmp_path: Path, encoding: str) -> None:
     file = tmp_path / "drivelesson.toml"
