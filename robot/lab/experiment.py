@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import Any
 
+from robot.errors import ConfigurationError
 from robot.lab.task import Params, Result, Task
 from robot.store.table import Table
 
@@ -39,6 +40,11 @@ class ExperimentSettings:
     @property
     def learner(self) -> str:
         """The learner of an experiment that is about one alone."""
+        if len(self.learners) > 1:
+            raise ConfigurationError(
+                "habits, ready and degrees are about one learner: name one --learner, not "
+                + ", ".join(self.learners)
+            )
         return self.learners[0] if self.learners else "default-32"
 
 

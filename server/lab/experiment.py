@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from robot.lab.experiment import (
     Runs,
     load_experiment,
 )
+from robot.lab.task import Task
 from server.cli.parser import progress, whole
 from server.lab.output import write_json, write_text
 
@@ -71,11 +73,14 @@ def run(args: argparse.Namespace) -> int:
     from robot.lab.report import write_html
 
     settings = _settings(args)
+    names = EXPERIMENTS if "all" in args.names else dict.fromkeys(args.names)
+    planned = {name: load_experiment(name) for name in names}
+    # All before the first run: what cannot be done is said at once.
+    tasks = {name: list(experiment.plan(settings)) for name, experiment in planned.items()}
     made: list[tuple[Experiment, Runs]] = []
     everything = {}
-    for name in EXPERIMENTS if "all" in args.names else dict.fromkeys(args.names):
-        experiment = load_experiment(name)
-        runs = _run_one(name, experiment, settings, args)
+    for name, experiment in planned.items():
+        runs = _run_all(name, experiment, tasks[name], args)
         made.append((experiment, runs))
         everything[name] = [
             {"kind": task.kind, "params": dict(task.params), "result": result}
@@ -106,12 +111,11 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
     return ExperimentSettings(**{name: getattr(args, name) for name in names})
 
 
-def _run_one(
-    name: str, experiment: Experiment, settings: ExperimentSettings, args: argparse.Namespace
+def _run_all(
+    name: str, experiment: Experiment, tasks: Sequence[Task], args: argparse.Namespace
 ) -> Runs:
     from robot.lab.runner import Store, run_all
 
-    tasks = list(experiment.plan(settings))
     is_alone = experiment.times_machine
     with progress(len(tasks), "run", "experiment", "experiments", name) as bar:
         results = run_all(

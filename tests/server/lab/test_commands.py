@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from server.cli.main import main
@@ -20,3 +22,14 @@ def test_a_wrong_call_is_told_what_would_be_right(
         main(words)
     assert left.value.code == 2
     assert sentence in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["habits", "ready", "degrees"])
+def test_two_learners_for_one_are_refused_before_anything_runs(
+    name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    two = ["--learner", "default-16", "--learner", "published-16"]
+    words = ["experiment", "figure7", name, "--quick", "--folder", str(tmp_path / "runs")]
+    assert main([*words, *two]) == 1
+    assert "name one --learner, not default-16, published-16" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()
