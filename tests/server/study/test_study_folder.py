@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from robot.errors import ConfigurationError
+from robot.store.folder import Storage
 from server.study.extension import StudyExtension
-from tests.server.study.sessions import begin, drive, post, refused, rows, session, take_part
+from server.study.folder import StudyFolder
+from tests.server.study.sessions import PLAN, begin, drive, post, refused, rows, session, take_part
 from tests.server.test_teaching_routes import ask
 from tests.server.virtual_server import VirtualServer
 
@@ -108,3 +110,15 @@ def test_a_damaged_log_is_named_and_stops_nobody_else(tmp_path: Path) -> None:
         answer = ask(server, "POST", "/api/session", json={"study": "walk", "participant": "P02"})
         assert answer.status_code == 422 and "P02.csv" in answer.json()["detail"]
         begin(server, "P01")
+
+
+@pytest.mark.parametrize("there", ["Caf\u00e9", "Cafe\u0301", "CAFE\u0301", "caf\u00e9"])
+def test_a_name_that_a_file_system_mixes_up_is_taken(there: str, tmp_path: Path) -> None:
+    folder = StudyFolder(Storage(tmp_path))
+    kept = tmp_path / "studies" / there / "plan.toml"
+    kept.parent.mkdir(parents=True)
+    kept.write_text(PLAN, "utf-8")
+    for name in ("Caf\u00e9", "Cafe\u0301", " CAF\u00c9 "):
+        with pytest.raises(ConfigurationError, match="there is already a study"):
+            folder.create(name, PLAN)
+    assert folder.create("Cafe", PLAN) == "Cafe"
