@@ -8,6 +8,7 @@ import math
 import multiprocessing
 import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -84,11 +85,10 @@ class DriverContract:
     def test_every_move_moves_and_stop_stops(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
             for move in driver.moves:
-                assert driver.send_action(move) is move
-                assert moving(driver_case), move
+                assert _sets_going(driver_case, partial(driver.send_action, move)), move
                 assert driver.send_action(Action.STOP) is Action.STOP
                 assert not moving(driver_case), move
-                driver.send_action(move)
+                assert driver.send_action(move) is move
                 driver.stop()
                 assert not moving(driver_case), move
 
@@ -122,10 +122,9 @@ class DriverContract:
         """Any body can be driven by degrees; one that does not take them drives the moves."""
         with driver_case.driver as driver:
             for point in POINTS:
-                move = driver.move_of(point)
-                assert driver.send_point(point, speed_scale=0.5) is move
-                if move is not Action.STOP:
-                    assert moving(driver_case), point
+                move, send = driver.move_of(point), partial(driver.send_point, point)
+                assert move is Action.STOP or _sets_going(driver_case, send), point
+                assert send(speed_scale=0.5) is move
                 driver.stop()
                 assert not moving(driver_case), point
             if driver.send_point(Point(0.0, 0.0)) is Action.STOP:
@@ -289,6 +288,16 @@ class DriverContract:
 
 class TestDriver(DriverContract):
     """Collected by `pytest --drivelesson-driver NAME`."""
+
+
+def _sets_going(case: DriverCase, order: Callable[[], object]) -> bool:
+    """Return whether the body moves by an order; where the machine is busy, by one of several: what
+    comes late only stops, and what is looked at late has ended."""
+    for _ in range(_REQUESTS if case.budget_s else 1):
+        order()
+        if moving(case):
+            return True
+    return False
 
 
 def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:

@@ -81,15 +81,14 @@ class Relay:
 
 
 class FirmwareRobot:
-    """A running firmware on a port of its own. `moves` are (seconds, left, right), by its clock."""
+    """A running firmware on a port of its own."""
 
     def __init__(self, secret: str = SECRET) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = probe.getsockname()[1]
         self._program = firmware(secret.encode(), self.port)
-        self.moves: list[tuple[float, float, float]] = []
-        self._news = threading.Condition()
+        self._moves: list[tuple[float, float, float]] = []
 
     @property
     def address(self) -> str:
@@ -99,11 +98,9 @@ class FirmwareRobot:
         self.process = subprocess.Popen(
             [find_micropython(), "-c", self._program],
             stdout=subprocess.PIPE,
-            text=True,
             env={**os.environ, "MICROPYPATH": f".frozen:{_MODULES}"},
         )
-        self._thread = threading.Thread(target=self._read, daemon=True)
-        self._thread.start()
+        self._printed = b""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.connect(("127.0.0.1", self.port))
             probe.settimeout(0.1)
@@ -120,8 +117,8 @@ class FirmwareRobot:
         self.process.send_signal(signal.SIGCONT)
         self.process.kill()
         self.process.wait()
-        self._thread.join()
         if self.process.stdout is not None:
+            self._read()
             self.process.stdout.close()
 
     def freeze(self) -> None:
@@ -130,23 +127,35 @@ class FirmwareRobot:
     def thaw(self) -> None:
         self.process.send_signal(signal.SIGCONT)
 
-    def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
-            if line.startswith("wheels"):
-                ticks_ms, left, right = line.split()[1:]
-                with self._news:
-                    self.moves.append((int(ticks_ms) / 1000, float(left), float(right)))
-                    self._news.notify_all()
+    @property
+    def moves(self) -> list[tuple[float, float, float]]:
+        """What the wheels were told until now: (seconds, left, right), by its clock.
+
+        The robot tells its wheels before it reports that it has taken an order, so whoever has the
+        report finds the move here.
+        """
+        self._read()
+        return self._moves
 
     def is_moving(self) -> bool:
-        """Return what the wheels were last told; waits a moment for what was just printed."""
-        time.sleep(0.08)
-        return bool(self.moves) and any(self.moves[-1][1:])
+        """Return what the wheels were last told."""
+        return any(any(move[1:]) for move in self.moves[-1:])
 
     def wait_until_it_stands(self, since: int = 0) -> None:
         """Wait until the last of more moves than `since` is none."""
-        with self._news:
-            assert self._news.wait_for(
-                lambda: len(self.moves) > since and not any(self.moves[-1][1:]), 60.0
-            )
+        end_s = time.monotonic() + 60.0
+        while len(self.moves) <= since or self.is_moving():
+            assert time.monotonic() < end_s, "it does not stand"
+            self._read(0.5)
+
+    def _read(self, wait_s: float = 0.0) -> None:
+        """Read what has been printed."""
+        pipe = self.process.stdout
+        while pipe and not pipe.closed and select.select([pipe], [], [], wait_s)[0]:
+            new = os.read(pipe.fileno(), 1 << 16)
+            *lines, self._printed = (self._printed + new).split(b"\n")
+            for words in (line.split() for line in lines if line.startswith(b"wheels")):
+                self._moves.append((int(words[1]) / 1000, float(words[2]), float(words[3])))
+            wait_s = 0.0
+            if not new:  # it has ended
+                return
