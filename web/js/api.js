@@ -17,12 +17,14 @@ export class Refused extends Error {
  * @param {string} method
  * @param {string} path
  * @param {unknown} [body]  sent as JSON, or as it is if it is a Blob
+ * @param {AbortSignal} [signal]
  * @returns {Promise<any>}
  */
-export async function ask(method, path, body) {
+export async function ask(method, path, body, signal) {
   const isFile = body instanceof Blob;
   const answer = await fetch(path, {
     method,
+    signal,
     headers: body === undefined || isFile ? {} : { 'content-type': 'application/json' },
     body: body === undefined || isFile ? /** @type {Blob | undefined} */ (body) : JSON.stringify(body),
   });

@@ -14,7 +14,7 @@ const HINT_MS = 20_000;
 const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow phone
 const SLOW_STATE_MS = 300;
 const STOP_MS = 300;
-/** A release waits so long for a stop by request that is not answered: it would latch the stop again. */
+/** A stop by request is so long under way at most: it could latch the stop again that is released meanwhile. */
 const STOPPING_MS = 3000;
 const SESSION_MS = 1000;
 const SHOWING = ['drive', 'gallery', 'why']; // screens with the robot's picture
@@ -42,6 +42,9 @@ export class Page {
     this.noticeTimer = undefined;
     /** @type {Promise<void>} the last stop by request */
     this.stopping = Promise.resolve();
+    /** A STOP was pressed, and nothing has shown yet that the robot obeyed. */
+    this.isStopping = false;
+    this.isReleasing = false;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.toastTimer = undefined;
     /** @type {ReturnType<typeof setTimeout> | undefined} asks elsewhere for a stop that is not answered */
@@ -69,6 +72,7 @@ export class Page {
     connection.addEventListener('lost', () => {
       helm.lose();
       this.looking = null;
+      this.isReleasing = false;
       store.set({ link: 'lost', held: null, wheelAsked: false, wheelWaiting: false });
     });
     helm.addEventListener('held', () => store.set({ held: helm.held }));
@@ -249,6 +253,8 @@ export class Page {
   stop() {
     this.helm.start.forget();
     this.helm.releaseAll();
+    this.isStopping = true;
+    this.isReleasing = false;
     if (!this.connection.say('stop')) this.stopElsewhere();
     else this.stopTimer ??= setTimeout(() => this.stopElsewhere(), STOP_MS);
     if (this.preferences.vibrate) navigator.vibrate?.([60, 40, 60]);
@@ -256,21 +262,31 @@ export class Page {
 
   /** A state shows the stop: no other way is needed, and who releases it is not stopped again. */
   endStop() {
+    this.isStopping = false;
     clearTimeout(this.stopTimer);
     this.stopTimer = undefined;
   }
 
-  /** The websocket is away or slow: stop by a request of its own. */
+  /** The websocket is away or slow: stop by requests of its own, until one reaches the robot. */
   stopElsewhere() {
-    this.endStop();
-    this.stopping = ask('POST', 'api/stop').catch(() => {});
+    clearTimeout(this.stopTimer);
+    this.stopTimer = undefined;
+    const patience = new AbortController();
+    setTimeout(() => patience.abort(), STOPPING_MS);
+    const asked = ask('POST', 'api/stop', undefined, patience.signal).then(() => this.endStop(), ({ status }) => {
+      const isRefused = status < 500;
+      if (this.isStopping && this.stopping === asked && !isRefused) this.stopTimer = setTimeout(() => this.stopElsewhere(), STOP_MS);
+    });
+    this.stopping = asked;
   }
 
-  /** Release the emergency stop once no request of ours is left that would latch it again. */
+  /** Release the emergency stop once no request of ours is left that would latch it again, and if no STOP came meanwhile. */
   async release() {
     this.endStop();
-    await Promise.race([this.stopping, new Promise((patience) => setTimeout(patience, STOPPING_MS))]);
-    this.connection.say('release');
+    this.isReleasing = true;
+    await this.stopping;
+    if (this.isReleasing) this.connection.say('release');
+    this.isReleasing = false;
   }
 
   /** Take the step that a notice offers. @param {string} step */

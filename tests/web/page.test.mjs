@@ -1,0 +1,143 @@
+import assert from 'node:assert/strict';
+import { beforeEach, mock, test } from 'node:test';
+
+import { initialState, Store } from '../../web/js/store.js';
+
+const listeners = {};
+const listen = (type, act) => (listeners[type] ??= []).push(act);
+const fire = (type) => listeners[type].forEach((act) => act({}));
+Object.assign(globalThis, { addEventListener: listen, document: { addEventListener: listen, hidden: false }, location: {} });
+const { Page } = await import('../../web/js/page.js');
+
+const STATE = {
+  mode: 'stopped', you_are_pilot: true, pilot: 'c1', emergency: false, taught: { forward: 9, left: 3, right: 3 },
+  lessons: 300, agreement: null, nonce: 7,
+};
+const OK = { ok: true, json: async () => ({}) };
+
+let page;
+let said;
+let asked;
+/** What becomes of a request; never anything of one that is not answered. */
+let answer;
+
+beforeEach(() => {
+  for (const type of Object.keys(listeners)) delete listeners[type];
+  document.hidden = false;
+  said = [];
+  asked = [];
+  answer = async () => OK;
+  globalThis.fetch = (path, { method, signal }) => {
+    if (method !== 'POST') return new Promise(() => {});
+    asked.push(path);
+    return Promise.race([answer(), new Promise((_, fail) => signal?.addEventListener('abort', () => fail(signal.reason)))]);
+  };
+  const connection = Object.assign(new EventTarget(), {
+    isOpen: true, nonce: 7, delayMs: 5, seq: 0,
+    send(text) {
+      if (this.isOpen) said.push(JSON.parse(text));
+      return this.isOpen;
+    },
+    say(type) { return this.send(JSON.stringify({ type })); },
+    nextSeq() { return (this.seq += 1); },
+    ageMs: () => 20, showPictures() {},
+  });
+  const preferences = { vibrate: false, hintsShown: ['teach', 'bars', 'correct'], stickFor: () => false, set() {} };
+  page = new Page({ store: new Store(initialState()), connection, preferences, wakeLock: { want() {} } });
+  page.look({ frame: 12, capturedMs: 0, arrivedMs: performance.now(), nonce: 7 });
+  follow();
+  said.length = 0;
+  mock.timers.enable({ apis: ['setTimeout'] });
+});
+
+test.afterEach(() => mock.timers.reset());
+
+const follow = (changes = {}) => page.follow({ ...STATE, ...changes });
+const words = () => said.map(({ type, mode }) => mode ?? type).filter((word) => word !== 'drive');
+const lose = () => {
+  page.connection.isOpen = false;
+  page.connection.dispatchEvent(new Event('lost'));
+};
+/** Let time pass, and what waits for it go on. */
+async function pass(ms) {
+  for (let gone = 0; gone <= ms; gone += 100) {
+    if (gone) mock.timers.tick(100);
+    await new Promise((done) => setImmediate(done));
+  }
+}
+
+test('a STOP that is obeyed at once is not asked for a second time', async () => {
+  page.stop();
+  await pass(100);
+  follow({ emergency: true });
+  await pass(10_000);
+  assert.deepEqual([words(), asked.length], [['stop'], 0]);
+});
+
+for (const [what, become] of Object.entries({
+  'cannot be sent': async () => { throw new TypeError('away'); },
+  'are not answered': () => new Promise(() => {}),
+  'do not get past a proxy': async () => ({ ok: false, status: 502, json: async () => ({}) }),
+})) {
+  test(`a STOP without a link is asked for until the robot is there, though requests ${what}`, async () => {
+    lose();
+    answer = become;
+    page.stop();
+    await pass(8000);
+    const before = asked.length;
+    assert.ok(before >= 2, `${before} requests`);
+    answer = async () => OK;
+    await pass(4000);
+    assert.ok(asked.length > before, 'the robot is there, and hears it');
+    const heard = asked.length;
+    await pass(10_000);
+    assert.equal(asked.length, heard, 'and then it is enough');
+  });
+
+  test(`a STOP that a state shows is not asked for again, and can be released, though requests ${what}`, async () => {
+    lose();
+    answer = become;
+    page.stop();
+    await pass(400);
+    page.connection.isOpen = true;
+    follow({ emergency: true });
+    const before = asked.length;
+    page.release();
+    await pass(10_000);
+    assert.deepEqual([words(), asked.length], [['release'], before]);
+  });
+}
+
+test('a STOP by who may not is asked for once', async () => {
+  lose();
+  answer = async () => ({ ok: false, status: 401, json: async () => ({}) });
+  page.stop();
+  await pass(10_000);
+  assert.equal(asked.length, 1);
+});
+
+for (const [what, come] of Object.entries({
+  'a STOP': () => page.stop(),
+  'a lost link': () => {
+    lose();
+    page.connection.isOpen = true;
+  },
+})) {
+  test(`${what} that comes while a release waits goes before it`, async () => {
+    lose();
+    answer = () => new Promise(() => {});
+    page.stop();
+    page.connection.isOpen = true;
+    follow({ emergency: true });
+    page.release();
+    await pass(500);
+    assert.deepEqual(words(), [], 'the request is still under way');
+    come();
+    follow({ emergency: true });
+    await pass(10_000);
+    assert.ok(!words().includes('release'));
+    page.release();
+    await pass(10_000);
+    assert.equal(words().at(-1), 'release');
+  });
+}
