@@ -141,3 +141,17 @@ for (const [what, come] of Object.entries({
     assert.equal(words().at(-1), 'release');
   });
 }
+
+for (const [what, sight] of Object.entries({ 'is under way': 12, 'waits for a picture': null })) {
+  test(`a start that ${what} when the page goes out of sight is none`, () => {
+    if (!sight) page.looking = null;
+    page.choose('autonomous');
+    document.hidden = true;
+    fire('visibilitychange');
+    assert.equal(words().at(-1), 'stopped');
+    document.hidden = false;
+    fire('visibilitychange');
+    page.look({ frame: 13, capturedMs: 0, arrivedMs: performance.now(), nonce: 8 });
+    assert.equal(words().at(-1), 'stopped');
+  });
+}

@@ -338,7 +338,7 @@ export class Page {
   hide(why) {
     const { robot } = this.store.state;
     this.helm.releaseAll();
-    if (robot?.you_are_pilot && robot.mode !== 'stopped') {
+    if (robot?.you_are_pilot && (robot.mode !== 'stopped' || this.helm.start.tap)) {
       this.helm.choose('stopped');
       this.store.set({ localStop: why });
     }
