@@ -48,7 +48,7 @@ MOVES = {
 SAID = re.compile(
     r"^(advice|setback|local|stop|link|busy|lag|hint|session\.next|session\.now)[._]"
     r"|^(asks|wheel_|viewer|emergency|teacher_stop|out_of_reach|connecting|choose_|start_stale)"
-    r"|^session\.questions$"
+    r"|^(searching|session\.questions)$"
 )
 """The messages that the drive screen may show."""
 ELSEWHERE = {"emergency_stop", "stop.pilot_asked"}

@@ -82,6 +82,7 @@ test('one step at a time, from the first visit to the first drive', () => {
 test('the most urgent is said first', () => {
   assert.equal(key(page({ link: 'connecting', robot: null })), 'connecting');
   assert.equal(key(page({ link: 'lost' }, { emergency: true })), 'out_of_reach');
+  assert.equal(key(page({ link: 'lost' }, { you_are_pilot: false })), 'searching', 'somebody else may drive it');
   assert.equal(key(page({}, { emergency: true, you_are_pilot: false })), 'emergency');
   assert.equal(key(page({}, { you_are_pilot: false })), 'wheel_taken');
   assert.equal(key(page({}, { you_are_pilot: false, pilot: null })), 'wheel_free');

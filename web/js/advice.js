@@ -34,7 +34,9 @@ export function whoDrives(robot) {
 export function urgentAdvice(page) {
   const robot = page.robot;
   if (page.link !== 'open' || !robot) {
-    return { key: page.link === 'lost' ? 'out_of_reach' : 'connecting', level: 'info' };
+    if (page.link !== 'lost') return { key: 'connecting', level: 'info' };
+    // A robot stops without its pilot, not without those who watch.
+    return { key: robot && !robot.you_are_pilot ? 'searching' : 'out_of_reach', level: 'info' };
   }
   if (robot.stopped_by_teacher) return { key: 'teacher_stop', level: 'stop' };
   if (robot.emergency) return { key: 'emergency', step: 'release', level: 'stop' };
