@@ -38,6 +38,23 @@ test('tilt counts from where the thumb went down, in each way to hold a phone', 
   assert.equal(lean(0, -11, 0, 'left'), 'left');
 });
 
+test('tilt is even where a phone stands upright or hangs over a head, and the browser names leans anew', () => {
+  /** As a browser says it: beta from -180 to 180, gamma from -90 to 90. */
+  const told = (beta, gamma) => {
+    const [b, g] = gamma >= -90 && gamma < 90 ? [beta, gamma] : [180 - beta, gamma - 180 * Math.sign(gamma)];
+    return { beta: b - 360 * Math.floor((b + 180) / 360), gamma: g };
+  };
+  for (let at = -89; at <= 180; at += 7) {
+    for (let by = -35; by <= 35; by += 5) {
+      const move = Math.abs(by) < 15 ? [null, null] : by < 0 ? ['forward', 'backward'] : ['backward', 'forward'];
+      assert.equal(readTilt(told(at + by, 3), told(at, 0), 0, null), move[0], `${by} from ${at}`);
+      if (at >= 90) continue;
+      assert.equal(readTilt(told(3, at + by), told(0, at), 270, null), move[0], `on its side, ${by} from ${at}`);
+      assert.equal(readTilt(told(3, at + by), told(0, at), 90, null), move[1], `on its other side, ${by} from ${at}`);
+    }
+  }
+});
+
 test('raw pictures become what a canvas draws', () => {
   const rgb = { data: new Uint8Array([1, 2, 3, 4, 5, 6]), width: 2, height: 1 };
   assert.deepEqual([...rgbToRgba(rgb)], [1, 2, 3, 255, 4, 5, 6, 255]);

@@ -36,11 +36,23 @@ export function readTiltStick(now, zero, screenAngle, reach) {
 
 /** @param {Lean} now @param {Lean} zero @param {number} angle @returns {[number, number]} pitch and roll */
 function leaning(now, zero, angle) {
-  const [beta, gamma] = [now.beta - zero.beta, now.gamma - zero.gamma];
+  const [beta, gamma] = between(now, zero);
   if (angle === 90) return [-gamma, beta];
   if (angle === 180) return [-beta, -gamma];
   if (angle === 270) return [gamma, -beta];
   return [beta, gamma];
+}
+
+/**
+ * From one lean to another. Each lean has two names, and where a phone stands upright or hangs over a
+ * head the browser leaps from one to the other: the nearest counts.
+ * @param {Lean} now @param {Lean} zero @returns {[number, number]}
+ */
+function between({ beta, gamma }, zero) {
+  const turn = (/** @type {number} */ deg) => deg - 360 * Math.round(deg / 360);
+  /** @type {[number, number][]} */
+  const ways = [[beta, gamma], [180 - beta, gamma + 180]].map(([b, g]) => [turn(b - zero.beta), turn(g - zero.gamma)]);
+  return ways.reduce((a, b) => (Math.hypot(...b) < Math.hypot(...a) ? b : a));
 }
 
 export const hasTilt = () => isSecureContext && 'DeviceOrientationEvent' in globalThis;
