@@ -35,23 +35,36 @@ async function keepAll() {
   for (const old of kept) if (!files.includes(old) && !old.endsWith('-study.js')) await cache.delete(old);
 }
 
+/** What is kept of it. A device whose storage fails, or is full, has the robot alone, as without us. */
+async function recall(request) {
+  try {
+    return await (await caches.open(SHELL)).match(request, { ignoreSearch: true });
+  } catch {
+    return undefined;
+  }
+}
+
+async function keep(request, answer) {
+  try {
+    await (await caches.open(SHELL)).put(request, answer);
+  } catch {}
+}
+
 async function keptOrFetched(request) {
-  const cache = await caches.open(SHELL);
-  const kept = await cache.match(request, { ignoreSearch: true });
+  const kept = await recall(request);
   if (kept) return kept;
   const answer = await fetch(request);
-  if (answer.ok) await cache.put(request, answer.clone());
+  if (answer.ok) await keep(request, answer.clone());
   return answer;
 }
 
 async function fromRobot(event) {
   const { request } = event;
-  const cache = await caches.open(SHELL);
-  const kept = await cache.match(request, { ignoreSearch: true });
+  const kept = await recall(request);
   const fresh = fetch(request).then(async (answer) => {
     if (!answer.ok) return answer;
     const isNew = kept && kept.headers.get('etag') !== answer.headers.get('etag');
-    await cache.put(request, answer.clone());
+    await keep(request, answer.clone());
     if (isNew && request.mode === 'navigate') event.waitUntil(keepAll().catch(() => {}));
     return answer;
   });
