@@ -131,3 +131,31 @@ def test_enter_holds_a_button_for_as_long_as_it_is_down(rovers_desktop: Any, rov
     wait_until_standing(rover)
     rovers_desktop.wait_for_timeout(600)
     assert rovers_desktop.evaluate("changes") == ["left", None]
+
+
+def test_a_finger_that_slides_off_the_pad_lets_go_though_another_tilts(
+    rovers_phone: Any, rover: World
+) -> None:
+    tilt = """(isOn) => {
+      const { page } = document.querySelector('app-bar');
+      page.preferences.values.tilt = isOn;
+      page.store.set({ moves: [...page.store.state.moves] });
+    }"""
+    rovers_phone.evaluate(tilt, True)
+    choose(rovers_phone, rover, Mode.TRAIN)
+    fingers = Fingers(rovers_phone)
+
+    def press() -> None:
+        fingers.press(".move.tilt", finger=2)
+        fingers.press(pad("left"))
+
+    def lift() -> None:
+        fingers.lift()
+        fingers.lift(finger=2)
+
+    press_until(rovers_phone, rover, press, lift, turning(rover))
+    fingers.slide("video-view")
+    wait_until_standing(rover)
+    assert rovers_phone.evaluate("document.querySelector('app-bar').page.helm.held") is None
+    lift()
+    rovers_phone.evaluate(tilt, False)

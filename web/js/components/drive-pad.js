@@ -19,6 +19,8 @@ export class DrivePad extends HTMLElement {
   sticks = [];
   /** @type {Set<number>} those that may drive: down since all was let go of last */
   fingers = new Set();
+  /** @type {number | null} the one that holds the phone's tilt */
+  tilting = null;
 
   /** @param {import('../page.js').Page} page */
   start(page) {
@@ -100,6 +102,8 @@ export class DrivePad extends HTMLElement {
     const helm = /** @type {import('../helm.js').Helm} */ (this.page?.helm);
     const letGo = (/** @type {number} */ finger) => {
       helm.release(`finger ${finger}`);
+      if (finger !== this.tilting) return;
+      this.tilting = null;
       this.tilt?.letGo();
     };
     const lift = (/** @type {number} */ finger) => this.fingers.delete(finger) && letGo(finger);
@@ -114,7 +118,7 @@ export class DrivePad extends HTMLElement {
     });
     moves.addEventListener('pointermove', (event) => {
       if (hasLetGo(event)) lift(event.pointerId);
-      if (!this.fingers.has(event.pointerId) || this.tilt?.isHeld) return;
+      if (!this.fingers.has(event.pointerId) || event.pointerId === this.tilting) return;
       const move = moveAt(event);
       if (move && move !== 'tilt') helm.press(`finger ${event.pointerId}`, move);
       else if (!isNear(moves, event)) letGo(event.pointerId);
@@ -130,8 +134,10 @@ export class DrivePad extends HTMLElement {
   /** @param {number} pointerId @param {string} move */
   press(pointerId, move) {
     if (this.page?.preferences.vibrate) navigator.vibrate?.(12);
-    if (move === 'tilt') this.tilt?.hold();
-    else this.page?.helm.press(`finger ${pointerId}`, move);
+    if (move === 'tilt') {
+      this.tilting = pointerId;
+      this.tilt?.hold();
+    } else this.page?.helm.press(`finger ${pointerId}`, move);
   }
 
   /** @param {import('../store.js').PageState} state */

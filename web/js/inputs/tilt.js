@@ -65,7 +65,6 @@ export class Tilt {
     this.zero = null;
     /** @type {string | null} */
     this.move = null;
-    this.isHeld = false;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.silence = undefined;
     this.follow = this.follow.bind(this);
@@ -80,14 +79,12 @@ export class Tilt {
   }
 
   hold() {
-    this.isHeld = true;
     this.zero = null;
     this.helm.grasp('tilt');
     addEventListener('deviceorientation', this.follow);
   }
 
   letGo() {
-    this.isHeld = false;
     this.move = null;
     clearTimeout(this.silence);
     removeEventListener('deviceorientation', this.follow);
