@@ -58,6 +58,7 @@ class FakeTime {
 let time;
 let connection;
 let events;
+let isHidden;
 const latest = (path) => FakeSocket.all.filter((s) => s.url.endsWith(path)).at(-1);
 
 beforeEach(() => {
@@ -68,7 +69,9 @@ beforeEach(() => {
     nowMs: () => time.nowMs,
     setTimeout: time.setTimeout,
     clearTimeout: time.clearTimeout,
+    isHidden: () => isHidden,
   });
+  isHidden = false;
   events = [];
   for (const type of ['open', 'lost', 'words', 'picture']) {
     connection.addEventListener(type, (event) => events.push([type, event.detail]));
@@ -129,6 +132,55 @@ test('a dead robot is asked for less and less often, a living one at once', () =
     time.forward(1);
     assert.equal(FakeSocket.all.length, before + 1);
   }
+});
+
+test('a page out of sight stays away once it has lost its link, and is back at once when it is seen', () => {
+  latest('/ws/drive').open();
+  isHidden = true;
+  latest('/ws/drive').onclose();
+  time.forward(10 * 60_000);
+  assert.equal(FakeSocket.all.filter((socket) => socket.readyState < 2).length, 0);
+  isHidden = false;
+  connection.seek();
+  latest('/ws/drive').open();
+  time.forward(1000);
+  connection.seek();
+  const open = FakeSocket.all.filter((socket) => socket.readyState < 2);
+  assert.deepEqual(open.map(({ url }) => url), ['ws://robot/ws/drive', 'ws://robot/ws/video']);
+});
+
+test('more tabs than a person has places for do not take turns: the one that is seen stays', () => {
+  const places = 3;
+  const tabs = [];
+  const sockets = () => FakeSocket.all.filter((socket) => socket.readyState < 2 && socket.url.endsWith('/ws/drive'));
+  const settle = () => sockets().forEach((socket) => {
+    if (socket.readyState === 0) socket.open();
+    socket.onmessage({ data: '{"type":"hello"}' });
+    if (sockets().length > places) { // as a robot does: who came first gives way
+      const [first] = sockets();
+      first.readyState = 3;
+      first.onclose();
+    }
+  });
+  connection.close();
+  for (let i = 0; i < 6; i += 1) {
+    const tab = new Connection('ws://robot', { ...connection.env, isHidden: () => i > 0 });
+    tabs.push(tab);
+    tab.connect();
+    settle();
+  }
+  for (let s = 0; s < 20; s += 1) {
+    time.forward(250);
+    settle();
+  }
+  let lost = 0;
+  for (const tab of tabs) tab.addEventListener('lost', () => (lost += 1));
+  for (let s = 0; s < 40; s += 1) {
+    time.forward(250);
+    settle();
+  }
+  assert.ok(tabs[0].isOpen);
+  assert.equal(lost, 0);
 });
 
 test('the clocks are compared by the quickest answer', () => {

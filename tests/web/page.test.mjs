@@ -40,7 +40,7 @@ beforeEach(() => {
     },
     say(type) { return this.send(JSON.stringify({ type })); },
     nextSeq() { return (this.seq += 1); },
-    ageMs: () => 20, showPictures() {},
+    ageMs: () => 20, showPictures() {}, seek() {},
   });
   const preferences = { vibrate: false, hintsShown: ['teach', 'bars', 'correct'], stickFor: () => false, set() {} };
   page = new Page({ store: new Store(initialState()), connection, preferences, wakeLock: { want() {} } });

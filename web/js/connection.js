@@ -23,6 +23,7 @@ const IDLE_SILENCE_MS = 4000; // an idle page receives a pong each second, and l
  * @property {() => number} nowMs
  * @property {(f: () => void, ms: number) => number} setTimeout
  * @property {(id: number) => void} clearTimeout
+ * @property {() => boolean} [isHidden]  nobody can see the page
  */
 export class Connection extends EventTarget {
   /** @param {string} base such as ws://host:8000 @param {Partial<Environment>} [environment] */
@@ -35,6 +36,7 @@ export class Connection extends EventTarget {
       nowMs: () => performance.now(),
       setTimeout: (f, ms) => /** @type {any} */ (globalThis.setTimeout(f, ms)),
       clearTimeout: (id) => globalThis.clearTimeout(id),
+      isHidden: () => Boolean(globalThis.document?.hidden),
       ...environment,
     };
     this.retryMs = FIRST_RETRY_MS;
@@ -82,6 +84,7 @@ export class Connection extends EventTarget {
   }
 
   connect() {
+    this.cancel('retry');
     this.dropSockets();
     this.seq = 0;
     this.samples = [];
@@ -97,6 +100,11 @@ export class Connection extends EventTarget {
   reconnect() {
     this.retryMs = FIRST_RETRY_MS;
     this.lose();
+  }
+
+  /** The page comes into sight: connect at once where it has no link. */
+  seek() {
+    if (!this.isOpen) this.connect();
   }
 
   /** Leave for good. */
@@ -218,7 +226,8 @@ export class Connection extends EventTarget {
     this.cancel('ping');
     this.cancel('silence');
     this.dispatchEvent(new Event('lost'));
-    this.after('retry', this.retryMs, () => this.connect());
+    // Tabs out of sight stay away: a robot has few places for one person, and they would take turns.
+    this.after('retry', this.retryMs, () => this.env.isHidden?.() || this.connect());
     this.retryMs = Math.min(this.retryMs * 2, LAST_RETRY_MS);
   }
 

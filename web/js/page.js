@@ -82,6 +82,7 @@ export class Page {
     addEventListener('pagehide', () => this.hide('hidden'));
     addEventListener('pageshow', (event) => event.persisted && connection.reconnect());
     document.addEventListener('visibilitychange', () => (document.hidden ? this.hide('hidden') : this.followScreen()));
+    document.addEventListener('visibilitychange', () => document.hidden || connection.seek());
     store.watch(['screen'], () => this.followScreen());
   }
 
