@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { WakeLock } from '../../web/js/device.js';
+import { Preferences, WakeLock } from '../../web/js/device.js';
 
 test('the screen is kept on by one lock, however often it is wanted before the browser answers', async () => {
   const held = new Set();
@@ -21,4 +21,24 @@ test('the screen is kept on by one lock, however often it is wanted before the b
   assert.equal(held.size, 1);
   await wakeLock.want(false);
   assert.equal(held.size, 0, 'a screen that need not be on goes off');
+});
+
+test('two tabs of one phone do not undo what the other was told', () => {
+  const kept = new Map();
+  const storage = { getItem: (key) => kept.get(key) ?? null, setItem: (key, value) => kept.set(key, value) };
+  const [older, newer] = [new Preferences(storage), new Preferences(storage)];
+  newer.set('vibrate', false);
+  newer.chooseStick('rover', true);
+  older.set('hintsShown', ['teach']);
+  older.set('tilt', true);
+  const { vibrate, tilt, hintsShown, values: { sticks } } = new Preferences(storage);
+  assert.deepEqual([vibrate, tilt, hintsShown, sticks], [false, true, ['teach'], ['rover']]);
+});
+
+test('where nothing more can be kept, what was chosen holds as long as the page is open', () => {
+  const full = { getItem: () => '{"vibrate":true}', setItem: () => { throw new Error('QuotaExceededError'); } };
+  const preferences = new Preferences(full);
+  preferences.set('vibrate', false);
+  preferences.set('sound', false);
+  assert.deepEqual([preferences.vibrate, preferences.sound], [false, false]);
 });

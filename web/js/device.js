@@ -78,9 +78,10 @@ export class Preferences {
 
   /** @param {string} name @param {unknown} value */
   set(name, value) {
+    const kept = read(this.storage); // with what other tabs have changed since this page was opened
     this.values[name] = value;
     try {
-      this.storage.setItem(KEY, JSON.stringify(this.values));
+      this.storage.setItem(KEY, JSON.stringify({ ...this.values, ...kept, [name]: value }));
     } catch {} // full: it holds as long as the page is open
   }
 }
