@@ -65,6 +65,26 @@ def test_a_screen_that_is_lost_opens_by_itself(chromium: Any, world: World) -> N
     context.close()
 
 
+def test_a_page_older_than_its_robot_opens_every_screen(chromium: Any, world: World) -> None:
+    context = new_context(chromium, PHONE)
+    page = open_page(context, world.address)
+    opened: list[str] = []
+
+    def renew(route: Any) -> None:
+        opened.append(route.request.url)
+        route.continue_()
+
+    def answer(route: Any) -> None:  # an updated robot has what its own page asks for alone
+        route.continue_() if opened else route.fulfill(status=404)
+
+    context.route(world.address + "/", renew)
+    context.route(re.compile("/[0-9a-f]{10}-screens.js"), answer)
+    page.evaluate("location.hash = 'settings'")
+    page.get_by_label("Language").wait_for(timeout=60_000)
+    assert len(opened) == 1
+    context.close()
+
+
 def test_a_browser_that_forgets_all_drives(chromium: Any, world: World) -> None:
     context = new_context(chromium, PHONE)
     context.add_init_script(

@@ -1,5 +1,6 @@
 // Which screen is shown: the part of the address after #. Screens are loaded when first opened.
 
+import { ask } from './api.js';
 import { h } from './dom.js';
 import { t } from './i18n.js';
 
@@ -32,7 +33,8 @@ export class Router {
     this.show();
   }
 
-  async show() {
+  /** @param {number} [failures]  how often its file did not come */
+  async show(failures = 0) {
     const wanted = location.hash.slice(1);
     const screen = wanted in ELEMENTS ? wanted : 'drive';
     const { page, drive, other } = this;
@@ -47,8 +49,12 @@ export class Router {
     const isThere = await import(`./${ROOMS[screen] ?? 'components'}/${ELEMENTS[screen]}.js`).then(() => true, () => false);
     if (page.store.state.screen !== screen) return;
     if (!isThere) {
-      other.append(h('p', { class: 'panel', role: 'alert' }, t('unreachable')));
-      setTimeout(() => page.store.state.screen === screen && this.show(), AGAIN_MS);
+      const alert = h('p', { class: 'panel', role: 'alert' }, t('unreachable'));
+      other.append(alert);
+      // A robot that answers, but has not what this page asks for, was updated: it has a newer page.
+      const renew = () => alert.isConnected && page.store.state.robot?.mode === 'stopped' && location.reload();
+      if (failures) ask('GET', 'healthz').then(renew, () => {});
+      setTimeout(() => page.store.state.screen === screen && this.show(failures + 1), AGAIN_MS);
       return;
     }
     const element = /** @type {any} */ (document.createElement(ELEMENTS[screen]));
