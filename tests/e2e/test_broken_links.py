@@ -121,3 +121,19 @@ def test_a_robot_that_goes_away_and_comes_back_is_found_again(
         "pictures come again",
     )
     context.close()
+
+
+def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
+    chromium: Any, world: World, proxy: Proxy
+) -> None:
+    context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
+    page = open_page(context, proxy.address)
+    context.set_offline(True)
+    proxy.fall_silent()
+    page.locator(".notice", has_text="out of reach").wait_for(timeout=40_000)
+    page.locator("drive-pad .stop").tap()
+    page.wait_for_timeout(1000)
+    context.set_offline(False)
+    proxy.speak_again()
+    wait_for(lambda: world.rig.loop.state.emergency, "it is asked for until it is heard")
+    context.close()
