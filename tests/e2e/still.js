@@ -26,7 +26,7 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const study = (kind, more = {}) => ({ step: 'drive', position: 10, of: 12, kind, mode: kind === 'teach' ? 'train' : 'autonomous', left_s: 123, ...more });
   const drives = ['train', 'autonomous'];
   const states = [
-    {}, { link: 'lost' }, { link: 'connecting' }, { robot: { stopped_by_teacher: true } }, { robot: { emergency: true } },
+    {}, { link: 'lost' }, { link: 'lost', robot: { you_are_pilot: false } }, { link: 'connecting' }, { robot: { stopped_by_teacher: true } }, { robot: { emergency: true } },
     { role: 'viewer', robot: { you_are_pilot: false } }, { robot: { you_are_pilot: false, pilot: null } },
     { robot: { you_are_pilot: false, pilot: 'c9' } }, { wheelWaiting: true, robot: { you_are_pilot: false, pilot: 'c9' } },
     { wheelAsked: true }, { robot: { fault: 'The left motor does not answer. Check its cable at port B, then choose a mode.' } },
