@@ -48,6 +48,8 @@ async def refuse_values(request: Request, error: Exception) -> JSONResponse:
         return JSONResponse({"detail": f"{loc[0]!r} must be {wanted}."}, 422)
     is_json = "json" not in first["type"]
     sentence = explain(hints["body"], loc) if is_json else "The body is not JSON."
+    if not loc and "json" not in request.headers.get("content-type", ""):
+        sentence = "The body must be JSON, and be sent with Content-Type: application/json."
     return JSONResponse({"detail": sentence}, 400)
 
 
