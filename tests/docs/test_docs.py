@@ -44,6 +44,16 @@ def test_every_word_of_the_wire_is_written_down(word: str) -> None:
     assert f"`{word}`" in (ROOT / "docs/reference/protocol.md").read_text("utf-8")
 
 
+def test_every_refusal_of_the_guard_is_written_down() -> None:
+    sources = [file.read_text("utf-8") for file in ROOT.glob("server/security/*.py")]
+    refused = {pair for text in sources for pair in re.findall(r'\b(4\d\d|5\d\d), "(\w+)"', text)}
+    page = (ROOT / "docs/reference/http.md").read_text("utf-8")
+    rows = re.findall(r"^\| ([\d, ]+) \| (`[\w`, ]+`) \|", page, re.M)
+    written = {(n, e) for ns, es in rows for n in ns.split(", ") for e in re.findall(r"\w+", es)}
+    assert len(refused) > 10
+    assert refused - written == set()
+
+
 LIVING = [page for page in PAGES if page.name != "CHANGELOG.md" and "lab" not in page.parts]
 """Pages that name things as they are called now; decisions too."""
 CURRENT = [page for page in PAGES if page.name != "CHANGELOG.md" and "adr" not in page.parts]
