@@ -58,7 +58,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--data", type=Path, default=default_root(), help=f"folder for what is kept{shown}")
     add("--model", metavar="NAME", help="go on with this model, or begin it")
     add("--name", help="what people call this robot (default: one that it keeps)")
-    text = f"of simulated pictures{shown}"
+    text = f"of pictures that the camera does not give as JPEG{shown}"
     add("--jpeg-quality", type=whole(1, 100), default=75, help=text)
     text = "keep recordings in which nothing was taught, too: for research"
     add("--keep-drives", action="store_true", help=text)

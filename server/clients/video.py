@@ -39,7 +39,7 @@ class FrameAges:
 class Encoder:
     """Encodes a frame as the message that all viewers get.
 
-    JPEG and YUYV of a camera are sent as they are. RGB, which only simulations give, is
+    JPEG and YUYV of a camera are sent as they are. RGB, as of a Pi's camera, is
     compressed where OpenCV is installed, and otherwise sent as it is.
     """
 
