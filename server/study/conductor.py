@@ -9,7 +9,8 @@ import logging
 import os
 import re
 from collections.abc import Callable, Mapping
-from typing import Any, cast
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 from robot.control.state import Tick
 from robot.devices.rig import Rig
@@ -25,6 +26,7 @@ from server.study.folder import LONGEST_NAME, StudyFolder, fingerprint
 from server.study.models import PATIENCE_S, SessionModels
 
 log = logging.getLogger(__name__)
+_Act = TypeVar("_Act", bound=Callable[..., Any])
 
 
 def name_of_world(body: object) -> str | None:
@@ -53,6 +55,17 @@ def check_body(body: Any, condition: Condition) -> None:
         raise ConfigurationError(f"this robot cannot {', '.join(sorted(missing))}")
 
 
+def _in_turn(act: _Act) -> _Act:
+    """Let it happen once what was asked for before has: two pages, or two presses, come at once."""
+
+    @wraps(act)
+    def alone(self: Conductor, *args: Any, **named: Any) -> Any:
+        with self._turn:
+            return act(self, *args, **named)
+
+    return cast(_Act, alone)
+
+
 class Conductor(StartStop):
     """One session at a time. Its methods wait for loop and disk: not for an event loop's thread.
 
@@ -71,6 +84,7 @@ class Conductor(StartStop):
         self._rig, self._loop, self._clock = rig, rig.loop, rig.clock
         self._models = SessionModels(rig, self.folder, kept.autosave)
         self._kept, self._announce = kept, announce
+        self._turn = self._clock.lock()
         self._log: EventLog | None = None
         self._episode: str | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -107,6 +121,7 @@ class Conductor(StartStop):
 
     # Sessions ---------------------------------------------------------------------------------
 
+    @_in_turn
     def begin_trial(self, trial: int, teach_s: int) -> StudySession:
         """Begin a guided trial of one person, in the built-in study of that trial; see `begin`."""
         learner = self._loop.state.learner
@@ -119,6 +134,7 @@ class Conductor(StartStop):
         code = next(f"T{n}" for n in range(1, 10_000) if f"T{n}" not in taken)
         return self.begin(name, code)
 
+    @_in_turn
     def begin(self, study: str, participant: str) -> StudySession:
         """Begin a participant's session, or take it up again.
 
@@ -166,12 +182,15 @@ class Conductor(StartStop):
         session = self.session
         return session is not None and (study, participant) == (self.study, session.participant)
 
+    @_in_turn
     def consent(self, language: str) -> None:
         """Note that the participant confirmed the text."""
         self._session().require(SessionStep.CONSENT)
         self._happen("consent", name=language[:2])
         self._flush()
+        self._tell()
 
+    @_in_turn
     def drive(self, *, confirmed: bool = False, anew: bool = False) -> None:
         """Begin the next condition with an empty model, or go on with the one that was left.
 
@@ -207,6 +226,7 @@ class Conductor(StartStop):
         self._flush()
         self._tell()
 
+    @_in_turn
     def answer(self, answers: Mapping[str, Any], *, is_done: bool) -> None:
         """Take answers by question; with `is_done` all must be there, or ConfigurationError."""
         session = self._session()
@@ -231,6 +251,7 @@ class Conductor(StartStop):
             self._tell()
         self._flush()
 
+    @_in_turn
     def leave(self, why: str = "left") -> None:
         """End the session wherever it is; `begin` takes it up again. Idempotent."""
         session, event_log = self.session, self._log
@@ -244,6 +265,7 @@ class Conductor(StartStop):
                 event_log.stop()
         self._tell()
 
+    @_in_turn
     def withdraw(self, study: str, participant: str) -> list[str]:
         """Delete all that is kept of a participant for good; see `StudyFolder.withdraw`."""
         if self._is_on(study, participant):
