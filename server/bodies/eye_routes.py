@@ -14,7 +14,7 @@ from server.clients.hub import Hub
 from server.clients.telemetry import describe_state
 from server.extension import Extension
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message
-from server.routes.sockets import converse
+from server.routes.sockets import converse, end_with_either
 from server.security.access import Role
 from server.security.guard import role_of
 from server.security.pace import Pace
@@ -50,19 +50,9 @@ class _Eye:
     async def run(self) -> None:
         """Serve the phone until it disconnects or another one takes its place."""
         before, self._camera.source = self._camera.source, self
-        if isinstance(before, _Eye):
-            await before._websocket.close(4001, "another phone is the eye now")
-        options = self._camera.options
-        await self._websocket.send_text(
-            encode_message(
-                "hello",
-                width=options.eye_width,
-                height=options.eye_height,
-                rate_hz=options.eye_rate,
-                robot=self._hub.name,
-            )
-        )
         try:
+            if isinstance(before, _Eye):  # which may be gone, without its own task knowing it yet
+                await end_with_either(before._websocket.close(4001, "another phone is the eye now"))
             await converse(
                 self._websocket,
                 self._clock,
@@ -109,6 +99,10 @@ class _Eye:
             self._shut_out.set()
 
     async def _publish(self) -> None:
+        options = self._camera.options
+        size = {"width": options.eye_width, "height": options.eye_height}
+        hello = encode_message("hello", **size, rate_hz=options.eye_rate, robot=self._hub.name)
+        await self._websocket.send_text(hello)
         while True:
             now_ms = self._hub.now_ms()
             await self._websocket.send_text(encode_message("ping", server_ms=now_ms))

@@ -12,6 +12,7 @@ import cv2
 import httpx
 import numpy as np
 import pytest
+from starlette.websockets import WebSocketDisconnect
 from websockets.exceptions import ConnectionClosed
 
 from robot.bodies.phone.camera import PhoneCamera, PhoneOptions
@@ -126,6 +127,30 @@ def test_the_newest_phone_is_the_eye(robot: VirtualServer) -> None:
         second.wait_for("ping")
         second.show(1)
         assert rig.camera.fault is None
+
+
+@pytest.mark.parametrize(
+    "gone", [WebSocketDisconnect(1006), RuntimeError("once a close message has been sent")]
+)
+def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
+    robot: VirtualServer, gone: Exception
+) -> None:
+    """It was refused for good, and so was every phone after it."""
+    camera: Any = robot.rig.camera
+    with phone(robot.address) as first:
+        first.wait_for("hello")
+
+        async def close(*_: object) -> None:
+            raise gone
+
+        camera.source._websocket.close = close
+        for _ in range(2):
+            with phone(robot.address) as again:
+                again.wait_for("hello")
+                again.wait_for("ping")
+                again.wait_for("ping")
+                again.show(1)
+    robot.wait_until(lambda: camera.source is None)
 
 
 def test_whoever_sends_rubbish_is_shown_out(robot: VirtualServer) -> None:
