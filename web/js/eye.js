@@ -1,6 +1,6 @@
 // The page of the phone that is the robot's eye: rear camera, screen stays on, a big STOP.
 
-import { socketBase } from './api.js';
+import { ask, socketBase } from './api.js';
 import { WakeLock } from './device.js';
 import { EyeLink } from './eye-link.js';
 import { Packer } from './eye-picture.js';
@@ -24,11 +24,16 @@ stop.textContent = t('emergency_stop');
 const link = new EyeLink(`${socketBase()}/ws/eye`);
 const wakeLock = new WakeLock();
 const worker = 'OffscreenCanvas' in window ? new Worker('js/eye-worker.js', { type: 'module' }) : null;
-const packer = worker ? null : new Packer((width, height) => Object.assign(document.createElement('canvas'), { width, height }));
+const makePacker = () => new Packer((width, height) => Object.assign(document.createElement('canvas'), { width, height }));
+let packer = worker ? null : makePacker();
 let wanted = { width: 320, height: 240, rate_hz: 15 };
 let dueMs = -Infinity;
 let isPacking = false;
 let sent = 0;
+worker?.addEventListener('error', () => {
+  packer ??= makePacker(); // the worker did not arrive, or cannot be one: the page packs by itself
+  isPacking = false;
+}, { once: true });
 
 /** @param {string} text @param {boolean} [isBad] */
 function tell(text, isBad = false) {
@@ -42,14 +47,20 @@ async function open() {
   try {
     const video = { facingMode: { ideal: 'environment' }, width: { ideal: 640 }, height: { ideal: 480 }, frameRate: { ideal: 30 } };
     seen.srcObject = await navigator.mediaDevices.getUserMedia({ video, audio: false });
+    for (const track of seen.srcObject.getTracks()) track.onended = lose;
     await seen.play();
   } catch {
-    begin.hidden = false;
-    return tell(t('eye.refused'), true);
+    return lose();
   }
   wakeLock.want(true);
   link.connect();
   next();
+}
+
+/** Its permission was taken back, or another program took the camera. */
+function lose() {
+  begin.hidden = false;
+  tell(t('eye.refused'), true);
 }
 
 function next() {
@@ -106,8 +117,13 @@ setInterval(() => {
   document.body.dataset.sent = String(Number(document.body.dataset.sent ?? 0) + sent);
   sent = 0;
 }, 1000);
-stop.addEventListener('pointerdown', () => link.stop());
-stop.addEventListener('click', () => link.stop());
+/** Also by a request of its own: the line may be dead without knowing it, or another phone's. */
+function stopRobot() {
+  link.stop();
+  ask('POST', 'api/stop').catch(() => {});
+}
+stop.addEventListener('pointerdown', stopRobot);
+stop.addEventListener('click', stopRobot);
 begin.addEventListener('click', open);
 document.addEventListener('visibilitychange', () => document.visibilityState === 'visible' && wakeLock.want(true));
 open();
