@@ -45,6 +45,30 @@ test('strangers are told apart from the robots of the class', () => {
   assert.deepEqual([...link.robots.keys()], [1]);
 });
 
+test('a board that was started again is believed: what it does not know has no STOP that does nothing', (t) => {
+  const lines = [];
+  globalThis.WebSocket = class { constructor() { lines.push(this); } send() {} };
+  t.after(() => delete globalThis.WebSocket);
+  t.mock.timers.enable({ apis: ['setTimeout'] });
+  const link = new ClassLink('ws://board/ws/board');
+  const gone = [];
+  link.addEventListener('gone', ({ detail }) => gone.push(...detail));
+  const tell = (...numbers) => {
+    const told = [{ type: 'robots', robots: numbers.map((number) => ({ number })) }, { type: 'strangers', count: 0, some: [] }];
+    for (const words of told) lines.at(-1).onmessage({ data: JSON.stringify(words) });
+  };
+  link.connect();
+  lines.at(-1).onopen();
+  tell(1, 2);
+  tell(3);
+  assert.deepEqual(gone, [], 'later news are of some robots alone');
+  lines.at(-1).onclose();
+  t.mock.timers.tick(1000);
+  lines.at(-1).onopen();
+  tell(1, 3);
+  assert.deepEqual([gone, [...link.robots.keys()]], [[2], [1, 3]]);
+});
+
 test('a message that is cut short gives the pictures before the cut', () => {
   const whole = pack([[1, picture(1, [1, 2, 3])], [2, picture(2, [4, 5, 6])]]);
   for (let bytes = 0; bytes < whole.byteLength; bytes += 1) {

@@ -32,7 +32,8 @@ const RETRY_MS = 1000;
 
 /**
  * Events: `news` when robots have changed, `strangers` when those have that have not proved the key,
- * `pictures` with a map of numbers to pictures, `link`.
+ * `gone` with the numbers of those that a board that was started again does not know, `pictures` with a
+ * map of numbers to pictures, `link`.
  */
 export class ClassLink extends EventTarget {
   /** @param {string} url */
@@ -41,6 +42,8 @@ export class ClassLink extends EventTarget {
     this.url = url;
     /** @type {Map<number, Robot>} */
     this.robots = new Map();
+    /** @type {Set<number>} those that were told of since the line was opened */
+    this.told = new Set();
     /** @type {WebSocket | null} */
     this.socket = null;
     /** @type {number[]} */
@@ -52,6 +55,7 @@ export class ClassLink extends EventTarget {
     const socket = new WebSocket(this.url);
     socket.binaryType = 'arraybuffer';
     socket.onopen = () => {
+      this.told.clear();
       this.turn(true);
       this.watch(this.watched);
     };
@@ -73,9 +77,20 @@ export class ClassLink extends EventTarget {
   /** @param {string} text */
   hear(text) {
     const { type, robots = [], ...words } = JSON.parse(text);
-    for (const robot of robots) this.robots.set(robot.number, robot);
+    for (const robot of robots) {
+      this.robots.set(robot.number, robot);
+      this.told.add(robot.number);
+    }
     const [name, detail] = type === 'strangers' ? [type, words] : ['news', robots];
     this.dispatchEvent(new CustomEvent(name, { detail }));
+    if (type === 'strangers') this.forget(); // it comes when all robots have been told
+  }
+
+  /** What a board does not know it cannot stop. */
+  forget() {
+    const gone = [...this.robots.keys()].filter((number) => !this.told.has(number));
+    for (const number of gone) this.robots.delete(number);
+    if (gone.length) this.dispatchEvent(new CustomEvent('gone', { detail: gone }));
   }
 
   /** @param {ArrayBuffer} data */

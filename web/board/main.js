@@ -100,7 +100,18 @@ link.addEventListener('pictures', async (event) => {
   link.drawn();
 });
 
-link.addEventListener('link', summarize);
+link.addEventListener('gone', (event) => {
+  for (const number of /** @type {CustomEvent<number[]>} */ (event).detail) {
+    cards.get(number)?.element.remove();
+    cards.delete(number);
+  }
+  summarize();
+});
+
+link.addEventListener('link', () => {
+  if (link.isOpen) panel.close(); // a board that was started again may number its robots otherwise
+  summarize();
+});
 document.addEventListener('visibilitychange', watch);
 
 function summarize() {

@@ -24,6 +24,7 @@ export class Panel {
   }
 
   close() {
+    if (this.element.hidden) return;
     this.element.hidden = true;
     this.subject = null;
     /** @type {HTMLElement | null} */ (this.opener)?.focus();
@@ -72,13 +73,19 @@ export class Panel {
   }
 
   all() {
-    const everywhere = LOCKS.filter((lock) => this.robots().length && this.robots().every(({ locks }) => locks.includes(lock)));
+    const there = this.robots().filter(({ status }) => status === 'there');
+    const everywhere = LOCKS.filter((lock) => there.length && there.every(({ locks }) => locks.includes(lock)));
+    // Each robot keeps what else is locked on it.
+    const locked = new Map(this.robots().map((robot) => [robot.number, new Set(robot.locks)]));
     const choice = h('select', { 'aria-label': t('board.language'), onchange: () => chooseLanguage(choice.value) },
       ...Object.entries(LANGUAGES).map(([code, own]) => h('option', { value: code, selected: code === language, lang: code }, own)));
     return [
       h('p', {}, t('board.all_hint')),
-      locks(everywhere, (names) => this.attempt(async () => {
-        const told = this.robots().map(({ number }) => ask('PUT', `api/robots/${number}`, { locks: names }));
+      locks(everywhere, (_, { value: lock, checked }) => this.attempt(async () => {
+        const told = [...locked].map(([number, names]) => {
+          checked ? names.add(lock) : names.delete(lock);
+          return ask('PUT', `api/robots/${number}`, { locks: [...names] });
+        });
         const faults = (await Promise.allSettled(told)).flatMap((one) => (one.status === 'rejected' ? one.reason.message : []));
         if (faults.length) throw new Error(faults.join('\n'));
       })),
@@ -107,16 +114,16 @@ export class Panel {
       await act();
       this.said.textContent = t('board.done');
     } catch (error) {
-      this.said.textContent = /** @type {Error} */ (error).message;
+      this.said.textContent = error instanceof TypeError ? t('board.board_away') : /** @type {Error} */ (error).message;
     }
   }
 }
 
-/** @param {string[]} locked @param {(names: string[]) => void} change */
+/** @param {string[]} locked @param {(names: string[], changed: HTMLInputElement) => void} change */
 function locks(locked, change) {
   const boxes = LOCKS.map((name) => h('input', { type: 'checkbox', value: name, checked: locked.includes(name) }));
   for (const box of boxes) {
-    box.addEventListener('change', () => change(boxes.filter(({ checked }) => checked).map(({ value }) => value)));
+    box.addEventListener('change', () => change(boxes.filter(({ checked }) => checked).map(({ value }) => value), box));
   }
   const rows = boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`board.lock.${box.value}`))));
   return h('fieldset', {}, h('legend', {}, t('board.locked')), ...rows);
