@@ -12,11 +12,32 @@ export function h(tag, props = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(props)) {
     if (value === undefined || value === null || value === false) continue;
-    if (name.startsWith('on')) element.addEventListener(name.slice(2), value);
+    if (name.startsWith('on')) element.addEventListener(name.slice(2), name === 'onclick' || name === 'onsubmit' ? once(value) : value);
     else element.setAttribute(name, value === true ? '' : String(value));
   }
   append(element, children);
   return element;
+}
+
+const PATIENCE_MS = 5000;
+
+/** A second tap on what is not answered yet is the same wish; what hangs is not waited for long. @param {(event: Event) => unknown} act */
+function once(act) {
+  let untilMs = -Infinity;
+  return (/** @type {Event} */ event) => {
+    if (performance.now() < untilMs) {
+      event.preventDefault();
+      return;
+    }
+    const control = /** @type {Element} */ (event.currentTarget);
+    const answer = act(event);
+    if (!(answer instanceof Promise)) return;
+    untilMs = performance.now() + PATIENCE_MS;
+    answer.finally(() => {
+      untilMs = -Infinity;
+      settle(control);
+    });
+  };
 }
 
 /** @param {Element} parent @param {(Node | string | null | undefined | false)[]} children */

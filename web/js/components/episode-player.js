@@ -2,7 +2,7 @@
 // sonar on one time axis; and mended, part by part.
 
 import { ask } from '../api.js';
-import { append, fill, h, icon, say, svg } from '../dom.js';
+import { append, fill, h, icon, say, settle, svg } from '../dom.js';
 import { count, t } from '../i18n.js';
 import { drawFromAbove } from './from-above.js';
 
@@ -53,6 +53,7 @@ export async function openPlayer(home, path, place, teach, at = 0) {
         : null,
       episode.redoable ? button(t('mend.redo'), () => change(() => ask('POST', `${path}/edits/redo`)), icon('redo')) : null),
     h('button', { type: 'button', class: 'primary', onclick: teach }, t('again.begin')));
+  settle(place); // all is chosen again: a second tap on *Delete* was meant for the part that is deleted
 }
 
 class Player {

@@ -35,10 +35,19 @@ export class Screen extends HTMLElement {
 
   /** Do something now and then while the screen is open; returns what it returned first. @param {() => unknown} act @param {number} ms */
   every(ms, act) {
-    const first = act();
-    const timer = setInterval(act, ms);
+    let isUnderWay = false;
+    const next = async () => {
+      if (isUnderWay) return; // on a slow link questions would pile up, and a STOP behind them
+      isUnderWay = true;
+      try {
+        await act();
+      } finally {
+        isUnderWay = false;
+      }
+    };
+    const timer = setInterval(next, ms);
     this.endings?.push(() => clearInterval(timer));
-    return first;
+    return next();
   }
 
   /**

@@ -30,10 +30,8 @@ export class WhyScreen extends Screen {
 
   async refresh() {
     const frame = this.page?.store.state.robot?.frame;
-    if (this.isAsking || document.hidden || (frame !== undefined && frame === this.drawn)) return;
-    this.isAsking = true;
+    if (document.hidden || (frame !== undefined && frame === this.drawn)) return;
     const answer = await ask('GET', 'api/why').catch(() => null);
-    this.isAsking = false;
     if (answer && this.isConnected) this.render(answer.why);
   }
 
