@@ -26,6 +26,7 @@ export class Router {
     this.page = page;
     this.drive = /** @type {HTMLElement} */ (document.querySelector('main#drive'));
     this.other = /** @type {HTMLElement} */ (document.querySelector('main#other'));
+    this.turn = 0;
   }
 
   start() {
@@ -38,6 +39,7 @@ export class Router {
     const wanted = location.hash.slice(1);
     const screen = wanted in ELEMENTS ? wanted : 'drive';
     const { page, drive, other } = this;
+    const turn = (this.turn += 1); // who comes back while a screen is loaded gets it once
     page.helm.releaseAll();
     page.store.set({ screen, notice: null });
     document.body.dataset.screen = screen;
@@ -47,14 +49,14 @@ export class Router {
     other.replaceChildren();
     if (screen === 'drive') return;
     const isThere = await import(`./${ROOMS[screen] ?? 'components'}/${ELEMENTS[screen]}.js`).then(() => true, () => false);
-    if (page.store.state.screen !== screen) return;
+    if (turn !== this.turn) return;
     if (!isThere) {
       const alert = h('p', { class: 'panel', role: 'alert' }, t('unreachable'));
       other.append(alert);
       // A robot that answers, but has not what this page asks for, was updated: it has a newer page.
       const renew = () => alert.isConnected && page.store.state.robot?.mode === 'stopped' && location.reload();
       if (failures) ask('GET', 'healthz').then(renew, () => {});
-      setTimeout(() => page.store.state.screen === screen && this.show(failures + 1), AGAIN_MS);
+      setTimeout(() => turn === this.turn && this.show(failures + 1), AGAIN_MS);
       return;
     }
     const element = /** @type {any} */ (document.createElement(ELEMENTS[screen]));

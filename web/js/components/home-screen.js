@@ -3,7 +3,7 @@
 import { ask } from '../api.js';
 import { append, fill, h, icon } from '../dom.js';
 import { count, language, t } from '../i18n.js';
-import { Screen } from './screen.js';
+import { Screen, contentOf } from './screen.js';
 
 /**
  * @typedef {{name: string, current: boolean, bytes: number, readable: boolean, place: string,
@@ -29,7 +29,11 @@ export class HomeScreen extends Screen {
     this.models = h('div', { class: 'stack', role: 'list' });
     this.episodes = h('div', { class: 'stack' });
     const file = h('input', { type: 'file', accept: '.npz', hidden: true,
-      onchange: () => file.files?.[0] && this.upload(file.files[0]) });
+      onchange: () => {
+        const [chosen] = file.files ?? [];
+        file.value = ''; // or the same file could not be chosen again
+        if (chosen) this.upload(chosen);
+      } });
     append(this, [
       h('h2', {}, t('home.models')), this.models,
       h('div', { class: 'row' },
@@ -127,7 +131,7 @@ export class HomeScreen extends Screen {
   /** @param {File} file */
   async upload(file) {
     const name = file.name.replace(/\.npz$/i, '');
-    const kept = await this.act(() => ask('PUT', `api/models/${encodeURIComponent(name)}/file`, file));
+    const kept = await this.act(async () => ask('PUT', `api/models/${encodeURIComponent(name)}/file`, new Blob([await contentOf(file)])));
     if (kept) this.page?.toast(t('home.uploaded', { name: kept.name }));
   }
 }

@@ -70,6 +70,9 @@ export class Screen extends HTMLElement {
   }
 }
 
+/** What is in a chosen file; one that has changed since is not given out by the browser. @param {Blob} file */
+export const contentOf = (file) => file.arrayBuffer().catch(() => Promise.reject(new Error(t('unreadable'))));
+
 /**
  * A row of choices of which one is on.
  * @param {string} label

@@ -73,7 +73,7 @@ export class SettingsScreen extends Screen {
     const slider = h('input', {
       type: 'range', min: 30, max: 100, step: 5, value: Math.round(speed * 100), 'aria-label': t('settings.speed'),
       oninput: () => (shown.textContent = percent(Number(slider.value) / 100)),
-      onchange: () => this.attempt(() => ask('PUT', 'api/settings', { speed: Number(slider.value) / 100 })),
+      onchange: () => this.attempt(() => ask('PUT', 'api/settings', { speed: Number(slider.value) / 100 })).then((done) => done || this.refresh()),
     });
     return group(t('settings.speed'), '', h('div', { class: 'slider' }, slider, shown));
   }

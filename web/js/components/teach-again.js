@@ -100,6 +100,6 @@ async function keep(home) {
 
 /** @param {Home} home */
 async function drop(home) {
-  await home.attempt(() => ask('DELETE', 'api/retraining'));
-  fill(/** @type {Element} */ (home.again));
+  const dropped = await home.attempt(() => ask('DELETE', 'api/retraining'));
+  if (dropped) fill(/** @type {Element} */ (home.again));
 }

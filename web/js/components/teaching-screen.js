@@ -43,6 +43,7 @@ export class TeachingScreen extends Screen {
   async refresh() {
     const [teaching, readiness] = await Promise.all([ask('GET', 'api/teaching').catch(() => null), askReadiness(true)]);
     if (!this.isConnected) return;
+    if (!teaching || !readiness) this.drawn = undefined; // lost on the way: asked for again
     if (teaching && !this.page?.store.state.session) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
   }

@@ -133,6 +133,7 @@ export default {
   'hint.correct_keys': 'Let me turn my way; touch only before a bump. STOP or the space bar stops me.',
   'step.hint': 'Got it',
   unreachable: 'The robot did not answer.',
+  unreadable: 'The browser cannot read this file any more: it has changed since. Choose it again.',
   not_saved: 'The model could not be saved: {detail}',
   set_aside: 'Damaged files were set aside: {detail}',
   nothing_kept: 'Nothing can be saved or recorded: {detail}',

@@ -132,6 +132,7 @@ export default {
   'hint.correct_keys': 'Déjame girar a mi modo; toca solo antes de un choque. ALTO o espacio me para.',
   'step.hint': 'Vale',
   unreachable: 'El robot no respondió.',
+  unreadable: 'El navegador ya no puede leer este archivo: ha cambiado entretanto. Elígelo de nuevo.',
   not_saved: 'No se pudo guardar el modelo: {detail}',
   set_aside: 'Se apartaron archivos dañados: {detail}',
   nothing_kept: 'No se puede guardar ni grabar nada: {detail}',

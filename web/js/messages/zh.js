@@ -132,6 +132,7 @@ export default {
   'hint.correct_keys': '让我按自己的方式转弯。快撞上时触碰一个方向。急停键或空格键立即停车。',
   'step.hint': '知道了',
   unreachable: '机器人没有回应。',
+  unreadable: '浏览器无法再读取此文件：它在选择后被更改过。请重新选择。',
   not_saved: '模型无法保存：{detail}',
   set_aside: '已移开损坏的文件：{detail}',
   nothing_kept: '无法保存或录制：{detail}',

@@ -3,7 +3,7 @@
 
 import { ask } from '../api.js';
 import { minutes } from '../components/teach-panel.js';
-import { Screen, segments } from '../components/screen.js';
+import { Screen, contentOf, segments } from '../components/screen.js';
 import { append, fill, h } from '../dom.js';
 import { language, t } from '../i18n.js';
 import { inWords, questionForm } from './questions.js';
@@ -17,6 +17,8 @@ export class StudyScreen extends Screen {
   /** @type {string | null} the study that is shown */
   chosen = null;
   drawn = '';
+  /** How often studies were listed: of two lists that are under way only the newer is shown. */
+  listing = 0;
 
   async build() {
     append(this, [this.refusal, this.body]);
@@ -77,8 +79,9 @@ export class StudyScreen extends Screen {
   // The researcher's ---------------------------------------------------------------------------
 
   async list() {
+    const turn = (this.listing += 1);
     const answer = await this.act(() => ask('GET', 'api/studies'));
-    if (!answer || !this.isConnected) return;
+    if (!answer || !this.isConnected || turn !== this.listing) return;
     const names = /** @type {string[]} */ (answer.studies);
     if (!this.chosen || !names.includes(this.chosen)) this.chosen = names[0] ?? null;
     const study = this.chosen && (await this.act(() => ask('GET', `api/studies/${encodeURIComponent(this.chosen ?? '')}`)));
@@ -86,7 +89,7 @@ export class StudyScreen extends Screen {
       this.chosen = pick.value;
       this.list();
     } }, ...names.map((name) => h('option', { selected: name === this.chosen }, name)));
-    if (this.drawn) return; // a session has begun meanwhile
+    if (this.drawn || turn !== this.listing) return; // a session has begun meanwhile, or another study was chosen
     fill(this.body, ...this.trial(), h('h2', {}, t('study.studies')), ...(names.length ? [pick] : [h('p', { class: 'lead' }, t('study.none'))]),
       ...(study ? this.study(study) : []), this.creation(!names.length), ...this.older(answer.older));
   }
@@ -122,8 +125,10 @@ export class StudyScreen extends Screen {
 
   /** @param {string} study @param {string} code */
   async showResult(study, code) {
+    const place = h('div', { class: 'stack' }); // whatever is shown when the answer comes, it goes where it was asked for
+    this.body.append(place);
     const answer = await this.act(() => ask('GET', `api/studies/${encodeURIComponent(study)}/sessions/${code}`));
-    if (answer && this.isConnected) this.body.append(...answer.conditions.flatMap(drawOutcome));
+    if (answer) append(place, answer.conditions.flatMap(drawOutcome));
   }
 
   /** @param {any} study */
@@ -188,8 +193,10 @@ export class StudyScreen extends Screen {
     } }, ...['1', '2', '3'].map((n) => h('option', { value: n }, t('study.trial', { n }))), h('option', { value: OWN }, t('study.plan')));
     const create = async (/** @type {Event} */ event) => {
       event.preventDefault();
-      const plan = source === OWN ? { plan: (await file.files?.[0]?.text()) ?? '' } : { trial: Number(source) };
-      const made = await this.act(() => ask('POST', 'api/studies', { name: name.value.trim(), ...plan }));
+      const made = await this.act(async () => {
+        const plan = source === OWN ? { plan: new TextDecoder().decode(await contentOf(file.files?.[0] ?? new Blob())) } : { trial: Number(source) };
+        return ask('POST', 'api/studies', { name: name.value.trim(), ...plan });
+      });
       if (!made) return;
       this.chosen = made.name;
       await this.list();
