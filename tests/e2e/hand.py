@@ -15,6 +15,7 @@ from .world import World
 Way = tuple[float, float]
 """From the middle of a control to the right and upwards, as shares of what it is high or wide."""
 MIDDLE: Way = (0.0, 0.0)
+_LET_GO_S = 2.0
 
 
 class Fingers:
@@ -142,17 +143,25 @@ def press_until(
     done: Callable[[], bool],
     within_s: float = 30.0,
 ) -> None:
-    """Hold something until something is so, and go on holding; again after each stop."""
+    """Hold something until something is so, and go on holding; again after each stop.
+
+    A busy machine is late, and the robot stops for it; a page that hears of a stop after the next
+    start lets go of what is held by then.
+    """
     deadline_s = time.monotonic() + within_s
     press()
+    held_s = time.monotonic()
     while not done():
         assert time.monotonic() < deadline_s, (
             f"not done in {within_s} s: {world}; the page holds {_held(page)}"
         )
-        if world.mode is Mode.STOPPED:  # a busy machine was late, and the robot stopped for it
+        if _held(page) is not None:
+            held_s = time.monotonic()
+        if world.mode is Mode.STOPPED or time.monotonic() - held_s > _LET_GO_S:
             let_go()
             choose(page, world, Mode.TRAIN)
             press()
+            held_s = time.monotonic()
         time.sleep(0.01)
 
 
