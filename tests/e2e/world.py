@@ -37,6 +37,8 @@ CHROMIUMS = (
     "/usr/bin/chromium-browser",
 )
 """Where Chromium is looked for. The first has no windows, and takes a third less of a machine."""
+PATIENCE_MS = 90_000
+"""Where a test names no time, it waits so long: it must not judge how fast a machine is."""
 CHROMIUM_FLAGS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -177,6 +179,14 @@ def running_chromium(*flags: str, whole: bool = False) -> Iterator[Any]:
     path = find_chromium(whole=whole)
     with _running_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=[*CHROMIUM_FLAGS, *flags])
+        make = browser.new_context
+
+        def make_patient(**options: Any) -> Any:
+            context = make(**options)
+            context.set_default_timeout(PATIENCE_MS)
+            return context
+
+        browser.new_context = make_patient
         try:
             yield browser
         finally:
