@@ -122,9 +122,10 @@ class DriverContract:
         """Any body can be driven by degrees; one that does not take them drives the moves."""
         with driver_case.driver as driver:
             for point in POINTS:
-                move, send = driver.move_of(point), partial(driver.send_point, point)
+                move = driver.move_of(point)
+                send = partial(driver.send_point, point, speed_scale=0.5)
+                assert send() is move
                 assert move is Action.STOP or _sets_going(driver_case, send), point
-                assert send(speed_scale=0.5) is move
                 driver.stop()
                 assert not moving(driver_case), point
             if driver.send_point(Point(0.0, 0.0)) is Action.STOP:
@@ -290,10 +291,10 @@ class TestDriver(DriverContract):
     """Collected by `pytest --drivelesson-driver NAME`."""
 
 
-def _sets_going(case: DriverCase, order: Callable[[], object]) -> bool:
-    """Return whether the body moves by an order; where the machine is busy, by one of several: what
-    comes late only stops, and what is looked at late has ended."""
-    for _ in range(_REQUESTS if case.budget_s else 1):
+def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None = None) -> bool:
+    """Return whether the body moves by one of so many orders; by the first if none are named, but
+    where the machine is busy: what comes late only stops, and what is looked at late has ended."""
+    for _ in range(tries or (_REQUESTS if case.budget_s else 1)):
         order()
         if moving(case):
             return True
@@ -302,11 +303,7 @@ def _sets_going(case: DriverCase, order: Callable[[], object]) -> bool:
 
 def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:
     """Ask for a move at each step, and look at its end; a busy machine may look too late once."""
-    for _ in range(round(seconds / step_s)):
-        _ask(case, move, step_s)
-        if moving(case):
-            return True
-    return False
+    return _sets_going(case, partial(_ask, case, move, step_s), round(seconds / step_s))
 
 
 def _ask(case: DriverCase, move: Action, step_s: float) -> None:

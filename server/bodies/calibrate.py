@@ -7,10 +7,10 @@ import contextlib
 import math
 import os
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from tomllib import TOMLDecodeError
 
 from robot.bodies.ev3.driver import ChassisDriver
 from robot.devices.options import make_options, options_of
@@ -19,7 +19,7 @@ from robot.errors import ConfigurationError, quoted, told_as
 from robot.store.folder import write_whole
 from robot.types import Action
 from server.cli.parser import declare, number
-from server.cli.settings import PREFIX, apply_to, read_settings
+from server.cli.settings import PREFIX, apply_to, parse_settings, read_settings
 
 ROBOTS = ("ev3", "ev3-remote")
 LARGEST_CORRECTION = 3.0
@@ -160,15 +160,10 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
             head, n = re.subn(rf"(?m)^[ \t]*{spelled}[ \t]*=.*$", f"{name} = {value}", head)
             if n == 0:
                 head += ("" if not head or head.endswith("\n") else "\n") + f"{name} = {value}\n"
-        wanted, made = {**_settings(text), **values}, None
-        with contextlib.suppress(tomllib.TOMLDecodeError):
-            made = _settings(head + rest)
+        wanted, made = {**parse_settings(text), **values}, None
+        with contextlib.suppress(TOMLDecodeError):
+            made = parse_settings(head + rest)
         if made != wanted:  # a list over several lines looks like a table
             lines = "; ".join(f"{name} = {value}" for name, value in values.items())
             raise ValueError(f"its lines cannot be told apart; write into it yourself: {lines}")
         write_whole(file, (head + rest).encode())
-
-
-def _settings(text: str) -> dict[str, object]:
-    """Read TOML; its settings may be spelled with hyphens."""
-    return {name.replace("-", "_"): value for name, value in tomllib.loads(text).items()}

@@ -49,8 +49,12 @@ def read_settings(file: Path | None, environ: Mapping[str, str]) -> Settings:
     tables = {name: content.pop(name) for name in TABLES if name in content}
     if not all(isinstance(table, dict) for table in tables.values()):
         raise ConfigurationError(f"{file}: {', '.join(tables)} must be tables")
-    flags = {name.replace("-", "_"): value for name, value in content.items()}
-    return Settings(file=file, flags=flags, tables=tables, environ=environ)
+    return Settings(file=file, flags=content, tables=tables, environ=environ)
+
+
+def parse_settings(text: str) -> dict[str, Any]:
+    """Read TOML, in which a setting may be spelled with hyphens; raises TOMLDecodeError."""
+    return {name.replace("-", "_"): value for name, value in tomllib.loads(text).items()}
 
 
 def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
@@ -93,7 +97,7 @@ def _read_file(file: Path) -> dict[str, Any]:
     with told_as(ConfigurationError, f"cannot read {file}"):
         data = file.read_bytes()
     with told_as(ConfigurationError, f"{file} is not valid TOML", ValueError):
-        return tomllib.loads(data.decode("utf-8-sig"))
+        return parse_settings(data.decode("utf-8-sig"))
 
 
 def _as_bool(name: str, value: Any) -> bool:

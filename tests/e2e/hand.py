@@ -16,6 +16,7 @@ Way = tuple[float, float]
 """From the middle of a control to the right and upwards, as shares of what it is high or wide."""
 MIDDLE: Way = (0.0, 0.0)
 _LET_GO_S = 2.0
+"""A page that has held nothing for so long has let go."""
 
 
 class Fingers:

@@ -131,8 +131,8 @@ def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
     context.set_offline(True)
     proxy.fall_silent()
     page.locator(".notice", has_text="out of reach").wait_for(timeout=40_000)
-    page.locator("drive-pad .stop").tap()
-    page.wait_for_timeout(1000)
+    with page.expect_event("requestfailed", lambda request: request.url.endswith("/api/stop")):
+        page.locator("drive-pad .stop").tap()
     context.set_offline(False)
     proxy.speak_again()
     wait_for(lambda: world.rig.loop.state.emergency, "it is asked for until it is heard")

@@ -33,6 +33,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(500)]
 MOST_MEMORY_MB = {"bookworm": 36.0, "trixie": 46.0}
 """By release: pydantic 2 and a newer Python take their share of the second."""
 FRAME_RATE_HZ = 10
+SERVE = ("-m", "server.bodies.lean", "serve", "--robot", "ev3", "--brick-root")
 LEARNER = os.environ.get("DRIVELESSON_LEARNER", "integer")
 UNUSED = (
     "cv2",
@@ -88,12 +89,7 @@ def served() -> Iterator[Served]:
         brick.add_sensor("in4", "lego-ev3-us", 1234, decimals=1)
         process = subprocess.Popen(
             armel.command(
-                "-m",
-                "server.bodies.lean",
-                "serve",
-                "--robot",
-                "ev3",
-                "--brick-root",
+                *SERVE,
                 "/tmp/brick",
                 "--camera",
                 "film",
@@ -241,16 +237,7 @@ def every_move_on_the_brick_was_timed(served: Served) -> None:
 
 def no_motor_is_one_clear_line(served: Served) -> None:
     served_at = ["--port", "0", "--data", "/tmp/data-2"]
-    done = served.armel.run(
-        "-m",
-        "server.bodies.lean",
-        "serve",
-        "--robot",
-        "ev3",
-        "--brick-root",
-        "/nowhere",
-        *served_at,
-    )
+    done = served.armel.run(*SERVE, "/nowhere", *served_at)
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "no left motor at port outB" in done.stderr
