@@ -16,7 +16,7 @@ from robot.store.episodes.episode import Episode
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import EpisodeSummary
 from robot.store.folder import Storage, default_root
-from server.cli.kept import EPISODE_HELP, EpisodeVerb, add_data, find_episodes, find_id, find_path
+from server.cli.kept import EPISODE_HELP, EpisodeVerb, add_data, find_episodes, find_id
 from server.cli.parser import number
 
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
@@ -43,8 +43,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
     add("list", list_episodes, "list all episodes, the newest first", of_one=False)
     add("show", show, "show one along its time: labels, and what the robot said")
-    play = add("play", play_episode, "replay one into the page")
-    play.add_argument("--port", default="8000", help="port (default: %(default)s)")
     for verb, text in _RANGED.items():
         ranged = add(verb, edit, text)
         for flag, dest in (("--from", "first_s"), ("--to", "last_s")):
@@ -146,14 +144,6 @@ def _letter(move: str | None) -> str:
     return "-" if move is None else _LETTERS.get(move, move[-1:])
 
 
-def play_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
-    from server.cli.main import main
-
-    path = str(find_path(store, args.episode))
-    words = ["serve", "--robot", "replay", "--episode", path, "--port", args.port]
-    return main([*words, "--data", str(storage.root)])
-
-
 # Editing -----------------------------------------------------------------------------------------
 
 
@@ -198,7 +188,9 @@ def set_title(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -
 
 
 def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    store.protect(find_id(store, args.episode), args.verb == "protect")
+    episode_id, is_on = find_id(store, args.episode), args.verb == "protect"
+    store.protect(episode_id, is_on)
+    print(f"{episode_id} is {'never' if is_on else 'again'} offered for deletion")
 
 
 # Space -------------------------------------------------------------------------------------------

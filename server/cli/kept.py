@@ -22,7 +22,7 @@ class EpisodeVerb(NamedTuple):
 
     help: str
     configure: Callable[[argparse.ArgumentParser], None]
-    run: Callable[[argparse.Namespace, EpisodeStore, Storage], None]
+    run: Callable[[argparse.Namespace, EpisodeStore, Storage], int | None]
 
 
 def add_data(parser: argparse.ArgumentParser) -> None:

@@ -127,8 +127,8 @@ def test_the_core_works_without(house: str, tmp_path: Path) -> None:
 
     told = run("server", "--help")
     assert "serve" in told
-    for name in ("board", "study", "evaluate", "brick"):
-        at_home = {"board": "board", "study": "study", "evaluate": "lab", "brick": "bodies"}[name]
+    homes = {"board": "board", "study": "study", "evaluate": "lab", "learn": "lab"}
+    for name, at_home in {**homes, "brick": "bodies"}.items():
         assert (f"  {name} " in told) is (not uses({f"server.{at_home}"}, gone))
     everything = os.environ.get("DRIVELESSON_HOUSES") == "all"
     folders = tuple(f"{folder}/" for folder in (EVERYTHING if everything else QUICK))

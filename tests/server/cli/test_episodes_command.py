@@ -1,4 +1,4 @@
-"""`drivelesson episodes` and `drivelesson learn`, as a user types them."""
+"""`drivelesson episodes`, as a user types it."""
 
 from __future__ import annotations
 
@@ -10,14 +10,11 @@ import pytest
 
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
-from robot.store.models.store import ModelStore
 
 from .typed import assert_refused_by_a_full_disk, say
 
 
-@pytest.mark.parametrize(
-    "words", ["episodes compact last", "episodes title last x", "learn last --out m"]
-)
+@pytest.mark.parametrize("words", ["episodes compact last", "episodes title last x"])
 def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
     episode_id: str,
     data: Path,
@@ -60,7 +57,6 @@ def test_before_anything_is_recorded_that_is_said(
 def test_mend_and_undo(episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     store = EpisodeStore(Storage(data))
     assert "1 edit; " in say("episodes trim last --from 0.5 --to 2.5", capsys)
-    assert "it was edited" in say("learn last --check", capsys, status=1)
     say("episodes relabel last --from 1 --to 2 --label right", capsys)
     assert "3 edits" in say("episodes delete last --from 2", capsys)
     assert len(store.notes(episode_id).edits) == 3
@@ -88,20 +84,11 @@ def test_the_budget_offers_and_deletes_nothing(
     episode_id: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert f"could go: {episode_id}" in say("episodes budget --gigabytes 0", capsys)
-    say("episodes protect last", capsys)
+    assert f"{episode_id} is never offered" in say("episodes protect last", capsys)
     assert "could go" not in say("episodes budget --gigabytes 0", capsys)
+    assert f"{episode_id} is again offered" in say("episodes unprotect last", capsys)
+    assert f"could go: {episode_id}" in say("episodes budget --gigabytes 0", capsys)
     assert episode_id in say("episodes list", capsys)
-
-
-def test_learn_gives_the_nodes_of_driving_and_saves_them(
-    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    told = say("learn last --check --out again", capsys)
-    assert "the same nodes as driving made" in told
-    model = ModelStore(Storage(data)).load("again")
-    assert (model.summary.learner, model.summary.n_examples) == ("default-8", 60)
-    say(f"learn {episode_id} --learner published --max-nodes 64 --out {tmp_path}/m.npz", capsys)
-    assert (tmp_path / "m.npz").stat().st_size > 1000
 
 
 @pytest.mark.parametrize(
@@ -109,8 +96,6 @@ def test_learn_gives_the_nodes_of_driving_and_saves_them(
     [
         ("episodes show nobody", "no episode of this name"),
         ("episodes trim last --from 90 --to 91", "no pictures between"),
-        ("learn last --learner oracle", "oracle"),
-        ("learn nobody", "no episode of this name"),
         ("episodes restore 17", "no longer in the trash"),
         ("episodes list --data /proc/x", "cannot be used"),
     ],

@@ -59,8 +59,6 @@ def test_last_is_the_newest_by_time_and_never_by_name(
     assert newest in capsys.readouterr().out
     assert main(["episodes", "export", "last", "--as", "folder"]) == 0
     assert f"{newest}-folder" in capsys.readouterr().out
-    assert main(["learn", "last", "--learner", "published", "--max-nodes", "4"]) == 0
-    assert f"{20 if theirs_first else 3} examples" in capsys.readouterr().out
     assert main(["episodes", "delete", "last"]) == 0
     assert newest in capsys.readouterr().out
 
@@ -158,24 +156,6 @@ def test_names_of_exports_have_no_spaces(
     capsys.readouterr()
     names = sorted(path.name for path in storage.exports.iterdir())
     assert names == ["our-long-hall-tub", "our-long-hall-tub-2"]
-
-
-def test_check_names_continue_and_saves_nothing_when_it_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path))
-    storage = Storage(tmp_path)
-    robot = RecordedBench(storage.episodes)
-    robot.drive(range(30))
-    robot.recorder.finish()
-    robot.drive(range(30, 60))
-    second = robot.finish()[-1].stem
-    assert main(["learn", second, "--check", "--out", "x"]) == 1
-    told = capsys.readouterr().out
-    assert "--continue" in told and "nothing was saved" in told
-    assert not list(storage.models.iterdir())
-    assert main(["learn", second, "--check", "--continue", "--out", "x"]) == 0
-    assert [path.name for path in storage.models.iterdir()] == ["x"]
 
 
 @pytest.mark.parametrize("does", ["nothing", "drives", "teaches", "edits"])

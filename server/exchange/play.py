@@ -1,0 +1,25 @@
+"""A recording replayed into the page, as if it were a robot: the verb `play` of `episodes`."""
+
+from __future__ import annotations
+
+import argparse
+
+from robot.store.episodes.store import EpisodeStore
+from robot.store.folder import Storage
+from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_path
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("episode", metavar="EPISODE", help=EPISODE_HELP)
+    parser.add_argument("--port", default="8000", help="port (default: %(default)s)")
+
+
+def play(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
+    from server.cli.main import main  # main loads this verb
+
+    path = str(find_path(store, args.episode))
+    words = ["serve", "--robot", "replay", "--episode", path, "--port", args.port]
+    return main([*words, "--data", str(storage.root)])
+
+
+PLAY = EpisodeVerb("replay one into the page", configure, play)

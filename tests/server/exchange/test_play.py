@@ -1,0 +1,39 @@
+"""`drivelesson episodes play`, as a user types it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ..cli.typed import say
+
+PLAY = [sys.executable, "-m", "server", "episodes", "play"]
+
+
+@pytest.mark.slow
+def test_a_recording_is_played_into_a_page(episode_id: str, data: Path) -> None:
+    words = [*PLAY, episode_id, "--port", "0", "--data", str(data)]
+    playing = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    assert playing.stdout is not None
+    assert any("Drivelesson is ready: open http" in line for line in playing.stdout)
+    playing.send_signal(signal.SIGINT)
+    playing.communicate(timeout=60)
+    assert playing.returncode == 130
+
+
+def test_a_file_that_is_no_recording_is_told(data: Path, tmp_path: Path) -> None:
+    (tmp_path / "broken.mcap").write_bytes(b"no recording")
+    words = [*PLAY, str(tmp_path / "broken.mcap"), "--port", "0", "--data", str(data)]
+    played = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (played.returncode, played.stdout) == (1, "")
+    assert played.stderr.splitlines()[-1] == "drivelesson: broken.mcap is not an MCAP file"
+
+
+def test_a_name_that_nothing_has_is_told(
+    episode_id: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "no episode of this name" in say("episodes play nobody", capsys, status=1)

@@ -1,0 +1,84 @@
+"""`drivelesson learn`, as a user types it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot.store.episodes.store import EpisodeStore
+from robot.store.folder import Storage
+from robot.store.models.store import ModelStore
+from server.__main__ import main
+from tests.robot.store.episodes.drives import RecordedBench, record_drive
+
+from ..cli.typed import assert_refused_by_a_full_disk, say
+
+
+def test_it_gives_the_nodes_of_driving_and_saves_them(
+    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = say("learn last --check --out again", capsys)
+    assert "the same nodes as driving made" in told
+    model = ModelStore(Storage(data)).load("again")
+    assert (model.summary.learner, model.summary.n_examples) == ("default-8", 60)
+    say(f"learn {episode_id} --learner published --max-nodes 64 --out {tmp_path}/m.npz", capsys)
+    assert (tmp_path / "m.npz").stat().st_size > 1000
+
+
+def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
+    episode_id: str,
+    data: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert_refused_by_a_full_disk("learn last --out m", data, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("learn last --learner oracle", "oracle"),
+        ("learn nobody", "no episode of this name"),
+    ],
+)
+def test_what_cannot_be_learned_is_one_clear_line(
+    episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = say(words, capsys, status=1)
+    assert complaint in told.splitlines()[-1]
+
+
+def test_an_edited_recording_is_no_longer_what_was_driven(
+    episode_id: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say("episodes trim last --from 0.5 --to 2.5", capsys)
+    assert "it was edited" in say("learn last --check", capsys, status=1)
+
+
+@pytest.mark.parametrize("name", ["0", "zz"])
+def test_last_is_the_newest_by_time_and_never_by_name(
+    data: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    storage = Storage(data)
+    record_drive(storage.episodes, frames=20)
+    newest = EpisodeStore(storage).path(record_drive(storage.episodes, frames=40).id)
+    newest.rename(newest.with_stem(name))
+    assert "40 examples" in say("learn last --learner published --max-nodes 4", capsys)
+
+
+def test_check_names_continue_and_saves_nothing_when_it_fails(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    storage = Storage(data)
+    robot = RecordedBench(storage.episodes)
+    robot.drive(range(30))
+    robot.recorder.finish()
+    robot.drive(range(30, 60))
+    second = robot.finish()[-1].stem
+    assert main(["learn", second, "--check", "--out", "x"]) == 1
+    told = capsys.readouterr().out
+    assert "--continue" in told and "nothing was saved" in told
+    assert not list(storage.models.iterdir())
+    say(f"learn {second} --check --continue --out x", capsys)
+    assert [path.name for path in storage.models.iterdir()] == ["x"]
