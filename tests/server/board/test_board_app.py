@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+import re
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -86,5 +88,20 @@ def test_words_that_make_no_sense_end_the_line_of_a_page_and_nothing_else() -> N
                     while True:
                         await channel.recv()
                 assert channel.socket.task.exception() is None, words
+
+    in_class(scenario, robots=1)
+
+
+def test_every_address_and_word_is_in_the_reference() -> None:
+    page = (Path(__file__).parents[3] / "docs/reference/board.md").read_text("utf-8")
+    named = set(re.findall(r"[\w/{}.-]+", page))
+
+    async def scenario(world: ClassWorld) -> None:
+        app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
+        paths = {path for route in app.routes if (path := getattr(route, "path", ""))}
+        assert len(paths) > 7
+        assert paths - named == set()
+        [robot] = world.board.describe()
+        assert robot.keys() | world.board.strangers.describe().keys() <= named
 
     in_class(scenario, robots=1)
