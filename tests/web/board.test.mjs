@@ -69,6 +69,35 @@ test('a board that was started again is believed: what it does not know has no S
   assert.deepEqual([gone, [...link.robots.keys()]], [[2], [1, 3]]);
 });
 
+test('a STOP that no board could hear is said when the next one knows robots, unless it was released', async (t) => {
+  const said = [], lines = [], asked = [];
+  globalThis.WebSocket = class { constructor() { lines.push(this); } send(text) { said.push(JSON.parse(text)); } };
+  globalThis.fetch = (path, { body }) => (asked.push(body), answers.shift());
+  t.after(() => { delete globalThis.WebSocket; delete globalThis.fetch; });
+  t.mock.timers.enable({ apis: ['setTimeout'] });
+  const open = () => { lines.at(-1).readyState = 1; lines.at(-1).onopen(); };
+  const tell = (...robots) => lines.at(-1).onmessage({ data: JSON.stringify({ type: 'robots', robots }) });
+  const fails = () => Promise.reject(new TypeError('no board'));
+  const answers = [fails(), fails(), Promise.resolve({ ok: true }), Promise.resolve({ ok: false }), fails()];
+  const link = new ClassLink('ws://board/ws/board');
+  link.connect();
+  for (const robot of [undefined, 1, 2, 3, 4]) link.stop(robot); // 2 is heard by a request
+  link.release(4);
+  await new Promise(setImmediate);
+  assert.deepEqual(asked, ['{}', '{"robot":1}', '{"robot":2}', '{"robot":3}', '{"robot":4}']);
+  open();
+  const stops = () => said.filter(({ type }) => type === 'stop');
+  tell();
+  assert.deepEqual(stops(), [], 'a board without robots can stop none');
+  tell({ number: 1 });
+  assert.deepEqual(stops().map(({ robot }) => robot), [undefined, 1], 'it does not know 3 yet');
+  tell({ number: 3 });
+  tell({ number: 1 }, { number: 3 });
+  assert.deepEqual(stops().map(({ robot }) => robot), [undefined, 1, 3], 'once is enough');
+  link.stop();
+  assert.deepEqual([stops().length, asked.length], [4, 5], 'by the line, where there is one');
+});
+
 test('a message that is cut short gives the pictures before the cut', () => {
   const whole = pack([[1, picture(1, [1, 2, 3])], [2, picture(2, [4, 5, 6])]]);
   for (let bytes = 0; bytes < whole.byteLength; bytes += 1) {

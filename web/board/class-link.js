@@ -49,6 +49,8 @@ export class ClassLink extends EventTarget {
     /** @type {number[]} */
     this.watched = [];
     this.isOpen = false;
+    /** @type {Set<{robot?: number}>} stops that no board has heard yet */
+    this.owed = new Set();
   }
 
   connect() {
@@ -81,6 +83,7 @@ export class ClassLink extends EventTarget {
       this.robots.set(robot.number, robot);
       this.told.add(robot.number);
     }
+    if (robots.length) this.settle(); // a board that was started again may have found none before
     const [name, detail] = type === 'strangers' ? [type, words] : ['news', robots];
     this.dispatchEvent(new CustomEvent(name, { detail }));
     if (type === 'strangers') this.forget(); // it comes when all robots have been told
@@ -109,15 +112,24 @@ export class ClassLink extends EventTarget {
     this.say({ type: 'watch', robots: numbers });
   }
 
-  /** Stop a robot, or all. @param {number} [robot] */
+  /** Stop a robot, or all: by a request where there is no line, and by the next line if that fails. @param {number} [robot] */
   stop(robot) {
     const words = robot === undefined ? {} : { robot };
     if (this.say({ type: 'stop', ...words })) return;
-    fetch('api/stop', { method: 'POST', keepalive: true, body: JSON.stringify(words) }).catch(() => {});
+    this.owed.add(words);
+    const asked = fetch('api/stop', { method: 'POST', keepalive: true, body: JSON.stringify(words) });
+    asked.then(({ ok }) => ok && this.owed.delete(words)).catch(() => {});
+  }
+
+  /** Say what no board has heard, of robots that this one knows: at any other number it ends the line. */
+  settle() {
+    const known = [...this.owed].filter(({ robot }) => robot === undefined || this.told.has(robot));
+    for (const words of known) if (this.say({ type: 'stop', ...words })) this.owed.delete(words);
   }
 
   /** Let the pupils start a robot again, or all that were stopped here. @param {number} [robot] */
   release(robot) {
+    for (const words of this.owed) if (robot === undefined || words.robot === robot) this.owed.delete(words);
     this.say({ type: 'release', ...(robot === undefined ? {} : { robot }) });
   }
 
