@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -17,12 +16,12 @@ PLAY = [sys.executable, "-m", "server", "episodes", "play"]
 @pytest.mark.slow
 def test_a_recording_is_played_into_a_page(episode_id: str, data: Path) -> None:
     words = [*PLAY, episode_id, "--port", "0", "--data", str(data)]
-    playing = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
-    assert playing.stdout is not None
-    assert any("Drivelesson is ready: open http" in line for line in playing.stdout)
-    playing.send_signal(signal.SIGINT)
-    playing.communicate(timeout=60)
-    assert playing.returncode == 130
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as playing:
+        try:
+            assert playing.stdout is not None
+            assert any("Drivelesson is ready: open http" in line for line in playing.stdout)
+        finally:
+            playing.terminate()
 
 
 def test_a_file_that_is_no_recording_is_told(data: Path, tmp_path: Path) -> None:
