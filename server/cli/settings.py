@@ -43,6 +43,11 @@ class Settings:
         """Return a flag's value: from the environment, else from the file, else the default."""
         return self.environ.get(PREFIX + name.upper(), self.flags.get(name, default))
 
+    def place(self, name: str) -> str:
+        """Return where a flag's value stands, as a person finds it."""
+        variable = PREFIX + name.upper()
+        return variable if variable in self.environ else f"{self.file}: {name}"
+
 
 def read_settings(file: Path | None, environ: Mapping[str, str]) -> Settings:
     content = _read_file(file) if file else {}
@@ -65,15 +70,25 @@ def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
         raise ConfigurationError(f"{settings.file}: unknown setting {', '.join(unknown)}{hint}")
     for name, action in actions.items():
         value = settings.get(name)
-        if value is None:
-            continue
-        if isinstance(action, argparse._StoreTrueAction):
-            parser.set_defaults(**{name: _as_bool(name, value)})
-        elif isinstance(value, str | int | float):
-            # Text, because argparse reads a default that is text as if it had been typed.
-            parser.set_defaults(**{name: str(value)})
-        else:
-            raise ConfigurationError(f"{name} must be text or a number, not {value!r}")
+        if value is not None:
+            typed = _as_typed(parser, action, value, settings.place(name))
+            parser.set_defaults(**{name: typed})
+
+
+def _as_typed(
+    parser: argparse.ArgumentParser, action: argparse.Action, value: Any, place: str
+) -> Any:
+    """Read a value as if it had been typed: argparse would call it an argument."""
+    if isinstance(action, argparse._StoreTrueAction):
+        if (text := str(value).lower()) not in _TRUE + _FALSE:
+            raise ConfigurationError(f"{place} must be true or false, not {value!r}")
+        return text in _TRUE
+    if not isinstance(value, str | int | float):
+        raise ConfigurationError(f"{place} must be text or a number, not {value!r}")
+    try:
+        return parser._get_value(action, str(value))
+    except argparse.ArgumentError as error:
+        raise ConfigurationError(f"{place} {error.message}") from error
 
 
 def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
@@ -98,10 +113,3 @@ def _read_file(file: Path) -> dict[str, Any]:
         data = file.read_bytes()
     with told_as(ConfigurationError, f"{file} is not valid TOML", ValueError):
         return parse_settings(data.decode("utf-8-sig"))
-
-
-def _as_bool(name: str, value: Any) -> bool:
-    text = str(value).lower()
-    if text not in _TRUE + _FALSE:
-        raise ConfigurationError(f"{name} must be true or false, not {value!r}")
-    return text in _TRUE

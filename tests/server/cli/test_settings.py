@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import subprocess
 import sys
 from dataclasses import fields
@@ -84,6 +85,27 @@ def test_a_broken_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
     file.write_text(text)
     with pytest.raises(ConfigurationError, match=said):
         _parse(file, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("port", "abc", "must be a whole number from 0 to 65535, not 'abc'"),
+        ("max_nodes", "0", "must be a whole number from 1 to 1024, or 'auto', not '0'"),
+        ("lan", "maybe", "must be true or false, not 'maybe'"),
+        ("hostname", "a.b", "at most 63 and none of them a dot, not 'a.b'"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_where_it_stands(
+    tmp_path: Path, name: str, value: str, said: str
+) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text(f"{name} = {value!r}\n")
+    with pytest.raises(ConfigurationError, match=re.escape(f"robot.toml: {name}") + ".*" + said):
+        _parse(file, {})
+    variable = f"DRIVELESSON_{name.upper()}"
+    with pytest.raises(ConfigurationError, match=f"^{variable}.*{said}"):
+        _parse(None, {variable: value})
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
