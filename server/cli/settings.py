@@ -64,31 +64,26 @@ def parse_settings(text: str) -> dict[str, Any]:
 
 def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
     actions = {action.dest: action for action in parser._actions}  # there is no public list
-    unknown = [name for name in settings.flags if name not in actions]
-    if unknown:
+    if unknown := [name for name in settings.flags if name not in actions]:
         hint = did_you_mean(unknown[0], actions)
         raise ConfigurationError(f"{settings.file}: unknown setting {', '.join(unknown)}{hint}")
     for name, action in actions.items():
         value = settings.get(name)
         if value is not None:
-            typed = _as_typed(parser, action, value, settings.place(name))
-            parser.set_defaults(**{name: typed})
+            parser.set_defaults(**{name: _typed(action, value, settings.place(name))})
 
 
-def _as_typed(
-    parser: argparse.ArgumentParser, action: argparse.Action, value: Any, place: str
-) -> Any:
+def _typed(action: argparse.Action, value: Any, at: str) -> Any:
     """Read a value as if it had been typed: argparse would call it an argument."""
     if isinstance(action, argparse._StoreTrueAction):
         if (text := str(value).lower()) not in _TRUE + _FALSE:
-            raise ConfigurationError(f"{place} must be true or false, not {value!r}")
+            raise ConfigurationError(f"{at} must be true or false, not {value!r}")
         return text in _TRUE
     if not isinstance(value, str | int | float):
-        raise ConfigurationError(f"{place} must be text or a number, not {value!r}")
-    try:
-        return parser._get_value(action, str(value))
-    except argparse.ArgumentError as error:
-        raise ConfigurationError(f"{place} {error.message}") from error
+        raise ConfigurationError(f"{at} must be text or a number, not {value!r}")
+    read: Any = action.type or str
+    with told_as(ConfigurationError, at, argparse.ArgumentTypeError, ValueError):
+        return read(str(value))
 
 
 def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
