@@ -124,15 +124,8 @@ class MotorPair:
 
     def positions(self) -> List[float]:
         """How far each wheel has turned since it was opened, in degrees; left, right."""
-        if not self._ports:
-            raise self._lost("they were unplugged")
-        try:
-            return [
-                float(motor.read("position")) / count
-                for motor, count in zip(self._ports, self._counts_per_deg)
-            ]
-        except Exception as error:
-            raise self._lost(error) from error
+        counts = zip(self._read("position"), self._counts_per_deg)
+        return [float(position) / count for position, count in counts]
 
     def _lost(self, error: object) -> DriveError:
         return DriveError(
@@ -143,7 +136,15 @@ class MotorPair:
 
     def states(self) -> List[str]:
         """The kernel's state flags of each motor, as "running stalled"; left, right."""
-        return [str(motor.read("state")) for motor in self._ports]
+        return self._read("state")
+
+    def _read(self, name: str) -> List[str]:
+        if not self._ports:
+            raise self._lost("they were unplugged")
+        try:
+            return [str(motor.read(name)) for motor in self._ports]
+        except Exception as error:
+            raise self._lost(error) from error
 
     def close(self) -> None:
         """Let go of the devices; they are found again by the next `run`."""

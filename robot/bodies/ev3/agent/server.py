@@ -110,7 +110,10 @@ class Agent:
         moves = [command for command in commands if command["do"] in ("run", "stop")]
         for command in commands:
             if command["do"] not in ("run", "stop"):
-                self._obey(caller, command)
+                try:
+                    self._obey(caller, command)
+                except DriveError as error:
+                    caller.send({"failed": str(error)})
             elif command is moves[-1]:  # of several that wait, only the last counts
                 self._move(caller, command, now_s)
         caller.received_s = now_s
@@ -160,10 +163,9 @@ class Agent:
         body = BrickBody(command, self._root, self._clock)
         try:
             top_speeds_dps = body.open()
-        except DriveError as error:
+        except DriveError:
             body.close()
-            caller.send({"failed": str(error)})
-            return
+            raise
         self._body = body
         caller.send({"opened": {"top_speeds_dps": top_speeds_dps}})
 
