@@ -71,6 +71,7 @@ class BrickLink:
         self._thread: Worker | None = None
         self._answers: deque[dict[str, Any]] = deque()
         self._answered = threading.Event()
+        self._opens_again = False
         self._held: dict[str, dict[str, Any]] = {}
         self._received_s = 0.0
         self._offset_s: float | None = None
@@ -104,6 +105,7 @@ class BrickLink:
             if not self.address:
                 raise DriveError("which brick? name it with --brick ADDRESS")
             self._connection = self._join()
+            self._answers.clear()
             self._ending.clear()
             self._thread = self.clock.start_thread(self._run, "brick-link")
         self._held[key] = {"do": do, **rest}
@@ -173,6 +175,7 @@ class BrickLink:
 
     def _rejoin(self) -> None:
         self._connection = self._join()
+        self._opens_again = "body" in self._held
         for command in list(self._held.values()):
             self._send(**command)
 
@@ -203,6 +206,9 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
+            if self._opens_again and "failed" in message:  # nobody asked; it is tried again
+                raise OSError(message["failed"])
+            self._opens_again = self._opens_again and "opened" not in message
             self._answers.append(message)
             self._answered.set()
 

@@ -306,6 +306,53 @@ def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
         brick.wait_until(brick.is_moving)
 
 
+@pytest.mark.parametrize("part", ["tacho-motor", "lego-sensor"])
+def test_a_body_that_does_not_open_again_with_the_line_is_said_until_it_does(
+    brick: FakeBrick, part: str
+) -> None:
+    """A brick that was started anew knows its motors only some seconds after its network."""
+    clock, there = brick.clock, brick.root / "sys/class" / part
+    brick.add_sensor("in1", "lego-ev3-touch", 0)
+    with (
+        VirtualAgent(brick) as running,
+        make_driver(running, left_port="outC", right_port="outB", touch_port="in1") as driver,
+    ):
+        running.kill()
+        clock.sleep(1.0)
+        there.rename(brick.root / "away")
+        running.start_again()
+        clock.sleep(2 * REJOIN_S)
+        for _ in range(3):
+            with pytest.raises(DriveError, match=r"no (left motor|touch sensor) at port .*again"):
+                driver.sense()
+            with pytest.raises(DriveError, match="trying again"):
+                driver.send_action(Action.FORWARD)
+            clock.sleep(REJOIN_S)
+        (brick.root / "away").rename(there)
+        clock.sleep(2 * REJOIN_S)
+        assert driver.sense().bumped is False
+        assert not brick.is_moving(), "it waits for an order"
+        driver.send_action(Action.FORWARD)
+        brick.wait_until(brick.is_moving)
+
+
+def test_motors_that_cannot_be_asked_are_named_and_the_line_stays(
+    brick: FakeBrick, agent: VirtualAgent
+) -> None:
+    with make_driver(agent) as driver:
+        brick.unplug_motor("outC")
+        agent._agent._body.motors._ports[1].close()  # type: ignore[union-attr]
+        for ask in (driver.rolled_m, lambda: _states(driver)):
+            with pytest.raises(DriveError, match=r"outB and outC do not answer .*check their cabl"):
+                ask()
+        assert driver.link.fault is None
+
+
+def _states(driver: Ev3RemoteDriver) -> object:
+    driver.link.send("states")
+    return driver.link.answer("states")
+
+
 def test_a_computer_that_stood_still_while_it_joined_opens_the_body_all_the_same(
     brick: FakeBrick,
 ) -> None:
