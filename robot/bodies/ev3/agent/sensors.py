@@ -47,18 +47,14 @@ class SensorGroup:
         self._units = [10 ** int(port.read("decimals")) for port in self._ports]
         self._expected = max(self._expected, len(self._ports))
 
-    def find_more(self) -> None:
-        """Look for sensors that nobody named and that were not there before."""
-        if self._wanted == "auto" and len(self._choose()) > len(self._ports):
-            self.find()
-
-    def read(self) -> List[float]:
-        """Return what each measures, in its mode's unit; DriveError if one that was there does not
-        answer; it is looked for again."""
-        if not self._expected:
-            return []
+    def read(self, looks_for_more: bool) -> List[float]:
+        """Return what each measures, in its mode's unit, late ones too if it looks for them;
+        DriveError if one that is or was there does not answer; it is looked for again."""
         try:
-            if not self._ports:
+            wanted = min(1, self._expected)
+            if looks_for_more and self._wanted == "auto":
+                wanted = len(self._choose())
+            if len(self._ports) < wanted:
                 self.find()
             if len(self._ports) < self._expected:
                 raise OSError("it was unplugged")
@@ -125,12 +121,11 @@ class RobotSensors:
         """Return distance_m, bumped, bumpers and battery_share; None for what is not there.
         DriveError if a sensor that was there does not answer."""
         now_s = self._clock.monotonic()
-        if now_s - self._searched_s >= SEARCH_S:
+        is_due = now_s - self._searched_s >= SEARCH_S
+        if is_due:
             self._searched_s = now_s
-            self._ultrasonic.find_more()
-            self._touch.find_more()
-        bumpers = [value != 0 for value in self._touch.read()]
-        distances_cm = self._ultrasonic.read()
+        bumpers = [value != 0 for value in self._touch.read(is_due)]
+        distances_cm = self._ultrasonic.read(is_due)
         return {
             "distance_m": distances_cm[0] / 100 if distances_cm else None,
             "bumped": any(bumpers) if bumpers else None,
