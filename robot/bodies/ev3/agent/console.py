@@ -65,7 +65,8 @@ class Console:
                 self._note_back(second + micro / 1e6, value)
             if value == 1:
                 pressed = "start" if code == KEY_ENTER and pressed != "stop" else "stop"
-        return pressed
+        # While the menu has the screen, the middle button chooses there.
+        return pressed if self._shown or pressed != "start" else None
 
     def _note_back(self, at_s: float, value: int) -> None:
         if value == 1:

@@ -267,6 +267,21 @@ def test_sensors_that_appear_late_are_found(
         assert driver.sense().bumpers == (True, False)
 
 
+@pytest.mark.parametrize("missing", ["mode", "decimals", "value0"])
+def test_a_sensor_whose_plug_makes_no_contact_yet_is_said(
+    brick: FakeBrick, monkeypatch: pytest.MonkeyPatch, missing: str
+) -> None:
+    monkeypatch.setattr(sensors, "SEARCH_S", 0.0)
+    with make_driver(brick) as driver:
+        brick.add_sensor("in4", "lego-ev3-us", 500, decimals=1)
+        file = brick.root / "sys/class/lego-sensor/sensor0" / missing
+        there = file.rename(brick.root / "away")
+        with pytest.raises(DriveError, match=r"ultrasonic sensor does not answer.*check its cable"):
+            driver.sense()
+        there.rename(file)
+        assert driver.sense().distance_m == pytest.approx(0.5)
+
+
 def test_the_buttons_are_grabbed_and_given_back(
     brick: FakeBrick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -287,8 +302,12 @@ def test_the_buttons_are_grabbed_and_given_back(
         brick.press(console.KEY_BACK, for_s=console.MENU_S)
         assert driver.take_button() is BodyButton.STOP
         assert grabs[-1] == 0, "held long, Back leads to the menu, as ever"
+        brick.press(console.KEY_ENTER)
+        assert driver.take_button() is None, "it is the menu's: it may switch the brick off"
         driver.show(Mode.TRAIN)
         assert grabs[-1] == 1, "and the next start takes them again"
+        brick.press(console.KEY_ENTER)
+        assert driver.take_button() is BodyButton.START
 
 
 def test_options_that_make_no_sense_are_refused() -> None:
