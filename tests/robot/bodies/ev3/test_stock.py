@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import socket
 import struct
 import threading
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.bodies.ev3.stock import codec
+from robot.bodies.ev3.stock import codec, lines
 from robot.bodies.ev3.stock.lines import UsbLine, find_usb, open_line, parse_beacon
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions, StockBody
 from robot.errors import ConfigurationError, DriveError
@@ -183,6 +184,33 @@ def test_a_medium_motor_and_a_wrong_speed(brick: StockFirmware) -> None:
 def test_bluetooth_needs_an_address(brick_id: str) -> None:
     with pytest.raises(DriveError, match="--brick"):
         open_line("bluetooth", brick_id)
+
+
+@pytest.mark.parametrize("line", ["wifi", "bluetooth"])
+def test_a_line_that_fails_while_it_is_opened_is_closed_at_once(
+    monkeypatch: pytest.MonkeyPatch, line: str
+) -> None:
+    """A brick serves one: whoever keeps the error must not keep the next line out."""
+    made: list[socket.socket] = []
+
+    class Mute(socket.socket):
+        def __init__(self, *_: object) -> None:
+            super().__init__(socket.AF_INET, socket.SOCK_STREAM)
+            made.append(self)
+
+        def answer_not(self, *_: object) -> None:
+            raise TimeoutError("timed out")
+
+        connect = sendall = answer_not  # type: ignore[assignment]
+
+    monkeypatch.setattr(lines, "_hear_beacon", lambda *_: ("127.0.0.1", 1, SERIAL))
+    monkeypatch.setattr(socket, "create_connection", Mute)
+    monkeypatch.setattr(socket, "socket", Mute)
+    for name in ("AF_BLUETOOTH", "BTPROTO_RFCOMM"):
+        monkeypatch.setattr(socket, name, 0, raising=False)
+    with pytest.raises(DriveError, match="cannot be reached") as kept:
+        open_line(line, SERIAL)
+    assert [one.fileno() for one in made] == [-1], kept
 
 
 def plug_in(root: Path, number: int, uevent: str) -> None:
