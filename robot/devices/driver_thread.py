@@ -151,13 +151,12 @@ class DriverThread(Driver):
             self._request_s = None if request is None else now_s
         if request is None:
             return False
-        try:
-            request()
-        finally:
-            self._request_s = None
+        kind, do = request
+        with self._noting(kind):
+            do()
         return True
 
-    def _choose(self, now_s: float) -> Callable[[], None] | None:
+    def _choose(self, now_s: float) -> tuple[str, Callable[[], None]] | None:
         """Take what is most due out of its slot: to stop, then to sense or drive, then to show.
 
         A new action goes before the sensors, once; the renewal of the last one goes after them.
@@ -166,37 +165,35 @@ class DriverThread(Driver):
         is_new = order is not None and order.action is not self._driven
         if self._must_stop:
             self._must_stop = False
-            return self._stop
+            return "drive", self._stop
         if since_s >= SENSE_EVERY_S and not (is_new and since_s < 2 * SENSE_EVERY_S):
-            return partial(self._sense, now_s)
+            return "sense", partial(self._sense, now_s)
         if order is not None:
             self._order = None
-            return partial(self._drive, order, now_s)
+            return "drive", partial(self._drive, order, now_s)
         if self._mode is not None:
             mode, self._mode = self._mode, None
-            return partial(self.driver.show, mode)
+            return "show", partial(self.driver.show, mode)
         return None
 
     def _stop(self) -> None:
-        with self._noting("drive"):
-            self._driven = Action.STOP
-            self.driver.stop()
+        self._driven = Action.STOP
+        self.driver.stop()
 
     def _drive(self, order: _Order, now_s: float) -> None:
-        with self._noting("drive"):
-            self._driven = order.action
-            if now_s - order.queued_s > STALE_S:
-                self.driver.stop()
-            else:
-                self.driver.drive(order.action, order.point, speed_scale=order.speed_scale)
+        self._driven = order.action
+        if now_s - order.queued_s > STALE_S:
+            self.driver.stop()
+        else:
+            self.driver.drive(order.action, order.point, speed_scale=order.speed_scale)
 
     def _sense(self, now_s: float) -> None:
         self._sensed_s = now_s
-        with self._noting("sense"):
-            self._sensors = self.driver.sense()
-            button = self.driver.take_button()
-            if button is not None:
-                self._button = button
+        self._sensors = self.driver.sense()
+        button = self.driver.take_button()
+        # A start that was pressed while nothing could be heard is none any more.
+        if button is BodyButton.STOP or (button is not None and "sense" not in self._faults):
+            self._button = button
 
     @contextlib.contextmanager
     def _noting(self, kind: str) -> Iterator[None]:
@@ -206,6 +203,8 @@ class DriverThread(Driver):
             self._faults.pop(kind, None)
         except Exception as error:
             self._faults[kind] = error
+        finally:
+            self._request_s = None
 
     def _run(self) -> None:
         while not self._ending:
@@ -221,7 +220,7 @@ class DriverThread(Driver):
             raise DriveError(
                 f"the robot {self.name!r} does not answer; is it switched on and in reach?"
             )
-        fault = self._faults.get(kind)
+        fault = self._faults.get(kind) or self._faults.pop("show", None)
         if fault is not None:
             raise fault
 

@@ -272,6 +272,41 @@ def test_the_bodys_button_reaches_the_loop_once() -> None:
     assert [driver.take_button(), driver.take_button()] == [BodyButton.STOP, None]
 
 
+def test_a_start_that_was_pressed_while_the_body_could_not_be_heard_moves_nobody_later() -> None:
+    clock, body, driver = wrapped()
+    body.failure, body.pressed = DriveError("the sensor is off"), BodyButton.START
+    drain(driver)
+    body.failure = None
+    clock.advance(5.0)
+    drain(driver)
+    assert driver.take_button() is None
+    body.pressed = BodyButton.START
+    clock.advance(0.2)
+    drain(driver)
+    assert driver.take_button() is BodyButton.START
+
+
+def test_a_light_that_fails_is_said_once_and_ends_no_thread(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Other people's drivers need not keep to `show` never raising."""
+    clock = VirtualClock()
+    body = Body(clock)
+
+    def fail(mode: Mode) -> None:
+        raise TypeError("no such light")
+
+    with DriverThread(body, clock) as driver:
+        monkeypatch.setattr(body, "show", fail)
+        driver.show(Mode.TRAIN)
+        clock.sleep(0.2)
+        with pytest.raises(TypeError, match="no such light"):
+            driver.send_action(Action.STOP)
+        assert driver.send_action(Action.FORWARD) is Action.FORWARD
+        clock.sleep(0.2)
+        assert body.action is Action.FORWARD
+
+
 class HungBody(ReplayDriver):
     """Its first action hangs until it is released."""
 
