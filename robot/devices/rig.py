@@ -63,8 +63,10 @@ class Rig(StartStop):
             self.loop.wake.set()
             self._thread.join(timeout=5.0)
             self._thread = None
-        self.camera.stop()
-        self.driver.disconnect()
+        try:
+            self.camera.stop()
+        finally:
+            self.driver.disconnect()
 
     def _run(self) -> None:
         while not self._ending.is_set():
