@@ -83,12 +83,9 @@ class BrickLink:
     @property
     def fault(self) -> str | None:
         """What is wrong with the line, as a sentence; None if the brick answers."""
-        lost = self._lost
-        if lost is not None:
-            return self._say_lost(lost)
-        if self.clock.now_s() - self._received_s > SILENCE_S:
+        if self._lost is None and self.clock.now_s() - self._received_s > SILENCE_S:
             return f"the brick at {self.address} does not answer; is it on, and in the network?"
-        return None
+        return self._lost
 
     def _say_lost(self, why: object) -> str:
         return f"the line to the brick at {self.address} is lost ({why}); trying again"
@@ -127,7 +124,7 @@ class BrickLink:
         DriveError if the line is lost; the brick stops by itself then."""
         lost = self._lost  # the thread may join anew meanwhile
         if lost is not None:
-            raise DriveError(self._say_lost(lost))
+            raise DriveError(lost)
         try:
             self._send(do, **rest)
         except OSError as error:
@@ -169,7 +166,7 @@ class BrickLink:
                 else:
                     self._receive(connection)
             except (OSError, ValueError, KeyError, ConfigurationError) as error:
-                self._lost = str(error)
+                self._lost = self._say_lost(error)
                 self._hang_up()
                 self.clock.wait(self._ending, REJOIN_S)
 
