@@ -126,7 +126,11 @@ def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
 
 def _hear_beacon(wanted: str, beacon_port: int) -> tuple[str, int, str]:
     """Wait for the brick's announcement, and answer it: until then it accepts nobody."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+    wrong, do = "bricks on Wi-Fi cannot be heard", "does another program, as LEGO's, listen there?"
+    with (
+        told_as(DriveError, f"{wrong} at UDP port {beacon_port}", do=do),
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock,
+    ):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         sock.bind(("", beacon_port))
         sock.settimeout(_BEACON_S)

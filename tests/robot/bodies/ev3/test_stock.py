@@ -213,6 +213,16 @@ def test_a_line_that_fails_while_it_is_opened_is_closed_at_once(
     assert [one.fileno() for one in made] == [-1], kept
 
 
+def test_a_port_that_another_program_has_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Taken(socket.socket):
+        def bind(self, address: object) -> None:
+            raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr(socket, "socket", Taken)
+    with pytest.raises(DriveError, match=r"UDP port 3015: Address already in use; .*another prog"):
+        open_line("wifi", SERIAL)
+
+
 def plug_in(root: Path, number: int, uevent: str) -> None:
     device = root / f"hidraw{number}" / "device"
     device.mkdir(parents=True)
