@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 import hmac
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -89,7 +88,7 @@ def _sensors(plain: Mapping[str, Any]) -> Sensors:
 
 def _between(value: Any, most: float) -> float | None:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return float(value) if is_number and math.isfinite(value) and 0 <= value <= most else None
+    return float(value) if is_number and 0 <= value <= most else None
 
 
 def moves_option(default: str) -> Any:

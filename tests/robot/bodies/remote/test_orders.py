@@ -33,6 +33,13 @@ def test_rubbish_is_no_report(data: bytes) -> None:
     assert parse_report(data) is None
 
 
+@pytest.mark.parametrize("number", [b"1" * 400, b"-" + b"1" * 400, b"1e999", b"NaN", b"-0.1"])
+def test_a_sensor_that_says_what_cannot_be_says_nothing(number: bytes) -> None:
+    report = parse_report(b'{"nonce": "aa", "seq": 3, "ms": 99, "battery": %s}' % number)
+    assert report is not None
+    assert report.sensors == Sensors()
+
+
 def test_an_order_holds_for_one_robot_one_start_and_one_secret() -> None:
     report = parse_report(b'{"nonce": "aa", "seq": 3, "ms": 99, "distance_m": 1, "battery": 0.5}')
     other = parse_report(b'{"nonce": "ab", "seq": 3, "ms": 99}')
