@@ -56,8 +56,9 @@ class LegoEducationDriver(ConnectedDriver[Any]):
     def _open(self) -> Any:
         if self._library is None:
             self._library = need("legoeducation", "the robot 'lego-education'", "lego-education")
-        motor = self._library.DoubleMotor()
-        found = motor.search(timeout=SEARCH_S, device_name=self.options.hub or None)
+        with told_as(DriveError, "no double motor can be sought", Exception, do="is Bluetooth on?"):
+            motor = self._library.DoubleMotor()
+            found = motor.search(timeout=SEARCH_S, device_name=self.options.hub or None)
         if not found:
             name = f" with {self.options.hub!r} in its name" if self.options.hub else ""
             raise DriveError(
@@ -90,9 +91,8 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         if action is Action.STOP:
             self.stop()
             return
-        options = self.options
         is_straight = action in (Action.FORWARD, Action.BACKWARD)
-        percent = options.straight_percent if is_straight else options.turn_percent
+        percent = self.options.straight_percent if is_straight else self.options.turn_percent
         with told_as(DriveError, "the double motor takes no command", Exception):
             connection.movement_move_for_time(
                 round(1000 * ACTION_TIMEOUT_S),

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -93,6 +94,17 @@ def test_what_is_wrong_is_a_sentence(motor: FakeDoubleMotor) -> None:
     motor.rpc_version = (9, 9, 9)
     with pytest.raises(DriveError, match="pip install --upgrade legoeducation"):
         driver_for(motor).connect()
+
+
+def test_a_computer_without_bluetooth_is_told_so() -> None:
+    """The library has no errors of its own there: they are those of what it uses."""
+
+    def fail(**_: object) -> None:
+        raise RuntimeError("Bluetooth device is turned off")
+
+    library = SimpleNamespace(DoubleMotor=lambda: SimpleNamespace(search=fail))
+    with pytest.raises(DriveError, match=r"device is turned off; is Bluetooth on\?"):
+        LegoEducationDriver(LegoEducationOptions(), library=library).connect()
 
 
 def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
