@@ -183,7 +183,7 @@ async def _hear(websocket: WebSocket, board: Board, onlooker: Onlooker) -> None:
             if kind == "stop":
                 board.stop(message.get("robot"))
             elif kind == "release":
-                await board.release(message.get("robot"))
+                board.release(message.get("robot"))
             elif kind == "watch":
                 board.watch(onlooker, map(int, message["robots"]))
             elif kind == "drawn":

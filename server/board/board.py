@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable
-from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -15,7 +14,7 @@ from server.board.robot_link import RobotLink
 from server.board.stopping import Stopping
 from server.board.strangers import Strangers
 from server.board.teacher_session import TeacherSession
-from server.board.transport import NetworkTransport, RobotAddress, UnreachableError
+from server.board.transport import NetworkTransport, RobotAddress
 
 PICTURE_EVERY_S = 1.0
 
@@ -116,12 +115,11 @@ class Board:
         for robot in robots:
             robot.stop.press()
 
-    async def release(self, number: object = None) -> None:
+    def release(self, number: object = None) -> None:
         """Release the stop of one robot, or of all that the board has stopped."""
         for robot in self._chosen(number):
             if number is not None or robot.state.get("stopped_by_teacher"):
-                with suppress(UnreachableError):  # the page shows that it is away
-                    await robot.stop.release()
+                robot.stop.release()
 
     # Pages -------------------------------------------------------------------------------------
 

@@ -70,13 +70,14 @@ class RobotStop:
             self._pressing = self._start(self._see_to_it())
         self._on_change()
 
-    async def release(self) -> None:
+    def release(self) -> None:
         """Let the robot's pupils start it again; one that is away stays stopped."""
         if self.channel is None:
-            raise UnreachableError("it is not connected")
+            return
+        if self._pressing is not None:  # what it has asked for would come after the release
+            self._pressing.cancel()
         self.stage, self._is_behind = None, True
-        async with within(None):
-            await self.channel.send(_RELEASE)
+        self._start(self.send(self.channel, _RELEASE))
         self._on_change()
 
     def note_state(self, *, is_stopped: bool) -> None:
@@ -94,11 +95,11 @@ class RobotStop:
         if self.stage is not None:
             await self.send(channel)
 
-    async def send(self, channel: Any) -> None:
-        """Send the stop on an open line; what fails here is noticed where it is confirmed."""
+    async def send(self, channel: Any, words: str = _STOP) -> None:
+        """Say it on an open line; a stop that fails here is noticed where it is confirmed."""
         with contextlib.suppress(UnreachableError):
             async with within(1.0):
-                await channel.send(_STOP)
+                await channel.send(words)
 
     def close(self) -> None:
         for task in self._tasks:

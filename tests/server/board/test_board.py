@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from typing import Any
 
 import pytest
 
@@ -141,7 +142,7 @@ def test_what_the_line_tells_late_neither_clears_nor_confirms_a_stop() -> None:
         hear(free)
         assert link.stop.stage is None, "that was after it"
         hear(held)
-        await world.board.release(link.number)
+        world.board.release(link.number)
         world.board.stop()
         hear(held)
         assert link.stop.stage is Stopping.ASKED, "that was the stop before"
@@ -150,6 +151,29 @@ def test_what_the_line_tells_late_neither_clears_nor_confirms_a_stop() -> None:
         assert link.stop.stage is Stopping.STOPPED
 
     in_class(scenario)
+
+
+def test_what_a_stop_has_asked_for_late_does_not_stop_what_was_released() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        [one] = world.pupils.values()
+        await world.until_there([one])
+        link, request, told = world.link(one), world.network.request, list[dict[str, Any]]()
+
+        async def slowly(place: Any, method: str, path: str, *rest: Any) -> Any:
+            await world.clock.pause(2.0)
+            return await request(place, method, path, *rest)
+
+        world.network.request = slowly  # type: ignore[method-assign]
+        hear, link._note_state = link._note_state, told.append
+        world.board.stop()
+        await world.until(lambda: link.stop.stage is Stopping.NOT_REACHED, 1.0, "a request is sent")
+        hear(told[-1])
+        assert link.stop.stage is Stopping.STOPPED
+        world.board.release()
+        await world.clock.pause(5.0)
+        assert not one.loop.state.emergency
+
+    in_class(scenario, robots=1)
 
 
 def test_a_stop_that_is_sent_again_on_a_new_line_is_not_cleared_by_what_was_before() -> None:
@@ -229,7 +253,7 @@ def test_only_the_board_releases_what_the_board_stopped(seed: int) -> None:
                 world.board.stop(link.number)
                 latched = held = True
             else:
-                await world.board.release(link.number)
+                world.board.release(link.number)
                 latched = held = False
             await world.clock.pause(1.5)
             assert one.loop.state.emergency is latched, step

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from robot.types import Action
 from server.board.app import create_board_app
 from server.board.transport import RobotAddress, ServerPlace, UnreachableError
 from server.config import Config
@@ -90,6 +91,33 @@ def test_words_that_make_no_sense_end_the_line_of_a_page_and_nothing_else() -> N
                 assert channel.socket.task.exception() is None, words
 
     in_class(scenario, robots=1)
+
+
+def test_a_release_that_a_line_keeps_waiting_holds_no_stop_up() -> None:
+    """A line that is being closed takes what is said on it for a second and more."""
+
+    async def scenario(world: ClassWorld) -> float:
+        gone, *others = world.pupils.values()
+        await world.until_there([gone, *others])
+        await world.drive_all(others)
+
+        async def hang(_: object) -> None:
+            await world.clock.pause(10.0)
+
+        world.link(gone).stop.channel.send = hang
+        world.link(gone).state["stopped_by_teacher"] = True
+        app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
+        network = VirtualNetwork({8080: _Served(app, 8080, gone.link)}, random.Random(1))
+        place = ServerPlace(RobotAddress("127.0.0.1", 8080), "")
+        async with network.connect(place, "/ws/board", {}) as page:
+            await page.send('{"type": "release"}')
+            await page.send('{"type": "stop"}')
+            driven = [pupil.driver for pupil in others]
+            return await world.until(
+                lambda: all(driver.now is Action.STOP for driver in driven), 5.0, "they stand"
+            )
+
+    assert in_class(scenario) < 0.3
 
 
 def test_every_address_and_word_is_in_the_reference() -> None:
