@@ -69,33 +69,81 @@ test('a board that was started again is believed: what it does not know has no S
   assert.deepEqual([gone, [...link.robots.keys()]], [[2], [1, 3]]);
 });
 
-test('a STOP that no board could hear is said when the next one knows robots, unless it was released', async (t) => {
-  const said = [], lines = [], asked = [];
+/** A page of the board whose line and requests are a test's; `open` begins a line, and `tell` is news on it. */
+function paged(t) {
+  const said = [], lines = [], asked = [], answers = [];
   globalThis.WebSocket = class { constructor() { lines.push(this); } send(text) { said.push(JSON.parse(text)); } };
-  globalThis.fetch = (path, { body }) => (asked.push(body), answers.shift());
+  globalThis.fetch = (path, { body }) => (asked.push(body), answers.shift() ?? Promise.reject(new TypeError('no board')));
   t.after(() => { delete globalThis.WebSocket; delete globalThis.fetch; });
   t.mock.timers.enable({ apis: ['setTimeout'] });
-  const open = () => { lines.at(-1).readyState = 1; lines.at(-1).onopen(); };
-  const tell = (...robots) => lines.at(-1).onmessage({ data: JSON.stringify({ type: 'robots', robots }) });
-  const fails = () => Promise.reject(new TypeError('no board'));
-  const answers = [fails(), fails(), Promise.resolve({ ok: true }), Promise.resolve({ ok: false }), fails()];
   const link = new ClassLink('ws://board/ws/board');
   link.connect();
-  for (const robot of [undefined, 1, 2, 3, 4]) link.stop(robot); // 2 is heard by a request
+  const hear = (words) => lines.at(-1).onmessage({ data: JSON.stringify(words) });
+  return {
+    link, asked, answers,
+    open: () => { lines.at(-1).readyState = 1; lines.at(-1).onopen(); },
+    end: () => { lines.at(-1).readyState = 3; lines.at(-1).onclose(); t.mock.timers.tick(1000); },
+    tell: (...robots) => { hear({ type: 'robots', robots }); hear({ type: 'strangers', count: 0, some: [] }); },
+    stops: () => said.filter(({ type }) => type === 'stop').map(({ robot }) => robot),
+  };
+}
+const answer = (...robots) => Promise.resolve({ ok: true, json: async () => ({ robots }) });
+const [ada, ben, cleo, dora] = ['http://a:1', 'http://b:1', 'http://c:1', 'http://d:1'].map((address) => (number) => ({ number, address }));
+
+test('a STOP that no board could hear is said when the next one knows robots, unless it was released', async (t) => {
+  const { link, asked, answers, open, end, tell, stops } = paged(t);
+  open();
+  tell(ada(1), ben(2), cleo(3), dora(4));
+  end();
+  answers.push(Promise.reject(new TypeError('no board')), answer({ ...ada(1), stop: null }, { ...ben(2), stop: 'asked' }), Promise.resolve({ ok: false, json: () => Promise.reject(new SyntaxError('no JSON')) }));
+  for (const robot of [1, 2, 3, 4]) link.stop(robot); // 2 is heard by a request
   link.release(4);
   await new Promise(setImmediate);
-  assert.deepEqual(asked, ['{}', '{"robot":1}', '{"robot":2}', '{"robot":3}', '{"robot":4}']);
+  assert.deepEqual(asked, ['{"robot":1}', '{"robot":2}', '{"robot":3}', '{"robot":4}']);
   open();
-  const stops = () => said.filter(({ type }) => type === 'stop');
   tell();
   assert.deepEqual(stops(), [], 'a board without robots can stop none');
-  tell({ number: 1 });
-  assert.deepEqual(stops().map(({ robot }) => robot), [undefined, 1], 'it does not know 3 yet');
-  tell({ number: 3 });
-  tell({ number: 1 }, { number: 3 });
-  assert.deepEqual(stops().map(({ robot }) => robot), [undefined, 1, 3], 'once is enough');
+  tell(ada(1), ben(2), dora(4));
+  assert.deepEqual(stops(), [1], 'it does not know 3 yet');
+  tell(cleo(3));
+  tell(ada(1), cleo(3));
+  assert.deepEqual(stops(), [1, 3], 'once is enough');
   link.stop();
-  assert.deepEqual([stops().length, asked.length], [4, 5], 'by the line, where there is one');
+  assert.deepEqual([stops(), asked.length], [[1, 3, undefined], 4], 'by the line, where there is one');
+});
+
+test('a STOP that no board could hear reaches whom it was meant for, though the next board numbers otherwise', (t) => {
+  const { link, open, end, tell, stops } = paged(t);
+  open();
+  tell(ada(1), ben(2));
+  end();
+  link.stop(1);
+  open();
+  tell(ben(1));
+  assert.deepEqual(stops(), [], 'that is another robot');
+  tell(ada(2));
+  assert.deepEqual(stops(), [2]);
+});
+
+test('a STOP for all that no board could hear reaches each robot that the next board finds, until it is released', async (t) => {
+  for (const isAnswered of [false, true]) await t.test(isAnswered ? 'by a request' : 'by the line', async (t) => {
+    const { link, answers, open, end, tell, stops } = paged(t);
+    open();
+    tell(ada(1), ben(2), cleo(3));
+    end();
+    // It has just begun: on the network it finds its robots one by one.
+    if (isAnswered) answers.push(answer({ ...ben(1), stop: 'asked' }));
+    link.stop();
+    await new Promise(setImmediate);
+    open();
+    tell(ben(1));
+    assert.deepEqual(stops(), isAnswered ? [] : [undefined, 1]);
+    tell(ada(2));
+    assert.equal(stops().at(-1), 2, 'who is found later drives on otherwise');
+    link.release();
+    tell(cleo(3));
+    assert.equal(stops().at(-1), 2);
+  });
 });
 
 test('a message that is cut short gives the pictures before the cut', () => {

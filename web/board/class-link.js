@@ -3,6 +3,7 @@
 import { parsePictures } from './pictures.js';
 
 const RETRY_MS = 1000;
+const ALL = 'all';
 
 /**
  * @typedef {object} Robot  as server/board/robot_link.py describes it
@@ -49,7 +50,7 @@ export class ClassLink extends EventTarget {
     /** @type {number[]} */
     this.watched = [];
     this.isOpen = false;
-    /** @type {Set<{robot?: number}>} stops that no board has heard yet */
+    /** @type {Set<string>} addresses of robots whose stop no board has heard yet: another may number them otherwise */
     this.owed = new Set();
   }
 
@@ -83,7 +84,7 @@ export class ClassLink extends EventTarget {
       this.robots.set(robot.number, robot);
       this.told.add(robot.number);
     }
-    if (robots.length) this.settle(); // a board that was started again may have found none before
+    this.settle(robots);
     const [name, detail] = type === 'strangers' ? [type, words] : ['news', robots];
     this.dispatchEvent(new CustomEvent(name, { detail }));
     if (type === 'strangers') this.forget(); // it comes when all robots have been told
@@ -116,21 +117,31 @@ export class ClassLink extends EventTarget {
   stop(robot) {
     const words = robot === undefined ? {} : { robot };
     if (this.say({ type: 'stop', ...words })) return;
-    this.owed.add(words);
+    for (const address of this.meant(robot)) this.owed.add(address);
     const asked = fetch('api/stop', { method: 'POST', keepalive: true, body: JSON.stringify(words) });
-    asked.then(({ ok }) => ok && this.owed.delete(words)).catch(() => {});
+    asked.then((answer) => answer.json()).then(({ robots = [] }) => {
+      if (robots.length) this.owed.delete(ALL);
+      for (const { address, stop } of robots) if (stop) this.owed.delete(address);
+    }).catch(() => {});
   }
 
-  /** Say what no board has heard, of robots that this one knows: at any other number it ends the line. */
-  settle() {
-    const known = [...this.owed].filter(({ robot }) => robot === undefined || this.told.has(robot));
-    for (const words of known) if (this.say({ type: 'stop', ...words })) this.owed.delete(words);
+  /** Say what no board has heard, of those that this one has told of: it may find them one by one. @param {Robot[]} robots */
+  settle(robots) {
+    if (robots.length && this.owed.has(ALL) && this.say({ type: 'stop' })) this.owed.delete(ALL);
+    for (const { number, address } of robots) if (this.owed.has(address) && this.say({ type: 'stop', robot: number })) this.owed.delete(address);
   }
 
   /** Let the pupils start a robot again, or all that were stopped here. @param {number} [robot] */
   release(robot) {
-    for (const words of this.owed) if (robot === undefined || words.robot === robot) this.owed.delete(words);
+    if (robot === undefined) this.owed.clear();
+    for (const address of this.meant(robot)) this.owed.delete(address);
     this.say({ type: 'release', ...(robot === undefined ? {} : { robot }) });
+  }
+
+  /** The addresses of a robot, or of all. @param {number} [robot] */
+  meant(robot) {
+    const robots = [...this.robots.values()].filter(({ number }) => robot === undefined || number === robot);
+    return [...robots.map(({ address }) => address), ...(robot === undefined ? [ALL] : [])];
   }
 
   /** @param {object} message @returns {boolean} true if it was sent */
