@@ -285,6 +285,7 @@ class Hub:
             **describe_state(self.robot.loop.state, self.now_ms()),
             "nonce": self.nonces.issue(self._sent_s),
             "pilot": owner,
+            "wheel_asked": self.lease.is_asked,
             "stopped_by_teacher": self.stopped_by_teacher,
             "viewers": len(self.clients) - (owner in self.clients),
         }

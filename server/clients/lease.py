@@ -22,6 +22,11 @@ class Lease:
     def owner(self) -> str | None:
         return self._line[0] if self._line else None
 
+    @property
+    def is_asked(self) -> bool:
+        """True while a client waits for the wheel."""
+        return len(self._line) > 1
+
     def join(self, client: str, now_s: float) -> bool:
         """Give the wheel to a client that may drive, if it is free; True if it was."""
         is_next = self._line[1:2] in ([], [client])
@@ -53,7 +58,7 @@ class Lease:
 
     def pass_on_if_lapsed(self, now_s: float) -> bool:
         """Give a lapsed wheel to the waiting client; True if the owner changed."""
-        if len(self._line) < 2 or not self._has_lapsed(now_s):
+        if not self.is_asked or not self._has_lapsed(now_s):
             return False
         return self.give_up(self._line[0], now_s)
 

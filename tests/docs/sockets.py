@@ -119,6 +119,7 @@ def downward() -> dict[str, Schema]:
         "asks_pilot": _TRUTH,
         "fault": maybe(_TEXT),
         "pilot": maybe(_TEXT),
+        "wheel_asked": _TRUTH,
         "you_are_pilot": _TRUTH,
         "viewers": _COUNT,
         "frame": maybe(_COUNT),

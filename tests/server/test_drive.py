@@ -88,6 +88,18 @@ def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
         assert server.driver.now is Action.STOP, "and nothing is replayed"
 
 
+def test_who_has_the_wheel_sees_as_long_as_somebody_waits_for_it(server: VirtualServer) -> None:
+    """The pilot of then was told once: not that who asked has left, nor was the next pilot told."""
+    with server.pilot() as first, server.pilot() as second:
+        with server.pilot() as third:
+            for asks in (second, third):
+                asks.send(type="take")
+            first.wait_for_state(you_are_pilot=True, wheel_asked=True)
+            first.send(type="yield")
+            second.wait_for_state(you_are_pilot=True, wheel_asked=True)
+        second.wait_for_state(you_are_pilot=True, wheel_asked=False)
+
+
 @pytest.mark.parametrize("mode", ["train", "autonomous"])
 def test_a_wheel_that_is_given_stops_the_robot_before_it_obeys_another(
     server: VirtualServer, points: Points, mode: str

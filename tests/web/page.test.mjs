@@ -155,3 +155,13 @@ for (const [what, sight] of Object.entries({ 'is under way': 12, 'waits for a pi
     assert.equal(words().at(-1), 'stopped');
   });
 }
+
+test('that somebody asks for the wheel is shown to its pilot as long as it is so', () => {
+  const shown = (changes) => (follow(changes), page.store.state.wheelAsked);
+  page.note({ name: 'wheel_asked' });
+  assert.equal(shown({ wheel_asked: true }), true);
+  page.take('yield');
+  assert.equal(shown({ wheel_asked: true, you_are_pilot: false }), false, 'another pilot is asked now');
+  assert.equal(shown({ wheel_asked: true }), true, 'and who gets the wheel while others wait');
+  assert.equal(shown({ wheel_asked: false }), false, 'who asked has left');
+});

@@ -148,7 +148,8 @@ export class Page {
       held: helm.held,
       ...(hasGotIt ? { localStop: 'wheel' } : {}),
       ...(isSame ? {} : { moves }),
-      ...(robot.you_are_pilot ? { wheelWaiting: false } : { wheelAsked: false }),
+      wheelAsked: robot.you_are_pilot && robot.wheel_asked === true,
+      ...(robot.you_are_pilot ? { wheelWaiting: false } : {}),
     });
     // After the state is shown: the proposal in it may still be that of the model before.
     if (before && (robot.lessons < before.lessons || (robot.mode === 'stopped' && robot.lessons !== before.lessons))) this.beginEra();
@@ -211,7 +212,6 @@ export class Page {
       this.store.set({ robotName: event.robot });
     }
     if (event.name === 'session') this.refreshSession();
-    if (event.name === 'wheel_asked') this.store.set({ wheelAsked: true });
     if (event.name === 'wheel_waiting') this.store.set({ wheelWaiting: true });
   }
 
@@ -304,7 +304,6 @@ export class Page {
       this.release();
       return;
     }
-    if (step === 'yield') this.store.set({ wheelAsked: false });
     this.connection.say(/** @type {'take' | 'yield'} */ (step));
   }
 

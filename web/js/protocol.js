@@ -57,6 +57,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {boolean} asks_pilot
  * @property {string | null} fault
  * @property {string | null} pilot
+ * @property {boolean} [wheel_asked]  somebody waits for the pilot's wheel
  * @property {boolean} you_are_pilot
  * @property {number} viewers
  * @property {number | null} frame
