@@ -74,3 +74,25 @@ test('STOP goes out whatever the credit', () => {
   made.stop();
   assert.deepEqual(JSON.parse(socket().sent.at(-1)), { type: 'stop' });
 });
+
+test('a STOP that a dead line has swallowed is said on the next, until the robot shows that it heard it', () => {
+  const { made, timers, socket } = link();
+  const next = () => {
+    socket().onclose({ code: 1006 });
+    [...timers.values()].at(-1).f();
+    hear(socket(), { type: 'hello' });
+    return socket().sent.map((text) => JSON.parse(text).type);
+  };
+  assert.deepEqual(next(), [], 'nobody has pressed it');
+  made.stop();
+  assert.deepEqual(next(), ['stop'], 'the line was dead and did not know it');
+  hear(socket(), { type: 'state', mode: 'stopped', emergency: false });
+  assert.deepEqual(next(), ['stop'], 'that is older than the stop');
+  hear(socket(), { type: 'state', mode: 'stopped', emergency: true });
+  assert.deepEqual(next(), [], 'who releases it is not stopped again');
+  socket().onclose({ code: 1006 });
+  made.stop();
+  [...timers.values()].at(-1).f();
+  hear(socket(), { type: 'hello' });
+  assert.deepEqual(socket().sent.map((text) => JSON.parse(text).type), ['stop'], 'there was no line');
+});

@@ -39,6 +39,8 @@ export class EyeLink extends EventTarget {
     this.seq = 0;
     this.acknowledged = 0;
     this.isGreeted = false;
+    /** A STOP was pressed, and nothing has shown yet that the robot heard it. */
+    this.owesStop = false;
     /** @type {number | undefined} */
     this.timer = undefined;
   }
@@ -67,7 +69,11 @@ export class EyeLink extends EventTarget {
     }
     const words = JSON.parse(data);
     if (words.type === 'ping') this.say({ type: 'pong', server_ms: words.server_ms, eye_ms: this.env.nowMs() });
-    if (words.type === 'hello') this.isGreeted = true;
+    if (words.type === 'hello') {
+      this.isGreeted = true;
+      if (this.owesStop) this.stop();
+    }
+    if (words.emergency) this.owesStop = false;
     this.dispatchEvent(new CustomEvent(words.type, { detail: words }));
   }
 
@@ -79,7 +85,9 @@ export class EyeLink extends EventTarget {
     return true;
   }
 
+  /** Stop the robot: if this line is dead, by the next. */
   stop() {
+    this.owesStop = true;
     this.say({ type: 'stop' });
   }
 

@@ -120,7 +120,7 @@ setInterval(() => {
 /** Also by a request of its own: the line may be dead without knowing it, or another phone's. */
 function stopRobot() {
   link.stop();
-  ask('POST', 'api/stop').catch(() => {});
+  ask('POST', 'api/stop').then(() => (link.owesStop = false)).catch(() => {});
 }
 stop.addEventListener('pointerdown', stopRobot);
 stop.addEventListener('click', stopRobot);
