@@ -68,7 +68,7 @@ class Limits:
     frames_per_second: float = 150.0
     """Acknowledgements of one client on `/ws/video`."""
     refused_before_closing: int = 500
-    """A client is disconnected after so many refused messages."""
+    """A client is disconnected after so many refused messages, but for those that came late."""
     clients: int = 160
     """Open websockets and streams of all clients together."""
     clients_each: int = 8

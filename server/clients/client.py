@@ -54,8 +54,9 @@ class Client:
         self._waiting.set()
 
     def refuse(self, error: ProtocolError) -> None:
-        """Queue the answer to a refused message; who has too many of them is shut out."""
-        self.refused += 1
+        """Queue the answer to a refused message; who has too many of them is shut out, but not for
+        those that only came late: that is a slow link's fault."""
+        self.refused += error.code is not ErrorCode.STALE
         if self.refused >= self._most_refused:
             self.shut_out.set()
         self.send(encode_error(error))

@@ -2,9 +2,12 @@ from __future__ import annotations
 
 import pytest
 
-from robot.testing import FakeCamera, VirtualClock
+from robot.testing import FakeCamera, LinkConditions, VirtualClock
 from robot.types import Action
+from server.config import Config, Limits
+from server.protocol import ErrorCode
 
+from .live_robot import WEB
 from .virtual import ServedWorld, virtually
 
 
@@ -89,6 +92,24 @@ def test_who_asks_for_the_wheel_for_ever_does_not_flood_the_pilot_s_page() -> No
 
     told_s = virtually(scenario)
     assert 5 <= len(told_s) <= 15 and told_s[0] < 0.1 and told_s[-1] > 8.0, "but it is told again"
+
+
+def test_a_slow_link_is_no_reason_to_show_a_pilot_out() -> None:
+    """Who pressed start once a second on such a link was sent away after five minutes."""
+
+    async def scenario(world: ServedWorld) -> None:
+        pilot = await world.pilot(sees=True)
+        world.link.conditions = LinkConditions(delay_s=0.16, jitter_s=0.05)
+        for _ in range(30):
+            pilot.mode("train")
+            await world.forward(1.0)
+        assert [client.shut_out.is_set() for client in world.hub.clients.values()] == [False]
+        assert world.hub.refused[ErrorCode.STALE] > 20, "the link is as slow as that"
+        for _ in range(20):
+            pilot.send(type="dance")
+        await world.until(lambda: not world.hub.clients, what="who is hostile is sent away")
+
+    virtually(scenario, Config(web=WEB, limits=Limits(refused_before_closing=20)))
 
 
 @pytest.mark.parametrize("part", ["note_lateness", "pass_on_if_lapsed", "publish_state"])
