@@ -32,6 +32,7 @@ def prepare(root: Path) -> list[tuple[str, str]]:
     with contextlib.suppress(OSError):
         clear(root, root.is_dir(), root.parent)
         folders = [root / name for name in _FOLDERS]
+        files_alone = (root / "episodes", root / "journal")
         clear(root / ASIDE, (root / ASIDE).is_dir(), root)
         for folder in folders:
             clear(folder, folder.is_dir() and os.access(folder, os.R_OK | os.X_OK))
@@ -40,7 +41,7 @@ def prepare(root: Path) -> list[tuple[str, str]]:
         for folder in (root, *folders):
             for path in _found_in(folder):
                 is_sound = _is_a(path, stat.S_ISREG) or (
-                    _is_a(path, stat.S_ISDIR) and folder.name not in ("episodes", "journal")
+                    _is_a(path, stat.S_ISDIR) and folder not in files_alone
                 )
                 clear(path, is_sound and is_text(path.name))
     return moved

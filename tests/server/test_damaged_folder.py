@@ -207,6 +207,17 @@ def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) 
             persistence.autosave.save()
 
 
+@pytest.mark.parametrize("name", ["episodes", "journal", "models", "trash"])
+def test_a_data_folder_may_be_called_as_one_of_its_parts(
+    whole: Path, tmp_path: Path, name: str
+) -> None:
+    shutil.copytree(whole, tmp_path / name)
+    started = running(tmp_path / name)
+    assert started.moved == []
+    with started as (_, persistence):
+        assert persistence.autosave.name == "second" and persistence.episodes.summaries() != []
+
+
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EIO])
 def test_a_disk_that_takes_nothing_stops_no_start_and_no_drive(
     whole: Path, tmp_path: Path, code: int, monkeypatch: pytest.MonkeyPatch
