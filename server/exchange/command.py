@@ -75,7 +75,7 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
     whole = ImportReport(is_strict=args.strict)
     made: list[Path] = []
     try:
-        with unpacked(args.path, storage.episodes, whole) as path:
+        with unpacked(args.path, storage.trash, whole) as path:
             sources = find_drives(path)
             for source in sources:
                 try:

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from robot.exchange.sources import Source, find_drives
 from robot.store.episodes.episode import Episode
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
+from robot.store.prepare import prepare
 from robot.types import Frame
 from server.__main__ import main
 from tests.server.cli.typed import assert_refused_by_a_full_disk, say
@@ -101,6 +103,26 @@ def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
         "tub-one",
         "tub-two",
     }
+
+
+def test_a_server_that_starts_meanwhile_leaves_an_import_alone(
+    episode_id: str,
+    data: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    say(f"episodes export last --as folder --out {tmp_path}/drives/one", capsys)
+    archive = shutil.make_archive(str(tmp_path / "all"), "zip", tmp_path / "drives")
+    moved: list[tuple[str, str]] = []
+
+    def find_later(path: Path) -> list[Source]:
+        moved.extend(prepare(data))
+        return find_drives(path)
+
+    monkeypatch.setattr("server.exchange.command.find_drives", find_later)
+    assert "61 pictures from one" in say(f"episodes import {archive}", capsys)
+    assert moved == [] and not any((data / "trash").iterdir())
 
 
 def test_an_import_without_times_is_not_the_last_recording(
