@@ -15,6 +15,7 @@ import time
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
+from threading import get_native_id
 from typing import BinaryIO
 from uuid import uuid4
 
@@ -105,7 +106,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
     one untouched. Its folder is made if there is none. `mode` 0o600 is for secrets.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    temporary = path.with_name(f".{path.name}.{get_native_id()}.part")  # two may write it at once
     try:
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
         with os.fdopen(os.open(temporary, flags, mode), "wb") as file:

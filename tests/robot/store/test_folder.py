@@ -8,13 +8,14 @@ import tomllib
 import unicodedata
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import get_native_id
 from typing import Literal
 
 import platformdirs
 import pytest
 
 from robot.errors import ConfigurationError
-from robot.store.folder import Storage, default_root
+from robot.store.folder import Storage, default_root, whole_file, write_whole
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -65,6 +66,17 @@ def test_programs_that_start_at_once_do_not_hinder_each_other(tmp_path: Path) ->
     assert list(storage.trash.iterdir()) == []
 
 
+def test_two_threads_that_write_one_file_at_once_do_not_mix(tmp_path: Path) -> None:
+    path = tmp_path / "drive.mcap"
+    with ThreadPoolExecutor(1) as other, whole_file(path) as file:  # an ending, and a compacting
+        file.write(b"a" * 100_000)
+        other.submit(write_whole, path, b"b" * 10).result()
+        file.write(b"a" * 100_000)
+        assert path.read_bytes() == b"b" * 10
+    assert path.read_bytes() == b"a" * 200_000
+    assert list(tmp_path.iterdir()) == [path]
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux has a folder that takes nothing")
 def test_a_trash_that_takes_nothing_is_no_reason_to_keep_nothing(tmp_path: Path) -> None:
     (tmp_path / "trash").symlink_to("/proc/self")
@@ -76,7 +88,7 @@ def test_a_trash_that_takes_nothing_is_no_reason_to_keep_nothing(tmp_path: Path)
 def test_a_folder_whose_parts_alone_take_files_is_a_fault(tmp_path: Path) -> None:
     storage = Storage(tmp_path, must_be_usable=False)
     assert storage.fault is None and not (tmp_path / ".probe").exists()
-    (tmp_path / f"..probe.{os.getpid()}.part").mkdir()  # nothing can be written there
+    (tmp_path / f"..probe.{get_native_id()}.part").mkdir()  # nothing can be written there
     fault = Storage(tmp_path, must_be_usable=False).fault
     assert fault is not None and str(tmp_path) in fault
 
