@@ -157,8 +157,10 @@ class EpisodeStore:
             return new.stem
 
     def new_path(self, name: str) -> Path:
-        free = free_name(check_name(name), set(self.ids()))
-        return self._storage.episodes / f"{free}.mcap"
+        """Return a free place; notes of a recording that is gone would edit the new one."""
+        names = (path.name for path in paths_in(self._storage.episodes))
+        taken = {name.removesuffix(".mcap").removesuffix(".edits.json") for name in names}
+        return self._storage.episodes / f"{free_name(check_name(name), taken)}.mcap"
 
     def offered(self) -> list[EpisodeSummary]:
         """List what would bring the space back within the budget; nothing is deleted unasked."""

@@ -11,7 +11,7 @@ from robot.errors import ConfigurationError, NotFoundError, RecordingError, Robo
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
 from robot.store.episodes.editing import choose, moments
-from robot.store.episodes.edits import Edit, Notes, notes_path, trim
+from robot.store.episodes.edits import Edit, Notes, notes_path, trim, write_notes
 from robot.store.episodes.episode import open_episode, taught_frames
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import read_summary
@@ -176,6 +176,12 @@ def test_delete_and_restore_take_the_edits_along(store: EpisodeStore) -> None:
     assert store.summary(episode_id).title == "kept"
     with pytest.raises(NotFoundError):
         store.restore(undo)
+
+
+def test_notes_of_a_recording_that_is_gone_edit_no_new_one(store: EpisodeStore) -> None:
+    path = store.new_path("tub")
+    write_notes(path, Notes(edits=(Edit(verb="delete", ranges=((1, 9),)),)))
+    assert path.name == "tub.mcap" and store.new_path("Tub").name == "Tub (2).mcap"
 
 
 def test_what_is_being_recorded_is_left_alone(storage: Storage) -> None:
