@@ -25,6 +25,7 @@ from robot.exchange.tub import write_tub
 from robot.store.episodes.editing import moments
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage, check_name
+from robot.types import DEFAULT_MOVES
 from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
 from server.cli.parser import progress, whole
 
@@ -134,8 +135,10 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
     if len(sizes) > 1 and args.form in ("film", "lerobot"):
         print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
     for episode, notes in episodes if args.form in ("film", "lerobot", "npz") else ():
-        remark = make_timeline([moment.at_s for moment in moments(episode, notes)]).remark
-        if remark:
+        found = [m for m in moments(episode, notes) if args.form == "film" or not m.is_deleted]
+        if args.form == "npz":
+            found = [moment for moment in found if moment.label in DEFAULT_MOVES]
+        if remark := make_timeline([moment.at_s for moment in found]).remark:
             print(f"  {episode.id}: {remark}")
 
 

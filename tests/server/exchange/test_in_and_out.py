@@ -14,8 +14,9 @@ from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from robot.store.prepare import prepare
-from robot.types import Frame
+from robot.types import Frame, Mode
 from server.__main__ import main
+from tests.robot.store.episodes.drives import RecordedBench
 from tests.server.cli.typed import assert_refused_by_a_full_disk, say
 
 
@@ -132,6 +133,23 @@ def test_an_import_without_times_is_not_the_last_recording(
     say(f"episodes import {tmp_path}/out --name zzz", capsys)
     assert say("episodes show last", capsys) == say(f"episodes show {episode_id}", capsys)
     assert "unknown" in say("episodes list", capsys)
+
+
+def test_what_is_said_of_times_is_about_the_pictures_that_were_written(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = RecordedBench(Storage(data).episodes)
+    robot.drive(range(8))
+    robot.start(Mode.AUTONOMOUS, 0)
+    for number in range(1300):
+        robot.step(number % 8, None)
+    robot.stop()
+    robot.drive(range(8))
+    robot.finish()
+    told = say("episodes export last --as npz", capsys)
+    assert told.endswith("times repaired: 1 pauses of up to 65 s shortened to 2 s\n")
+    say("episodes delete last --from 0.5 --to 65.5", capsys)
+    assert "1 pauses of up to 65 s" in say("episodes export last --as lerobot --fps 1", capsys)
 
 
 def test_films_and_datasets_go_to_the_exports(
