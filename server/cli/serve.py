@@ -91,9 +91,9 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
     chosen, _ = first.parse_known_args(list(words))
     file = chosen.config or os.environ.get(PREFIX + "CONFIG")
     settings = read_settings(Path(file) if file else None, os.environ)
-    driver_type = load_driver(chosen.robot or settings.get("robot", DEFAULT_ROBOT))
+    driver_type = load_driver(str(chosen.robot or settings.get("robot", DEFAULT_ROBOT)))
     camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
-    camera_type = load_camera(camera_name)
+    camera_type = load_camera(str(camera_name))
     declared = {"jpeg_quality"}  # the server's own, which the simulated camera takes as well
     for title, kind in (("robot", driver_type), ("camera", camera_type)):
         group = parser.add_argument_group(f"options of the {title} {kind.name}")

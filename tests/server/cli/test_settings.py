@@ -17,7 +17,9 @@ from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.errors import ConfigurationError
+from robot.store.folder import default_root
 from server.cli import serve
+from server.cli.main import main, make_parser
 from server.cli.settings import apply_to, build, read_settings
 from server.config import Limits
 from server.routes import routers
@@ -106,6 +108,26 @@ def test_a_value_that_cannot_be_is_refused_where_it_stands(
     variable = f"DRIVELESSON_{name.upper()}"
     with pytest.raises(ConfigurationError, match=f"^{variable}.*{said}"):
         _parse(None, {variable: value})
+
+
+def test_an_empty_folder_is_the_usual_one_and_not_where_one_stands(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in ("DATA", "CONFIG"):
+        monkeypatch.setenv(f"DRIVELESSON_{name}", "")
+    args = make_parser("serve").parse_args([])
+    assert (args.data, args.config) == (default_root(), None) and args.data.is_absolute()
+
+
+@pytest.mark.parametrize("name", ["robot", "camera"])
+@pytest.mark.parametrize("value", ["5", "true", "['sim']", "1979-05-27"])
+def test_a_robot_that_is_no_name_is_refused_in_a_line(
+    tmp_path: Path, name: str, value: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text(f"{name} = {value}\n")
+    assert main(["serve", "--config", str(file)]) == 1
+    assert capsys.readouterr().err.startswith(f"drivelesson: unknown {name} ")
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
