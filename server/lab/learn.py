@@ -36,6 +36,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
+    if (args.out or "").endswith(".npz") and Path(args.out).exists():
+        raise ConfigurationError(f"{args.out} exists already; choose another with --out")
     storage = Storage(args.data or default_root())
     episodes = find_episodes(EpisodeStore(storage), args.episodes)
     policy, taught = _begin(args, episodes)

@@ -49,6 +49,20 @@ def test_what_cannot_be_learned_is_one_clear_line(
     assert complaint in told.splitlines()[-1]
 
 
+def test_a_file_that_is_there_is_said_before_anything_is_learned(
+    episode_id: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("server.lab.learn.learn_again", lambda *_, **__: pytest.fail("it learned"))
+    footage = tmp_path / "footage.npz"
+    say(f"episodes export last --as npz --out {footage}", capsys)
+    before = footage.read_bytes()
+    assert "footage.npz exists already" in say(f"learn last --out {footage}", capsys, status=1)
+    assert footage.read_bytes() == before
+
+
 def test_an_edited_recording_is_no_longer_what_was_driven(
     episode_id: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
