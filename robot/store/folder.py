@@ -216,13 +216,14 @@ class Storage:
                 write_whole(self.root / ".probe", b"")
                 (self.root / ".probe").unlink(missing_ok=True)
         except OSError as error:
+            if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                return  # the trash may be emptied
             if must_be_usable:
                 raise ConfigurationError(
                     f"the data folder {self.root} cannot be used: {error.strerror or error}; "
                     "choose another with --data FOLDER"
                 ) from error
-            if error.errno not in (errno.ENOSPC, errno.EDQUOT):
-                self.fault = f"{self.root}: {error.strerror or error}"
+            self.fault = f"{self.root}: {error.strerror or error}"
 
     def _try_longest(self) -> None:
         """Make a file with a path as long as any to come: Windows takes 260 characters in all."""

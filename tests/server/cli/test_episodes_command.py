@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import unicodedata
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import pytest
 
@@ -105,3 +107,23 @@ def test_what_cannot_be_done_is_one_clear_line(
 ) -> None:
     told = say(words, capsys, status=1)
     assert complaint in told.splitlines()[-1]
+
+
+def test_a_full_disk_can_be_made_room_on(
+    episode_id: str,
+    data: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    say("episodes delete last", capsys)
+    real = os.mkdir
+
+    def refuse(path: str, *more: Any, **named: Any) -> None:
+        if not Path(path).exists():
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        real(path, *more, **named)
+
+    monkeypatch.setattr(os, "mkdir", refuse)
+    assert "trash" in say("episodes budget", capsys)
+    say("episodes empty-trash", capsys)
+    assert not any((data / "trash").iterdir())
