@@ -59,12 +59,12 @@ def read_second(folder: Path, report: ImportReport) -> tuple[list[Placed], list[
             if line.strip():
                 place = f"{own} line {number}"
                 records += [(place, record) for record in _records(line, place, report)]
-    return [r for i, r in enumerate(records) if r[1].get("_index", i) not in deleted], moves
+    return [r for i, r in enumerate(records) if str(r[1].get("_index", i)) not in deleted], moves
 
 
 def _read_manifest(
     folder: Path, report: ImportReport
-) -> tuple[list[str], list[Any], list[str] | None]:
+) -> tuple[list[str], set[str], list[str] | None]:
     """Return the names of the catalogs, what was deleted, and the moves, as far as they are known.
 
     Where the manifest is lost, the catalogs that are there are taken in their order.
@@ -77,14 +77,14 @@ def _read_manifest(
         there = (p.name for p in folder.glob("[!.]*.catalog"))
         names = sorted(there, key=lambda name: (int("0" + re.sub(r"[^0-9]", "", name)[:18]), name))
         report.skip(path.name, "it is lost, so records that had been deleted cannot be told")
-        return names, [], None
+        return names, set(), None
     deleted = catalogs.get("deleted_indexes")
     if not isinstance(deleted, list):
         deleted = []
         report.remark("the manifest does not say which records were deleted: none is left out")
     moves = lines[2].get(MOVES) if isinstance(lines[2], dict) else None
     is_list = isinstance(moves, list)
-    return [str(name) for name in named], deleted, moves if is_list else None
+    return [str(name) for name in named], set(map(str, deleted)), moves if is_list else None
 
 
 def _text_of(path: Path, report: ImportReport) -> str:

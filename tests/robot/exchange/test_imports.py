@@ -18,8 +18,10 @@ from robot.devices.pictures import read_picture
 from robot.driver import CLASSIC, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import write_episode
+from robot.exchange.files import parse
 from robot.exchange.report import ImportReport
 from robot.exchange.steering import read_meant
+from robot.exchange.tub_records import read_second
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import open_episode
 from robot.store.episodes.teaching import plan
@@ -90,6 +92,31 @@ def test_a_tub_of_version_2_is_read_without_its_deleted_records(tmp_path: Path) 
     labels = imported(tub_2(tmp_path / "tub", records, deleted=(1,)), tmp_path)
     assert labels == [Action.LEFT, Action.RIGHT, Action.FORWARD]
     assert open_episode(tmp_path / "imported.mcap").run["started_at_s"] == "1600000000.000"
+
+
+def test_a_record_is_not_compared_with_each_that_was_deleted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compared = 0
+
+    class Counted(int):
+        def __eq__(self, other: object) -> bool:
+            nonlocal compared
+            compared += 1
+            return int(self) == other
+
+        __hash__ = int.__hash__
+
+    def parse_counted(text: str) -> Any:
+        found = parse(text)
+        if isinstance(found, dict) and "deleted_indexes" in found:
+            found["deleted_indexes"] = [Counted(n) for n in found["deleted_indexes"]]
+        return found
+
+    monkeypatch.setattr("robot.exchange.tub_records.parse", parse_counted)
+    tub = tub_2(tmp_path / "tub", [{} for _ in range(400)], deleted=tuple(range(200)))
+    assert len(read_second(tub, ImportReport())[0]) == 200
+    assert compared < 1000
 
 
 def test_the_threshold_says_what_a_turn_is(tmp_path: Path) -> None:
