@@ -319,7 +319,7 @@ class Storage:
         size = _size(self.trash)
         for place in self.trash.iterdir():
             shutil.rmtree(place, ignore_errors=True)
-        return size
+        return size - _size(self.trash)
 
 
 def _is_called(entry: str, names: Collection[str]) -> bool:

@@ -109,6 +109,15 @@ def test_what_cannot_be_done_is_one_clear_line(
     assert complaint in told.splitlines()[-1]
 
 
+def test_what_stays_in_the_trash_is_not_said_to_be_free(
+    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (data / "trash/by-hand.bin").write_bytes(bytes(3_000_000))
+    assert say("episodes empty-trash", capsys) == "0.0 MB are free again\n"
+    say("episodes delete last", capsys)
+    assert say("episodes empty-trash", capsys) != "0.0 MB are free again\n"
+
+
 def test_a_full_disk_can_be_made_room_on(
     episode_id: str,
     data: Path,
