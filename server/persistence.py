@@ -79,10 +79,7 @@ class Persistence(StartStop):
         """Lock the folder, recover from a power cut, and start saving and recording.
 
         `autosave.load_last` loads the last model. Where nothing can be saved, this only reports
-        it, and the robot drives.
-
-        Raises:
-            ConfigurationError: If another program uses the folder.
+        it, and the robot drives. ConfigurationError if another program uses the folder.
         """
         if self.storage.fault is not None:
             self.recorder.queue.refuse(f"Nothing is recorded: {self.storage.fault}")
