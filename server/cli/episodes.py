@@ -184,7 +184,8 @@ def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> 
 
 
 def set_title(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    store.set_title(find_id(store, args.episode), args.title)
+    notes = store.set_title(find_id(store, args.episode), args.title)
+    print(f"its title is {notes.title!r}" if notes.title else "it has no title")
 
 
 def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

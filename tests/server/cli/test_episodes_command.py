@@ -12,6 +12,7 @@ import pytest
 
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
+from server.__main__ import main
 
 from .typed import assert_refused_by_a_full_disk, say
 
@@ -107,6 +108,13 @@ def test_what_cannot_be_done_is_one_clear_line(
 ) -> None:
     told = say(words, capsys, status=1)
     assert complaint in told.splitlines()[-1]
+
+
+def test_a_title_is_said_as_it_is_kept(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert say("episodes title last " + "x" * 300, capsys) == f"its title is {'x' * 200!r}\n"
+    assert "x" * 200 in say("episodes show last", capsys)
+    assert main(["episodes", "title", "last", ""]) == 0
+    assert capsys.readouterr().out == "it has no title\n"
 
 
 def test_what_stays_in_the_trash_is_not_said_to_be_free(
