@@ -135,9 +135,8 @@ def test_an_import_without_times_is_not_the_last_recording(
     assert "unknown" in say("episodes list", capsys)
 
 
-def test_what_is_said_of_times_is_about_the_pictures_that_were_written(
-    data: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def record_pause(data: Path) -> None:
+    """Record a drive in whose middle nobody taught for 65 s."""
     robot = RecordedBench(Storage(data).episodes)
     robot.drive(range(8))
     robot.start(Mode.AUTONOMOUS, 0)
@@ -146,8 +145,20 @@ def test_what_is_said_of_times_is_about_the_pictures_that_were_written(
     robot.stop()
     robot.drive(range(8))
     robot.finish()
+
+
+def test_what_is_said_of_times_is_about_the_pictures_that_were_written(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record_pause(data)
     told = say("episodes export last --as npz", capsys)
     assert told.endswith("times repaired: 1 pauses of up to 65 s shortened to 2 s\n")
+
+
+def test_films_and_datasets_say_what_became_of_a_pause(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record_pause(data)
     say("episodes delete last --from 0.5 --to 65.5", capsys)
     assert "1 pauses of up to 65 s" in say("episodes export last --as lerobot --fps 1", capsys)
 
