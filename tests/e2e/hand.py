@@ -15,8 +15,8 @@ from .world import World
 Way = tuple[float, float]
 """From the middle of a control to the right and upwards, as shares of what it is high or wide."""
 MIDDLE: Way = (0.0, 0.0)
-_LET_GO_S = 2.0
-"""A page that has held nothing for so long has let go."""
+_LET_GO = 100
+"""A page that was looked at so often, and held nothing, has let go."""
 
 
 class Fingers:
@@ -151,18 +151,17 @@ def press_until(
     """
     deadline_s = time.monotonic() + within_s
     press()
-    held_s = time.monotonic()
+    held_nothing = 0
     while not done():
         assert time.monotonic() < deadline_s, (
             f"not done in {within_s} s: {world}; the page holds {_held(page)}"
         )
-        if _held(page) is not None:
-            held_s = time.monotonic()
-        if world.mode is Mode.STOPPED or time.monotonic() - held_s > _LET_GO_S:
+        held_nothing = 0 if _held(page) is not None else held_nothing + 1
+        if world.mode is Mode.STOPPED or held_nothing > _LET_GO:
             let_go()
             choose(page, world, Mode.TRAIN)
             press()
-            held_s = time.monotonic()
+            held_nothing = 0
         time.sleep(0.01)
 
 

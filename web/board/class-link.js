@@ -133,8 +133,7 @@ export class ClassLink extends EventTarget {
 
   /** Let the pupils start a robot again, or all that were stopped here. @param {number} [robot] */
   release(robot) {
-    if (robot === undefined) this.owed.clear();
-    for (const address of this.meant(robot)) this.owed.delete(address);
+    for (const address of robot === undefined ? this.owed : this.meant(robot)) this.owed.delete(address);
     this.say({ type: 'release', ...(robot === undefined ? {} : { robot }) });
   }
 

@@ -9,6 +9,7 @@ import select
 import socket
 import struct
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from io import FileIO
 from pathlib import Path
 from typing import ClassVar
@@ -112,16 +113,26 @@ def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> Bri
 
 def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
     host, port, serial = _hear_beacon(wanted, beacon_port)
-    with contextlib.ExitStack() as unless_ours:  # a line that failed would keep the next one out
-        with told_as(DriveError, f"the brick at {host} cannot be reached"):
-            sock = unless_ours.enter_context(socket.create_connection((host, port), _CONNECT_S))
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            sock.sendall(f"GET /target?sn={serial} VMTP1.0\r\nProtocol: EV3\r\n\r\n".encode())
-            is_ours = sock.recv(64).startswith(b"Accept:EV340")
-        if not is_ours:
+    wrong = f"the brick at {host} cannot be reached"
+    with (
+        told_as(DriveError, wrong),
+        _begun(socket.create_connection((host, port), _CONNECT_S)) as sock,
+    ):
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        sock.sendall(f"GET /target?sn={serial} VMTP1.0\r\nProtocol: EV3\r\n\r\n".encode())
+        if not sock.recv(64).startswith(b"Accept:EV340"):
             raise DriveError(f"what answers at {host}:{port} is no EV3, or busy with another")
-        unless_ours.pop_all()
     return SocketLine(f"Wi-Fi, {host}", sock)
+
+
+@contextlib.contextmanager
+def _begun(sock: socket.socket) -> Iterator[socket.socket]:
+    """Close a line that fails while it is opened: it would keep the next one out."""
+    try:
+        yield sock
+    except BaseException:
+        sock.close()
+        raise
 
 
 def _hear_beacon(wanted: str, beacon_port: int) -> tuple[str, int, str]:
@@ -170,11 +181,13 @@ def _open_bluetooth(wanted: str) -> BrickLine:
     if not hasattr(socket, "AF_BLUETOOTH"):
         raise DriveError("this Python has no Bluetooth; use --line wifi or --line usb")
     wrong = f"the brick {address} cannot be reached by Bluetooth"
-    with contextlib.ExitStack() as failed, told_as(DriveError, wrong, do="is it paired and on?"):
-        sock = socket.socket(socket.AF_BLUETOOTH, socket.SOCK_STREAM, socket.BTPROTO_RFCOMM)
-        failed.enter_context(sock).settimeout(_CONNECT_S)
+    kind = socket.AF_BLUETOOTH, socket.SOCK_STREAM, socket.BTPROTO_RFCOMM
+    with (
+        told_as(DriveError, wrong, do="is it paired and on?"),
+        _begun(socket.socket(*kind)) as sock,
+    ):
+        sock.settimeout(_CONNECT_S)
         sock.connect((address, 1))
-        failed.pop_all()
     return SocketLine(f"Bluetooth, {address}", sock)
 
 
