@@ -23,7 +23,7 @@ from robot.exchange.drive import Drive, Shot, drive_of
 from robot.exchange.film import of_size, to_jpeg
 from robot.exchange.report import ImportReport
 from robot.exchange.timeline import make_timeline
-from robot.store.episodes.editing import moments
+from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
 from robot.store.npz import read_arrays
@@ -50,6 +50,11 @@ def load_recording(path: Path | str, report: ImportReport | None = None) -> Driv
     return _checked(path, arrays, report or ImportReport())
 
 
+def is_example(moment: EpisodeFrame) -> bool:
+    """True of what `write_npz` writes: the form has three labels."""
+    return not moment.is_deleted and moment.label in DEFAULT_MOVES
+
+
 def write_npz(
     episode: Episode, notes: Notes, path: Path, *, on_frame: Callable[[], None] = lambda: None
 ) -> int:
@@ -61,7 +66,7 @@ def write_npz(
     files, labels, times_s, points = [], [], [], []
     for moment in moments(episode, notes):
         on_frame()
-        if not moment.is_deleted and moment.label in DEFAULT_MOVES:
+        if is_example(moment):
             frame = episode.frame(moment.frame_id)
             is_kept = frame.encoding is Encoding.JPEG and (frame.width, frame.height) == SIZE
             files.append(frame.data if is_kept else to_jpeg(of_size(frame, SIZE)).data)

@@ -16,16 +16,15 @@ from robot.exchange.drive import write_episode
 from robot.exchange.film import check_suffix, write_look
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import TASK, write_lerobot
-from robot.exchange.npz import write_npz
+from robot.exchange.npz import is_example, write_npz
 from robot.exchange.report import ImportReport
 from robot.exchange.sources import Source, find_drives, unpacked
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.timeline import make_timeline
 from robot.exchange.tub import write_tub
-from robot.store.episodes.editing import moments
+from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage, check_name
-from robot.types import DEFAULT_MOVES
 from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
 from server.cli.parser import progress, whole
 
@@ -42,6 +41,12 @@ EXPORTS = {
     "film": (write_look, "pictures", lambda args: {"fps": args.fps}),
 }
 """By its name what writes a form, what it counts, and its options."""
+TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
+    "film": lambda _: True,
+    "lerobot": lambda moment: not moment.is_deleted,
+    "npz": is_example,
+}
+"""Of forms whose times are repaired, which pictures' times those are."""
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:
@@ -134,11 +139,9 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
     sizes = {frame.size for episode, _ in episodes for frame in episode.frames.values()}
     if len(sizes) > 1 and args.form in ("film", "lerobot"):
         print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
-    for episode, notes in episodes if args.form in ("film", "lerobot", "npz") else ():
-        found = [m for m in moments(episode, notes) if args.form == "film" or not m.is_deleted]
-        if args.form == "npz":
-            found = [moment for moment in found if moment.label in DEFAULT_MOVES]
-        if remark := make_timeline([moment.at_s for moment in found]).remark:
+    for episode, notes in episodes if args.form in TIMED else ():
+        times_s = [m.at_s for m in moments(episode, notes) if TIMED[args.form](m)]
+        if remark := make_timeline(times_s).remark:
             print(f"  {episode.id}: {remark}")
 
 
