@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -76,6 +77,11 @@ def hold(settings: dict[str, Any]) -> None:
     keep(motors, line, RealClock())
 
 
+def _kill(pid: int, *_: object) -> None:
+    with contextlib.suppress(ProcessLookupError):  # it ended in the very moment it was given up
+        os.kill(pid, signal.SIGKILL)
+
+
 def outlive(work: Callable[[], None]) -> None:
     """Have a child do it, and another one if that is killed, until one has ended by itself.
 
@@ -83,7 +89,7 @@ def outlive(work: Callable[[], None]) -> None:
     a program that has to be started first needs seconds, in which they go on.
     """
     while child := os.fork():
-        signal.signal(signal.SIGUSR1, lambda *_, pid=child: os.kill(pid, signal.SIGKILL))
+        signal.signal(signal.SIGUSR1, partial(_kill, child))
         _, status = os.waitpid(child, 0)
         if os.WIFEXITED(status):
             return

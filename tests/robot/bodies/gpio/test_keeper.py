@@ -137,6 +137,31 @@ def a_keeper_that_hangs_or_ends_is_replaced_by_one_that_stands(notes: Path) -> N
     assert _state(last) == b"Z", "nothing is left behind"
 
 
+ENDS_WHEN_GIVEN_UP = """
+import os, signal, sys
+from pathlib import Path
+from robot.bodies.gpio.keeper import outlive
+wait, tries = os.waitpid, Path(sys.argv[1])
+def wait_and_be_told(*child):
+    ended = wait(*child)
+    os.kill(os.getpid(), signal.SIGUSR1)
+    return ended
+def work():
+    with tries.open("a") as lines:
+        print("tried", file=lines)
+    if len(tries.read_text().split()) == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+os.waitpid = wait_and_be_told
+outlive(work)
+"""
+
+
+def test_one_that_ends_in_the_moment_it_is_given_up_is_replaced(tmp_path: Path) -> None:
+    tries = tmp_path / "tries"
+    subprocess.run([sys.executable, "-c", ENDS_WHEN_GIVEN_UP, str(tries)], check=True, cwd=ROOT)
+    assert tries.read_text().split() == ["tried"] * 2
+
+
 STARTS_ONCE = """
 import sys, time
 from multiprocessing.connection import Connection
