@@ -141,6 +141,7 @@ def teach_in_one_drive(
                 assert page.locator(pad(move)).inner_text().strip().endswith(label)
             teach(page, address)
             page.locator("mode-bar [data-mode=stopped]").click()
+            page.wait_for_selector("mode-bar [data-mode=stopped][aria-checked=true]")
             lessons = taught(address)
             context.close()
         assert not robot.is_moving()
