@@ -65,6 +65,23 @@ def test_a_screen_that_is_lost_opens_by_itself(chromium: Any, world: World) -> N
     context.close()
 
 
+def test_a_screen_that_hangs_is_told_of_and_opens_when_it_comes(
+    chromium: Any, world: World
+) -> None:
+    context = new_context(chromium, PHONE)
+    held: list[Any] = []
+    context.route(re.compile(r"/[0-9a-f]{10}-screens\.js"), lambda route: held.append(route))
+    page = open_page(context, world.address)
+    page.evaluate("location.hash = 'settings'")
+    told = page.get_by_role("alert").filter(has_text="did not answer")
+    told.wait_for()
+    for route in held:
+        route.continue_()
+    page.get_by_label("Language").wait_for()
+    assert told.count() == 0
+    context.close()
+
+
 def test_a_page_older_than_its_robot_opens_every_screen(chromium: Any, world: World) -> None:
     context = new_context(chromium, PHONE)
     page = open_page(context, world.address)

@@ -13,23 +13,39 @@ export class Refused extends Error {
   }
 }
 
+/** How long an answer is waited for: a server that takes a request and never answers is out of reach. */
+const ANSWER_MS = 15_000;
+const CHANGE_MS = 30_000;
+/** What carries a file takes as long as the link needs for it. */
+export const FILE_MS = 180_000;
+/** A stop by request is so long under way at most: it could latch the stop again that is released meanwhile. */
+export const STOPPING_MS = 3000;
+
 /**
+ * Refused if the robot says no; TypeError if no answer came, or only a part of one.
  * @param {string} method
  * @param {string} path
  * @param {unknown} [body]  sent as JSON, or as it is if it is a Blob
- * @param {AbortSignal} [signal]
+ * @param {number} [patienceMs]
  * @returns {Promise<any>}
  */
-export async function ask(method, path, body, signal) {
+export async function ask(method, path, body, patienceMs = body instanceof Blob ? FILE_MS : method === 'GET' ? ANSWER_MS : CHANGE_MS) {
   const isFile = body instanceof Blob;
-  const answer = await fetch(path, {
-    method,
-    signal,
-    headers: body === undefined || isFile ? {} : { 'content-type': 'application/json' },
-    body: body === undefined || isFile ? /** @type {Blob | undefined} */ (body) : JSON.stringify(body),
-  });
-  const said = await answer.json().catch(() => ({}));
-  if (answer.ok) return said;
-  const detail = typeof said.detail === 'string' ? said.detail : `${answer.status} ${answer.statusText}`;
-  throw new Refused(answer.status, detail);
+  const patience = new AbortController();
+  const timer = setTimeout(() => patience.abort(), patienceMs);
+  try {
+    const answer = await fetch(path, {
+      method,
+      signal: patience.signal,
+      headers: body === undefined || isFile ? {} : { 'content-type': 'application/json' },
+      body: body === undefined || isFile ? /** @type {Blob | undefined} */ (body) : JSON.stringify(body),
+    });
+    if (answer.ok) return await answer.json();
+    const { detail } = await answer.json().catch(() => ({}));
+    throw new Refused(answer.status, typeof detail === 'string' ? detail : `${answer.status} ${answer.statusText}`);
+  } catch (error) {
+    throw error instanceof Refused ? error : new TypeError(String(error));
+  } finally {
+    clearTimeout(timer);
+  }
 }

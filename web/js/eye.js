@@ -1,6 +1,6 @@
 // The page of the phone that is the robot's eye: rear camera, screen stays on, a big STOP.
 
-import { ask, socketBase } from './api.js';
+import { STOPPING_MS, ask, socketBase } from './api.js';
 import { WakeLock } from './device.js';
 import { EyeLink } from './eye-link.js';
 import { Packer } from './eye-picture.js';
@@ -120,7 +120,7 @@ setInterval(() => {
 /** Also by a request of its own: the line may be dead without knowing it, or another phone's. */
 function stopRobot() {
   link.stop();
-  ask('POST', 'api/stop').then(() => (link.owesStop = false)).catch(() => {});
+  ask('POST', 'api/stop', undefined, STOPPING_MS).then(() => (link.owesStop = false)).catch(() => {});
 }
 stop.addEventListener('pointerdown', stopRobot);
 stop.addEventListener('click', stopRobot);

@@ -1,6 +1,6 @@
 // Actions of the user, and messages of the robot.
 
-import { ask } from './api.js';
+import { STOPPING_MS, ask } from './api.js';
 import { Helm } from './helm.js';
 import { hintNow } from './hints.js';
 import { t } from './i18n.js';
@@ -14,8 +14,6 @@ const HINT_MS = 20_000;
 const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow phone
 const SLOW_STATE_MS = 300;
 const STOP_MS = 300;
-/** A stop by request is so long under way at most: it could latch the stop again that is released meanwhile. */
-const STOPPING_MS = 3000;
 const SESSION_MS = 1000;
 const SHOWING = ['drive', 'gallery', 'why']; // screens with the robot's picture
 
@@ -272,9 +270,7 @@ export class Page {
   stopElsewhere() {
     clearTimeout(this.stopTimer);
     this.stopTimer = undefined;
-    const patience = new AbortController();
-    setTimeout(() => patience.abort(), STOPPING_MS);
-    const asked = ask('POST', 'api/stop', undefined, patience.signal).then(() => this.endStop(), ({ status }) => {
+    const asked = ask('POST', 'api/stop', undefined, STOPPING_MS).then(() => this.endStop(), ({ status }) => {
       const isRefused = status < 500;
       if (this.isStopping && this.stopping === asked && !isRefused) this.stopTimer = setTimeout(() => this.stopElsewhere(), STOP_MS);
     });

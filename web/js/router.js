@@ -48,10 +48,12 @@ export class Router {
     other.hidden = screen === 'drive';
     other.replaceChildren();
     if (screen === 'drive') return;
+    const alert = h('p', { class: 'panel', role: 'alert' }, t('unreachable'));
+    const late = setTimeout(() => turn === this.turn && other.append(alert), AGAIN_MS);
     const isThere = await import(`./${ROOMS[screen] ?? 'components'}/${ELEMENTS[screen]}.js`).then(() => true, () => false);
+    clearTimeout(late);
     if (turn !== this.turn) return;
     if (!isThere) {
-      const alert = h('p', { class: 'panel', role: 'alert' }, t('unreachable'));
       other.append(alert);
       // A robot that answers, but has not what this page asks for, was updated: it has a newer page.
       const renew = () => alert.isConnected && page.store.state.robot?.mode === 'stopped' && location.reload();
@@ -60,7 +62,7 @@ export class Router {
       return;
     }
     const element = /** @type {any} */ (document.createElement(ELEMENTS[screen]));
-    other.append(element);
+    other.replaceChildren(element);
     element.start(page);
     scrollTo(0, 0);
   }

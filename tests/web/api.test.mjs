@@ -1,0 +1,47 @@
+import assert from 'node:assert/strict';
+import { beforeEach, mock, test } from 'node:test';
+
+import { FILE_MS, Refused, STOPPING_MS, ask } from '../../web/js/api.js';
+
+beforeEach(() => mock.timers.enable({ apis: ['setTimeout'] }));
+test.afterEach(() => {
+  mock.timers.reset();
+  delete globalThis.fetch;
+});
+
+/** Never anything, until it is waited for no more. @param {AbortSignal} signal */
+const silence = (signal) => new Promise((_, fail) => signal.addEventListener('abort', () => fail(new DOMException('aborted', 'AbortError'))));
+/** How a request ends that has the time `ms` and no more; null if it is still waited for then. */
+async function after(ms, asked) {
+  const end = Promise.race([asked.then((said) => said, (error) => error), new Promise((soon) => setImmediate(soon, null))]);
+  mock.timers.tick(ms);
+  return (await end) ?? null;
+}
+
+for (const [what, answer] of Object.entries({
+  'takes the request and never answers': ({ signal }) => silence(signal),
+  'stops in the middle of its answer': async ({ signal }) => ({ ok: true, json: () => silence(signal) }),
+})) {
+  for (const [method, body, ms, patienceMs] of [['GET', undefined, 15_000], ['POST', {}, 30_000], ['PUT', new Blob(['a file']), FILE_MS], ['POST', undefined, STOPPING_MS, STOPPING_MS]]) {
+    test(`a robot that ${what} is out of reach: ${method} within ${ms} ms`, async () => {
+      globalThis.fetch = (_, about) => answer(about);
+      const asked = ask(method, 'api/x', body, patienceMs);
+      assert.equal(await after(ms - 1, asked), null, 'a slow one is waited for');
+      assert.ok(await after(1, asked) instanceof TypeError, 'as if there was no link');
+    });
+  }
+}
+
+test('an answer that is cut off is none: it would say that there is nothing', async () => {
+  for (const why of [new SyntaxError('Unexpected end of JSON input'), new TypeError('network error')]) {
+    globalThis.fetch = async () => ({ ok: true, json: () => Promise.reject(why) });
+    await assert.rejects(ask('GET', 'api/models'), TypeError);
+  }
+});
+
+test('what the robot refuses comes with its sentence, or with what there is', async () => {
+  for (const [json, sentence] of [[async () => ({ detail: 'It drives.' }), 'It drives.'], [() => Promise.reject(new SyntaxError('<')), '502 Bad Gateway'], [async () => ({ detail: [1] }), '502 Bad Gateway']]) {
+    globalThis.fetch = async () => ({ ok: false, status: 502, statusText: 'Bad Gateway', json });
+    await assert.rejects(ask('GET', 'api/models'), (error) => error instanceof Refused && error.status === 502 && error.message === sentence);
+  }
+});
