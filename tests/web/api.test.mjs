@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { beforeEach, mock, test } from 'node:test';
 
-import { FILE_MS, Refused, STOPPING_MS, ask } from '../../web/js/api.js';
+import { FILE_MS, Refused, STOPPING_MS, ask, inOrder } from '../../web/js/api.js';
 
 beforeEach(() => mock.timers.enable({ apis: ['setTimeout'] }));
 test.afterEach(() => {
@@ -44,4 +44,16 @@ test('what the robot refuses comes with its sentence, or with what there is', as
     globalThis.fetch = async () => ({ ok: false, status: 502, statusText: 'Bad Gateway', json });
     await assert.rejects(ask('GET', 'api/models'), (error) => error instanceof Refused && error.status === 502 && error.message === sentence);
   }
+});
+
+test('an answer that comes after the answer to a newer question is dropped, and a question that fails takes none away', async () => {
+  const ordered = inOrder();
+  const answers = [];
+  const asked = Array.from({ length: 5 }, () => ordered(new Promise((answer, fail) => answers.push({ answer, fail }))));
+  answers[1].answer('second');
+  answers[0].answer('first');
+  answers[4].fail(new TypeError('away'));
+  answers[3].answer(undefined);
+  answers[2].answer('third');
+  assert.deepEqual(await Promise.all(asked), [null, 'second', 'third', null, null]);
 });

@@ -165,3 +165,14 @@ test('that somebody asks for the wheel is shown to its pilot as long as it is so
   assert.equal(shown({ wheel_asked: true }), true, 'and who gets the wheel while others wait');
   assert.equal(shown({ wheel_asked: false }), false, 'who asked has left');
 });
+
+test('a session stands where it was told last, though an earlier question is answered after that', async () => {
+  const answers = [];
+  globalThis.fetch = () => new Promise((answer) => answers.push((step) => answer({ ok: true, json: async () => ({ session: { step } }) })));
+  page.refreshSession();
+  page.learnSession(Promise.resolve({ session: { step: 'drive' } })); // what a tap came to
+  await pass(0);
+  answers[0]('consent');
+  await pass(0);
+  assert.equal(page.store.state.session.step, 'drive');
+});

@@ -49,3 +49,18 @@ export async function ask(method, path, body, patienceMs = body instanceof Blob 
     clearTimeout(timer);
   }
 }
+
+/**
+ * For what is asked again and again: passes on an answer, but null for one that comes after the answer to a
+ * newer question, and where none came. What is known by now is newer than that.
+ */
+export function inOrder() {
+  let [asked, answered] = [0, 0];
+  return async (/** @type {Promise<any>} */ question) => {
+    const own = (asked += 1);
+    const answer = (await question.catch(() => null)) ?? null;
+    if (answer === null || own < answered) return null;
+    answered = own;
+    return answer;
+  };
+}

@@ -1,6 +1,6 @@
 // Actions of the user, and messages of the robot.
 
-import { STOPPING_MS, ask } from './api.js';
+import { STOPPING_MS, ask, inOrder } from './api.js';
 import { Helm } from './helm.js';
 import { hintNow } from './hints.js';
 import { t } from './i18n.js';
@@ -15,6 +15,8 @@ const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow 
 const SLOW_STATE_MS = 300;
 const STOP_MS = 300;
 const SESSION_MS = 1000;
+/** @type {Record<string, string>} events that are a sentence */
+const TOLD = { model_not_saved: 'not_saved', set_aside: 'set_aside', nothing_kept: 'nothing_kept', recording_off: 'recording_off' };
 const SHOWING = ['drive', 'gallery', 'why']; // screens with the robot's picture
 
 /** @typedef {import('./protocol.js').Mode} Mode */
@@ -34,6 +36,8 @@ export class Page {
     this.looking = null;
     this.helm = new Helm(connection, () => this.lookingAt());
     this.curveLessons = 0;
+    this.curveInOrder = inOrder();
+    this.sessionInOrder = inOrder();
     /** Another for each model, undo and visit: their images bear the same numbers. */
     this.era = Math.round(performance.timeOrigin);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -181,7 +185,7 @@ export class Page {
 
   /** Begin the curve with what was taught before this page came. */
   async refreshCurve() {
-    const teaching = await ask('GET', 'api/teaching').catch(() => null);
+    const teaching = await this.curveInOrder(ask('GET', 'api/teaching'));
     if (!teaching) return;
     this.curveLessons = teaching.lessons;
     const shares = teaching.history.map((/** @type {[number, number]} */ [, share]) => share);
@@ -201,10 +205,7 @@ export class Page {
 
   /** @param {{name: string, detail?: string, robot?: string}} event */
   note(event) {
-    if (event.name === 'model_not_saved') this.toast(t('not_saved', { detail: event.detail ?? '' }));
-    if (event.name === 'set_aside') this.toast(t('set_aside', { detail: event.detail ?? '' }));
-    if (event.name === 'nothing_kept') this.toast(t('nothing_kept', { detail: event.detail ?? '' }));
-    if (event.name === 'recording_off') this.toast(t('recording_off', { detail: event.detail ?? '' }));
+    if (event.name in TOLD) this.toast(t(TOLD[event.name], { detail: event.detail ?? '' }));
     if (event.name === 'renamed') {
       this.preferences.chooseStick(event.robot ?? '', this.store.state.hasStick);
       this.store.set({ robotName: event.robot });
@@ -216,9 +217,14 @@ export class Page {
   /** Fetch the session that is on; while something is to be driven in it, again every second. */
   async refreshSession() {
     clearTimeout(this.sessionTimer);
-    const answer = await ask('GET', 'api/session').catch(() => null);
-    if (answer) this.store.set({ session: answer.session });
+    await this.learnSession(ask('GET', 'api/session'));
     if (this.store.state.session?.mode) this.sessionTimer = setTimeout(() => this.refreshSession(), SESSION_MS);
+  }
+
+  /** Take in where the session stands. @param {Promise<any>} question  whose answer tells it */
+  async learnSession(question) {
+    const answer = await this.sessionInOrder(question);
+    if (answer) this.store.set({ session: answer.session });
   }
 
   /** Show a notice for a moment. @param {string} notice */

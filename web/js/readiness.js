@@ -42,7 +42,9 @@ export function followReadiness(store) {
     clearTimeout(forget);
     forget = setTimeout(() => store.set({ setback: null }), SETBACK_MS);
   };
-  setInterval(look, ASK_MS);
+  /** Once it is answered: on a slow link questions would pile up, and come back in any order. */
+  const goOn = () => setTimeout(() => look().finally(goOn), ASK_MS);
+  goOn();
 }
 
 /** What is missing, as a sentence. @param {Gap} gap */

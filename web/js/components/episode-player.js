@@ -1,7 +1,7 @@
 // A recording: played and scrubbed, with what was held, what the robot would have done and the
 // sonar on one time axis; and mended, part by part.
 
-import { ask } from '../api.js';
+import { ask, inOrder } from '../api.js';
 import { append, fill, h, icon, say, settle, svg } from '../dom.js';
 import { count, t } from '../i18n.js';
 import { drawFromAbove } from './from-above.js';
@@ -21,16 +21,19 @@ const FARTHEST_M = 2;
 const LEAST_MS = 80; // between two pictures while it plays: what a phone draws with ease
 
 /** @param {Home} home @param {string} path  of the episode @param {Element} place  filled with the tools @param {() => void} teach */
-export async function openPlayer(home, path, place, teach, at = 0) {
-  const shown = await home.attempt(() => Promise.all([ask('GET', path), ask('GET', `${path}/timeline`)]));
+export async function openPlayer(home, path, place, teach, at = 0, ordered = inOrder()) {
+  const shown = await ordered(home.attempt(async () => {
+    const [episode, { columns, is_estimate: isEstimate }] = await Promise.all([ask('GET', path), ask('GET', `${path}/timeline`)]);
+    const player = new Player(columns, path);
+    await drawFromAbove(player.map, columns, isEstimate);
+    return { episode, player };
+  }));
   if (!shown || !home.isConnected) return;
-  const [episode, { columns, is_estimate: isEstimate }] = /** @type {[any, {columns: Columns, is_estimate: boolean}]} */ (shown);
-  const last = columns.frame.length - 1;
+  const { episode, player } = /** @type {{episode: any, player: Player}} */ (shown);
+  const { columns, last, range } = player;
   if (last < 1) return;
-  const player = new Player(columns, path);
-  const { range } = player;
   const change = (/** @type {() => Promise<unknown>} */ act) =>
-    home.attempt(act).then(() => { player.stop(); openPlayer(home, path, place, teach, player.now); });
+    home.attempt(act).then(() => { player.stop(); openPlayer(home, path, place, teach, player.now, ordered); });
   const edit = (/** @type {string} */ verb, /** @type {string} */ label = '') => change(() =>
     ask('POST', `${path}/edits`, { verb, first: columns.frame[range[0]], last: columns.frame[range[1]], label }));
   const button = (/** @type {string} */ text, /** @type {() => unknown} */ act, /** @type {Node | null} */ sign = null) =>
@@ -40,7 +43,6 @@ export async function openPlayer(home, path, place, teach, at = 0) {
     await home.listEpisodes();
   };
   const view = player.build();
-  await drawFromAbove(player.map, columns, isEstimate);
   player.show(Math.min(at, last));
   fill(place, view,
     h('div', { class: 'row' }, button(t('mend.keep'), () => edit('trim')), button(t('mend.delete'), () => edit('delete')),

@@ -41,7 +41,7 @@ export class GalleryScreen extends Screen {
   }
 
   async refresh() {
-    const gallery = await ask('GET', 'api/gallery').catch(() => null);
+    const gallery = await this.inOrder(ask('GET', 'api/gallery'));
     if (!gallery || !this.isConnected) return;
     this.images = gallery.images;
     this.moves = byPlace(gallery.moves);

@@ -49,7 +49,7 @@ export class HomeScreen extends Screen {
   }
 
   async refresh() {
-    const answer = await this.attempt(() => ask('GET', 'api/models'));
+    const answer = await this.inOrder(this.attempt(() => ask('GET', 'api/models')));
     if (!answer || !this.isConnected) return;
     this.known = /** @type {any} */ (answer).models;
     this.draw();

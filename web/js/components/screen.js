@@ -1,11 +1,15 @@
 // What all screens besides the drive screen share.
 
+import { inOrder } from '../api.js';
 import { h } from '../dom.js';
 import { t } from '../i18n.js';
 
 const PATIENCE_MS = 2000;
 
 export class Screen extends HTMLElement {
+  /** For what the screen shows: an action asks for it anew while an earlier answer is still under way. */
+  inOrder = inOrder();
+
   /**
    * Show the screen once it has what it asks for: what comes later would move a button away while a
    * finger comes down on it. On a slow link it is shown as it is after a while.

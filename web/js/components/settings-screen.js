@@ -16,7 +16,7 @@ export class SettingsScreen extends Screen {
   }
 
   async refresh() {
-    const answers = await this.attempt(() => Promise.all([ask('GET', 'api/settings'), ask('GET', 'api/world')]));
+    const answers = await this.inOrder(this.attempt(() => Promise.all([ask('GET', 'api/settings'), ask('GET', 'api/world')])));
     if (answers) this.renderRobot(answers[0], answers[1]);
   }
 

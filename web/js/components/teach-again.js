@@ -20,8 +20,9 @@ export async function teachAgain(home, episodes) {
 
 /** Show how it stands, if anything is being taught again. @param {Home} home */
 export async function showTeaching(home) {
+  const shown = home.again.firstChild;
   const state = await ask('GET', 'api/retraining').catch(() => null);
-  if (!home.isConnected) return;
+  if (!home.isConnected || home.again.firstChild !== shown) return; // begun, kept or dropped meanwhile
   if (state) draw(home, state);
   else if (home.again.querySelector('progress')) lookAgain(home);
 }

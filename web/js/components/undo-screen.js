@@ -10,6 +10,8 @@ const CHOICES = ['5', '10', '30'];
 export class UndoScreen extends Screen {
   build() {
     this.seconds = CHOICES[0];
+    /** What has been looked at, and can be forgotten: of another choice the answer may still be under way. */
+    this.shown = this.seconds;
     this.summary = h('p', { role: 'status' });
     this.strip = h('div', { class: 'strip', role: 'list' });
     this.button = h('button', { type: 'button', class: 'primary wide', disabled: true, onclick: () => this.undo() });
@@ -26,8 +28,9 @@ export class UndoScreen extends Screen {
 
   async refresh() {
     const seconds = this.seconds;
-    const last = await this.attempt(() => ask('GET', `api/teaching/last?seconds=${seconds}`));
-    if (!last || seconds !== this.seconds) return;
+    const last = await this.inOrder(this.attempt(() => ask('GET', `api/teaching/last?seconds=${seconds}`)));
+    if (!last) return;
+    this.shown = seconds;
     const { lessons, taught, strip } = /** @type {any} */ (last);
     const parts = Object.entries(taught).filter(([, n]) => n).map(([move, n]) => `${t(`move.${move}`)} ${count(n)}`);
     say(/** @type {Node} */ (this.summary), lessons ? t('undo.summary', { n: count(lessons), parts: parts.join(', ') }) : t('undo.nothing'));
@@ -39,7 +42,7 @@ export class UndoScreen extends Screen {
 
   async undo() {
     await this.attempt(async () => {
-      const { undone } = await ask('POST', 'api/teaching/undo', { seconds: Number(this.seconds) });
+      const { undone } = await ask('POST', 'api/teaching/undo', { seconds: Number(this.shown) });
       this.page?.toast(t('undo.done', { n: count(undone) }));
       await this.refresh();
     });

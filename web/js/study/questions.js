@@ -17,7 +17,7 @@ export const inWords = (words) => words[language] ?? words.en ?? Object.values(w
  * @param {Question[]} questions
  * @param {Record<string, string>} answers  given so far
  * @param {(send: () => Promise<any>) => Promise<any>} attempt  runs what may be refused
- * @param {(session: any) => void} done  called with the session when all are answered
+ * @param {(answer: any) => void} done  called with what the last one came to when all are answered
  */
 export function questionForm(questions, answers, attempt, done) {
   /** @type {Record<string, number | string>} */
@@ -49,7 +49,7 @@ export function questionForm(questions, answers, attempt, done) {
       return;
     }
     const answer = await post({ answers: given, done: true });
-    if (answer) done(answer.session);
+    if (answer) done(answer);
   };
   return h('form', { class: 'stack', onsubmit: send, novalidate: true }, h('h2', {}, t('study.questions')),
     ...parts.map(({ field }) => field), h('button', { class: 'primary wide' }, t('study.send')));

@@ -72,7 +72,7 @@ export class StudyScreen extends Screen {
   /** Do something to the session, and show it. @param {string} method @param {string} path @param {any} [body] */
   async step(method, path, body) {
     const answer = await this.act(() => ask(method, path, body));
-    if (answer) this.page?.store.set({ session: answer.session }); // which shows it
+    if (answer) await this.page?.learnSession(Promise.resolve(answer)); // which shows it
     return answer;
   }
 
@@ -212,7 +212,7 @@ export class StudyScreen extends Screen {
     const heading = h('h2', {}, t('study.part', { n: session.position, of: session.of }));
     if (session.step === 'consent') return [this.consent(session), this.forResearcher(session)];
     if (session.step === 'questions') {
-      return [heading, questionForm(session.questions, session.answers, (send) => this.act(send), (next) => this.page?.store.set({ session: next })), this.forResearcher(session)];
+      return [heading, questionForm(session.questions, session.answers, (send) => this.act(send), (answer) => this.page?.learnSession(Promise.resolve(answer))), this.forResearcher(session)];
     }
     if (session.step === 'done') {
       return [h('p', { class: 'lead' }, t('study.thanks')),

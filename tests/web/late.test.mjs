@@ -1,0 +1,93 @@
+// What a screen shows is never older than what it has shown: answers come in any order.
+import assert from 'node:assert/strict';
+import { beforeEach, test } from 'node:test';
+
+/** As much of an element as these screens take. */
+class FakeElement {
+  isConnected = true;
+  children = [];
+  get firstChild() { return this.children[0] ?? null; }
+  replaceChildren(...children) { this.children = children; }
+  append(...children) { this.children.push(...children); }
+  contains() { return false; }
+  querySelector(what) { return this.children.includes(what) ? {} : null; }
+}
+Object.assign(globalThis, {
+  HTMLElement: FakeElement, document: { activeElement: null, createElementNS: () => new FakeSign(), createElement: () => new FakeSign() },
+  customElements: { define() {} }, isSecureContext: false,
+});
+class FakeSign extends FakeElement { setAttribute() {} addEventListener() {} }
+
+const load = (name) => import(`../../web/js/components/${name}.js`);
+const soon = () => new Promise(setImmediate);
+/** @type {{path: string, words: any, answer: (said: object) => void}[]} */
+let asked;
+
+beforeEach(() => {
+  asked = [];
+  globalThis.fetch = (path, { body }) => new Promise((answer) => asked.push({
+    path, words: body && JSON.parse(body), answer: (said) => answer({ ok: true, json: async () => said }),
+  }));
+});
+test.afterEach(() => delete globalThis.fetch);
+
+/** Ask twice; the newer question is answered first. */
+async function twice(ask, said) {
+  ask();
+  ask();
+  const half = asked.length / 2;
+  for (const { path, answer } of asked.slice(half)) answer(said(path, 'new'));
+  await soon();
+  for (const { path, answer } of asked.slice(0, half)) answer(said(path, 'old'));
+  await soon();
+}
+
+test('the gallery shows an edit, though an earlier look is answered after it', async () => {
+  const { GalleryScreen } = await load('gallery-screen');
+  const gallery = Object.assign(new GalleryScreen(), { summary: {}, arrange() {}, renderDetail() {} });
+  await twice(() => gallery.refresh(), (_, age) => ({ images: [age], moves: [], max_nodes: 9 }));
+  assert.deepEqual(gallery.images, ['new']);
+});
+
+test('the models are those of the last answer but one that is late', async () => {
+  const { HomeScreen } = await load('home-screen');
+  const home = Object.assign(new HomeScreen(), { draw() {} });
+  await twice(() => home.refresh(), (_, age) => ({ models: [age] }));
+  assert.deepEqual(home.known, ['new']);
+});
+
+test('the settings are as they were changed last', async () => {
+  const { SettingsScreen } = await load('settings-screen');
+  let shown;
+  const settings = Object.assign(new SettingsScreen(), { renderRobot: (one) => (shown = one) });
+  await twice(() => settings.refresh(), (_, age) => age);
+  assert.equal(shown, 'new');
+});
+
+test('what is forgotten is what was shown, though more was chosen and is not answered yet', async () => {
+  const { UndoScreen } = await load('undo-screen');
+  const screen = Object.assign(new UndoScreen(), { summary: {}, strip: new FakeElement(), button: new FakeElement(), page: { toast() {} } });
+  const show = (seconds) => Object.assign(screen, { seconds }).refresh();
+  const last = (lessons) => ({ lessons, taught: {}, strip: [] });
+  show('5');
+  asked[0].answer(last(45));
+  await soon();
+  show('30');
+  screen.undo();
+  assert.deepEqual(asked.at(-1).words, { seconds: 5 });
+  asked[1].answer(last(200));
+  await soon();
+  screen.undo();
+  assert.deepEqual(asked.at(-1).words, { seconds: 30 });
+});
+
+test('a model that was dropped stays dropped, though a look at it is answered late', async () => {
+  const { showTeaching } = await load('teach-again');
+  const home = { again: new FakeElement(), isConnected: true };
+  home.again.append('progress');
+  showTeaching(home);
+  home.again.replaceChildren(); // *Drop* was answered
+  asked[0].answer({ state: 'failed', error: 'too late' });
+  await soon();
+  assert.deepEqual(home.again.children, []);
+});
