@@ -77,7 +77,8 @@ export class KeyRamp {
 export function listenToKeyboard(helm, { stop, isDriving }) {
   const ramp = new KeyRamp(helm);
   addEventListener('keydown', (event) => {
-    if (event.key === 'Meta') helm.releaseAll(); // a Mac tells of no other key that comes up while it is down
+    // A Mac tells of no other key that comes up while Meta is down; the others open a browser's menu.
+    if (['Meta', 'Alt', 'F10'].includes(event.key)) helm.releaseAll();
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
     if (event.code === 'Space' && (helm.mode !== 'stopped' || event.target === document.body)) {
       // While the robot may move, space is the stop wherever the focus is; Enter presses buttons.
@@ -93,6 +94,12 @@ export function listenToKeyboard(helm, { stop, isDriving }) {
     if (helm.hasStick && !nth && RAMPED.includes(move)) ramp.press(event.code, move);
     else helm.press(`key ${event.code}`, move);
   });
+  /** Nor does a browser tell of keys while a menu is open, or something is dragged. @param {Event} event */
+  const letGo = ({ defaultPrevented: isNone }) => {
+    if (!isNone) for (const source of helm.holds.keys()) if (source.startsWith('key')) helm.release(source);
+  };
+  addEventListener('contextmenu', letGo);
+  addEventListener('dragstart', letGo);
   addEventListener('keyup', (event) => {
     helm.release(`key ${event.code}`);
     ramp.release(event.code);

@@ -85,6 +85,8 @@ export class Tilt {
   }
 
   letGo() {
+    // An iPhone asks anew on each visit, and only as a finger comes up.
+    if (!this.zero) Tilt.allow();
     this.move = null;
     clearTimeout(this.silence);
     removeEventListener('deviceorientation', this.follow);
