@@ -176,3 +176,18 @@ test('a session stands where it was told last, though an earlier question is ans
   await pass(0);
   assert.equal(page.store.state.session.step, 'drive');
 });
+
+test('a STOP that has not come through is the first word on the next link, until the robot shows it', async () => {
+  const hello = { type: 'hello', role: 'pilot', robot: 'Ada', moves: [] };
+  page.greet(hello);
+  assert.deepEqual(words(), [], 'nobody has pressed it');
+  lose();
+  answer = () => new Promise(() => {});
+  page.stop();
+  page.connection.isOpen = true;
+  page.greet(hello);
+  assert.deepEqual(words(), ['stop']);
+  follow({ emergency: true });
+  page.greet(hello);
+  assert.deepEqual(words(), ['stop'], 'who releases it is not stopped again');
+});

@@ -114,6 +114,7 @@ export class Page {
 
   /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[], takes_points?: boolean}} hello */
   greet(hello) {
+    if (this.isStopping) this.connection.say('stop'); // a request may wait behind what the dead link still holds
     declare(hello.declared_moves ?? []);
     this.beginEra();
     this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
