@@ -106,5 +106,5 @@ def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
 def _read_file(file: Path) -> dict[str, Any]:
     with told_as(ConfigurationError, f"cannot read {file}"):
         data = file.read_bytes()
-    with told_as(ConfigurationError, f"{file} is not valid TOML", ValueError):
+    with told_as(ConfigurationError, f"{file} is not valid TOML", ValueError, RecursionError):
         return parse_settings(data.decode("utf-8-sig"))

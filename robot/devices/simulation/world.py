@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError
+from robot.errors import UNREADABLE, ConfigurationError
 from robot.types import Pose
 
 Colour = tuple[int, int, int]
@@ -82,7 +82,7 @@ def load_world(name: str) -> World:
         )
     try:
         return _parse(path.stem, tomllib.loads(path.read_text("utf-8-sig")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as error:
+    except UNREADABLE as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         raise ConfigurationError(f"the world {path} cannot be read: {what}") from error
 

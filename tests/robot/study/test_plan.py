@@ -88,10 +88,12 @@ FAULTS = [
     ('kind = "text"', "least = 5\nmost = 5", r"number 1: 'most' must be greater than 'least'"),
     ("[[phase]]", "[phase]", r"not TOML|\[\[phase\]\]"),
     ('title = "Two times"', "title = ", r"is not TOML: .*line"),
+    ("participants = 4", f"participants = {'9' * 5000}", r"the plan is not TOML: .*mend that line"),
+    ("participants = 4", f"participants = {'[' * 20_000}", r"the plan is not TOML: .*mend that"),
 ]
 
 
-@pytest.mark.parametrize(("right", "wrong", "sentence"), FAULTS)
+@pytest.mark.parametrize(("right", "wrong", "sentence"), FAULTS, ids=range(len(FAULTS)))
 def test_each_fault_is_named_where_it_is(right: str, wrong: str, sentence: str) -> None:
     text = SMALL_PLAN
     if "consent" in wrong:

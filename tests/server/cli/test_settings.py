@@ -79,8 +79,10 @@ def test_a_file_in_another_encoding_is_refused_by_its_name(tmp_path: Path) -> No
         ("port = [1]", "port must be text or a number"),
         ("lan = 'perhaps'", "lan must be true or false"),
         ("port = ", "is not valid TOML"),
+        ("port = " + "[" * 20_000, "is not valid TOML"),
         ("gate = 3", "must be tables"),
     ],
+    ids=["unknown", "list", "perhaps", "nothing", "nested", "table"],
 )
 def test_a_broken_file_is_refused(tmp_path: Path, text: str, said: str) -> None:
     file = tmp_path / "robot.toml"

@@ -37,7 +37,9 @@ def test_a_world_that_was_written_on_windows_is_a_world(tmp_path: Path) -> None:
         ("room = 3", "room"),
         ("[room]\nwidth_m = 1", "'start' is missing"),
         ("not toml", "Expected"),
+        ("room = " + "[" * 20_000, "recursion"),
     ],
+    ids=["room", "start", "words", "nested"],
 )
 def test_a_broken_file_is_one_clear_error(tmp_path: Path, text: str, complaint: str) -> None:
     path = tmp_path / "mine.toml"
