@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import Any
 
 from robot.devices.outside import Outside, must_be, read, text, whole
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError, told_as
-from robot.store.folder import Storage, check_name, fold, paths_in, size_of, write_whole
+from robot.store.folder import Storage, check_name, fold, paths_in, write_whole
 from robot.study.archive import pack
 from robot.study.events import StudyEvent, check_begun, read_events, recordings_in
 from robot.study.plan import CODE, MOST_CONDITIONS, StudyPlan, parse_plan
@@ -133,17 +134,19 @@ class StudyFolder:
 
     def summaries(self, name: str) -> list[SessionSummary]:
         """Summarize each session; one that cannot be read says why."""
-        plan_text = self.plan_text(name)
-        return [
-            self._summary(name, code, plan_text, size_of(self.log_path(name, code)))
-            for code in self.codes(name)
-        ]
+        plan_text, found = self.plan_text(name), []
+        for code in self.codes(name):
+            with contextlib.suppress(FileNotFoundError):  # withdrawn just now
+                log = self.log_path(name, code).stat()
+                state = log.st_size, log.st_mtime_ns
+                found.append(self._summary(name, code, plan_text, *state))
+        return found
 
     def free_slots(self, name: str, plan: StudyPlan) -> list[int]:
         """List the places of the plan that no participant has, in order."""
         return sorted(set(range(plan.participants)) - {s.slot for s in self.summaries(name)})
 
-    def _summarize(self, name: str, code: str, plan_text: str, _size: int) -> SessionSummary:
+    def _summarize(self, name: str, code: str, plan_text: str, *_state: int) -> SessionSummary:
         plan = self._parse(plan_text, f"{name}/{_PLAN}")
         try:
             events = self.events(name, code)

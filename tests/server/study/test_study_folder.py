@@ -8,6 +8,7 @@ import pytest
 
 from robot.errors import ConfigurationError
 from robot.store.folder import Storage
+from robot.study.events import StudyEvent, write_events
 from server.study.extension import StudyExtension
 from server.study.folder import StudyFolder
 from tests.server.study.sessions import PLAN, begin, drive, post, refused, rows, session, take_part
@@ -110,6 +111,28 @@ def test_a_damaged_log_is_named_and_stops_nobody_else(tmp_path: Path) -> None:
         answer = ask(server, "POST", "/api/session", json={"study": "walk", "participant": "P02"})
         assert answer.status_code == 422 and "P02.csv" in answer.json()["detail"]
         begin(server, "P01")
+
+
+def test_who_comes_back_under_the_code_of_one_who_withdrew_is_listed_as_who_he_is(
+    tmp_path: Path,
+) -> None:
+    """The log of the one is as long as that of the other was."""
+    folder = StudyFolder(Storage(tmp_path))
+    folder.create("walk", PLAN)
+
+    def begun(code: str, slot: int, at_s: float) -> None:
+        event = StudyEvent(wall_s=at_s, event="session_begun", position=1, value=str(slot))
+        log = write_events([event], with_head=True)
+        folder.log_path("walk", code).write_bytes(log.encode())
+
+    begun("P01", 0, 1000.0)
+    assert folder.free_slots("walk", folder.plan("walk")) == [1]
+    folder.withdraw("walk", "P01", None)
+    begun("P02", 0, 2000.0)
+    begun("P01", 1, 3000.0)
+    found = {s.participant: (s.slot, s.began_at_s) for s in folder.summaries("walk")}
+    assert found == {"P01": (1, 3000.0), "P02": (0, 2000.0)}
+    assert folder.free_slots("walk", folder.plan("walk")) == []
 
 
 @pytest.mark.parametrize("there", ["Caf\u00e9", "Cafe\u0301", "CAFE\u0301", "caf\u00e9"])
