@@ -63,17 +63,21 @@ def profile_of(frames: Sequence[StudyEvent]) -> Profile:
 
 def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[ConditionLog]:
     """Sort a session's events by condition; of a condition begun anew, the last attempt counts.
-    RecordingError if the log cannot be read."""
+    RecordingError if the log cannot be read, or the plan no longer has a condition of it."""
     where = f"events/{participant}.csv"
     events = read_events(log, where)
     slot = check_begun(events, where)
     found = []
-    for position, name in enumerate(plan.order(slot), start=1):
+    for position in sorted({event.position for event in events if event.attempt}):
         mine = [event for event in events if event.position == position]
-        attempt = max((event.attempt for event in mine), default=0)
-        if not attempt:
-            continue
-        condition, last = plan.by_name[name], [e for e in mine if e.attempt == attempt]
+        attempt = max(event.attempt for event in mine)
+        last = [event for event in mine if event.attempt == attempt]
+        # As it was driven: in a plan that was changed since, others stand at this place.
+        condition = plan.by_name.get(name := last[0].condition)
+        if condition is None:
+            raise RecordingError(
+                f"{where}: the plan has no condition {name!r} any more; undo that change"
+            )
         common: Row = {
             "participant": participant,
             "slot": slot + 1,

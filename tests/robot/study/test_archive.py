@@ -87,6 +87,19 @@ def test_of_a_condition_begun_anew_the_last_attempt_counts() -> None:
     assert [(r["phase"], r["attempt"], r["is_complete"]) for r in rows] == [("teach", "2", "0")]
 
 
+def test_what_was_driven_stands_under_its_own_condition_whatever_became_of_the_plan() -> None:
+    """A condition that is added later gives the same places other orders."""
+    logs = logs_of(small_plan(), 2)
+    added = '[[condition]]\nname = "third"\n[[condition]]\nname = "short"'
+    later = SMALL_PLAN.replace('[[condition]]\nname = "short"', added)
+    first, then = (table(rebuild(text, logs)["phases.csv"]) for text in (SMALL_PLAN, later))
+    assert {row["condition"] for row in first} == {"short", "long"}
+    assert then == first
+    other = SMALL_PLAN.replace('name = "short"', 'name = "brief"')
+    with pytest.raises(RecordingError, match=r"P01.csv: the plan has no condition 'short'"):
+        rebuild(other, logs)
+
+
 def test_without_anybody_the_tables_are_empty_and_there() -> None:
     files = rebuild(SMALL_PLAN, {})
     assert table(files["phases.csv"]) == []
