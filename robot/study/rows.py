@@ -12,6 +12,7 @@ from robot.errors import RecordingError, told_as
 from robot.store.table import Cell
 from robot.study.events import StudyEvent, check_begun, number_in, read_events
 from robot.study.plan import Condition, PhaseKind, PlannedPhase, StudyPlan
+from robot.study.plan_table import refuse_twins
 from robot.study.questions import SCORES, scores
 from robot.types import Action, DrivenBy, Mode
 
@@ -30,6 +31,11 @@ _DIGITS = 6
 def columns(plan: StudyPlan) -> tuple[str, ...]:
     """Return the titles of all columns: those of every study, the scores, one for each question."""
     return (*DRIVE_COLUMNS, *SCORES, *(question.name for question in plan.questions))
+
+
+def refuse_same_columns(plan: StudyPlan, where: str = "the plan") -> None:
+    """Refuse (ConfigurationError) a new plan of which an answer would stand in another column."""
+    refuse_twins(columns(plan), "phases.csv column", where)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

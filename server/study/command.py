@@ -47,9 +47,11 @@ def _new(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> int:
     from robot.study.plan import parse_plan
+    from robot.study.rows import refuse_same_columns
 
     with told_as(ConfigurationError, f"cannot read {args.plan}", OSError, UnicodeDecodeError):
         plan = parse_plan(args.plan.read_text("utf-8"), str(args.plan))
+    refuse_same_columns(plan, str(args.plan))
     print(f"{plan.title}: {plan.participants} participants, {len(plan.conditions)} conditions")
     for condition in plan.conditions:
         phases = ", ".join(f"{phase.name} {phase.seconds:g} s" for phase in condition.phases)

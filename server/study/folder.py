@@ -16,7 +16,7 @@ from robot.store.folder import Storage, check_name, fold, paths_in, write_whole
 from robot.study.archive import pack
 from robot.study.events import StudyEvent, check_begun, read_events, recordings_in
 from robot.study.plan import CODE, MOST_CONDITIONS, StudyPlan, parse_plan
-from robot.study.rows import condition_logs, outcome
+from robot.study.rows import condition_logs, outcome, refuse_same_columns
 from robot.study.session import follow_log
 from robot.types import Action
 
@@ -77,7 +77,7 @@ class StudyFolder:
             raise ConfigurationError(f"a study's name has at most {LONGEST_NAME} characters")
         if fold(name) in {fold(other) for other in self.names()}:
             raise ConfigurationError(f"there is already a study {name!r}; choose another name")
-        parse_plan(plan_text)
+        refuse_same_columns(parse_plan(plan_text))
         write_whole(self.root / name / _PLAN, plan_text.encode())
         return name
 

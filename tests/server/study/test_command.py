@@ -6,7 +6,28 @@ from pathlib import Path
 
 import pytest
 
+from robot.errors import ConfigurationError
+from robot.store.folder import Storage
+from robot.study.plan import parse_plan
 from server.cli.main import main
+from server.study.folder import StudyFolder
+from tests.server.study.sessions import PLAN
+
+
+@pytest.mark.parametrize("name", ["trust", "participant", "ssd", "recordings"])
+def test_a_question_that_is_called_like_another_column_is_refused_in_a_new_plan(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    """Its answers stood in that column: the score was gone, or the participant's code."""
+    text = f'{PLAN}[[question]]\nname = "{name}"\ntext = "Well?"\n'
+    plan = tmp_path / "plan.toml"
+    plan.write_text(text)
+    assert main(["study", "check", str(plan)]) == 1
+    said = f"plan.toml: two of the phases.csv columns are called '{name}'; give each its own name"
+    assert said in capsys.readouterr().err
+    with pytest.raises(ConfigurationError, match=f"phases.csv columns are called '{name}'"):
+        StudyFolder(Storage(tmp_path)).create("walk", text)
+    assert name in {question.name for question in parse_plan(text).questions}, "an old one is read"
 
 
 def test_a_command_that_is_printed_works_as_it_is(
