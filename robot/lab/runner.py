@@ -61,13 +61,17 @@ def run_all(
 
     Raises:
         MissingExtraError: If joblib or dask is not installed.
-        ConfigurationError: If the cluster cannot be reached.
+        ConfigurationError: If the cluster cannot be reached, or a file that a task names is changed
+            meanwhile: nobody knows what was run then.
     """
+    keys = [task.key() for task in tasks]
+    done: dict[str, Result] = {}
     waiting: dict[str, Task] = {}
-    for task in tasks:
-        if store.get(task) is None:
-            waiting.setdefault(task.key(), task)
+    for key, task in zip(keys, tasks, strict=True):
+        if (result := store.get(task)) is None:
+            waiting.setdefault(key, task)
         else:
+            done[key] = result
             on_done(task)
     joblib = need("joblib", "running experiments side by side", "experiments")
     with contextlib.ExitStack() as stack:
@@ -79,10 +83,16 @@ def run_all(
         )
         runs = (joblib.delayed(_run)(key, task) for key, task in waiting.items())
         for key, result in parallel(runs):
-            store.put(waiting[key], result)
-            on_done(waiting[key])
-    results = [store.get(task) for task in tasks]
-    return [result for result in results if result is not None]
+            task = waiting[key]
+            if task.key() != key:
+                raise ConfigurationError(
+                    f"a file of the task {task.kind} was changed while it ran; start it again: "
+                    "what was finished before is kept"
+                )
+            store.put(task, result)
+            done[key] = result
+            on_done(task)
+    return [done[key] for key in keys]
 
 
 def _run(key: str, task: Task) -> tuple[str, Result]:

@@ -34,11 +34,14 @@ class Task:
     def key(self) -> str:
         """Return the name under which its result is saved: a fingerprint of task and program.
 
-        A changed program or idea file gives another key, so old results are not reused.
+        A changed program, idea file or recording gives another key: old results are not reused.
         """
         text = json.dumps([self.kind, dict(self.params), program_fingerprint()], sort_keys=True)
-        files = [_content(value) for value in self.params.values() if isinstance(value, str)]
-        return hashlib.sha256("\n".join([text, *files]).encode()).hexdigest()[:20]
+        digest = hashlib.sha256(text.encode())
+        for value in self.params.values():
+            if isinstance(value, str):
+                digest.update(b"\n" + _content(value))
+        return digest.hexdigest()[:20]
 
 
 @cache
@@ -52,9 +55,9 @@ def program_fingerprint() -> str:
     return digest.hexdigest()[:16]
 
 
-def _content(text: str) -> str:
+def _content(text: str) -> bytes:
     """Return the content of a file that a parameter such as `path.py:Name` names, if there is."""
-    path = Path(text.rpartition(":")[0] or text)
-    if path.suffix in (".py", ".toml") and path.is_file():
-        return path.read_text("utf-8", errors="replace")
-    return ""
+    for path in (Path(text), Path(text.rpartition(":")[0])):
+        if path.suffix in (".py", ".toml", ".npz") and path.is_file():
+            return path.read_bytes()
+    return b""

@@ -99,7 +99,7 @@ class Conductor(StartStop):
     def stop(self) -> None:
         """End the session as if it had been left, and unsubscribe."""
         try:
-            self.leave("server_ended")
+            self._end("server_ended")
         except (RobotError, OSError, TimeoutError) as error:
             log.warning("the session's model is put away at the next start: %s", error)
         self._unsubscribe()
@@ -252,12 +252,20 @@ class Conductor(StartStop):
         self._flush()
 
     @_in_turn
-    def leave(self, why: str = "left") -> None:
-        """End the session wherever it is; `begin` takes it up again. Idempotent."""
+    def leave(self) -> None:
+        """End the session wherever it is; `begin` takes it up again. Idempotent.
+
+        OSError if the disk refuses what happened in it: the session is still on then.
+        """
+        self._flush()
+        self._end("left")
+
+    @_in_turn
+    def _end(self, why: str) -> None:
         session, event_log = self.session, self._log
-        if session is not None and session.step is not SessionStep.DONE:
-            self._happen("left", value=why)
         try:
+            if session is not None and session.step is not SessionStep.DONE:
+                self._happen("left", value=why)
             self._models.put_away()
         finally:
             self.session = self.study = self._log = None
@@ -312,12 +320,13 @@ class Conductor(StartStop):
         self._announce("session", step=self.session.step.value if self.session else None)
 
     def _happen(self, event: str, **fields: Any) -> None:
-        """Have an event happen on the loop's thread, between two ticks."""
+        """Have an event happen on the loop's thread, between two ticks, and in the log as well."""
         session, event_log = self._session(), self._log
         assert event_log is not None
         wall_s = self._clock.wall_s()
-        making = self._loop.submit(lambda: session.make(event, wall_s, **fields))
-        event_log.note([self._clock.result(making, PATIENCE_S)])
+        # There, too: who has waited in vain for a loop that stood still has not lost the event.
+        making = self._loop.submit(lambda: event_log.note([session.make(event, wall_s, **fields)]))
+        self._clock.result(making, PATIENCE_S)
 
     def _flush(self) -> None:
         if self._log is not None:

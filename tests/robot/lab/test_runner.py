@@ -15,7 +15,7 @@ import pytest
 from robot.errors import ConfigurationError
 from robot.lab.lessons import run_lesson
 from robot.lab.runner import Store, run_all
-from robot.lab.task import Task
+from robot.lab.task import Params, Result, Task
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
 pytest.importorskip("joblib", reason="the extra 'experiments' is not installed")
@@ -81,15 +81,50 @@ def test_a_broken_file_counts_as_not_run(tmp_path: Path) -> None:
     assert store.get(task) is None
 
 
-def test_the_key_follows_the_task_and_the_files_it_names(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "how"), [("idea.py", "{}:Name"), ("room.toml", "{}"), ("hall_A.npz", "{}")]
+)
+def test_the_key_follows_the_task_and_the_files_it_names(
+    tmp_path: Path, name: str, how: str
+) -> None:
     first, second = tasks(2)
     assert first.key() == tasks(1)[0].key() != second.key()
+    file = tmp_path / name
+    file.write_bytes(b"a = 1")
+    task = Task(run_lesson, {"what": how.format(file)})
+    before = task.key()
+    file.write_bytes(b"a = 2\xff")
+    assert task.key() != before
+
+
+def run_edit(params: Params) -> Result:
+    """Change a file, as who tries an idea does while it runs."""
+    for path in params["files"]:
+        Path(path).write_text("a = 2")
+    return {"mark": params["mark"]}
+
+
+def test_a_run_during_which_its_idea_was_changed_counts_for_neither(tmp_path: Path) -> None:
+    """It was kept under the new one's name."""
+    idea, store = tmp_path / "idea.py", Store(tmp_path / "runs")
+    idea.write_text("a = 1")
+    task = Task(run_edit, {"learner": f"{idea}:Name", "files": [str(idea)], "mark": 1})
+    with pytest.raises(ConfigurationError, match="a file of the task edit was changed while it"):
+        run_all([task], store, jobs=1)
+    assert store.get(task) is None
+    assert run_all([task], store, jobs=1) == [{"mark": 1}]
+
+
+def test_an_idea_that_is_changed_after_its_runs_changes_none_of_their_figures(
+    tmp_path: Path,
+) -> None:
+    """The call ended in a traceback when all was run."""
     idea = tmp_path / "idea.py"
     idea.write_text("a = 1")
-    task = Task(run_lesson, {"learner": f"{idea}:Name"})
-    before = task.key()
-    idea.write_text("a = 2")
-    assert task.key() != before
+    mine = Task(run_edit, {"learner": f"{idea}:Name", "files": [], "mark": 1})
+    other = Task(run_edit, {"learner": "default-32", "files": [str(idea)], "mark": 2})
+    results = run_all([mine, other], Store(tmp_path / "runs"), jobs=1)
+    assert results == [{"mark": 1}, {"mark": 2}]
 
 
 def test_a_folder_that_cannot_be_written_is_a_clear_error(tmp_path: Path) -> None:

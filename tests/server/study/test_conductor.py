@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
 from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +19,75 @@ from robot.study.session import SessionStep
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from server.persistence import Persistence
 from server.study.conductor import Conductor
+from server.study.event_log import EventLog
 from tests.server.study.sessions import PLAN, TRUST
+
+
+class Conducted:
+    """A robot, where its sessions are kept, and who conducts them; a session of P01 is on."""
+
+    def __init__(self, folder: Path) -> None:
+        self.clock = VirtualClock(100.0)
+        camera, driver = FakeCamera(self.clock), FakeDriver(clock=self.clock)
+        self.rig = Rig(driver, camera, make_policy("published-8"), self.clock)
+        self.kept = Persistence(Storage(folder), self.rig)
+        self.conductor = Conductor(self.rig, self.kept, lambda *_, **__: None)
+
+    def __enter__(self) -> Conducted:
+        self._stack = contextlib.ExitStack()
+        for part in (self.rig, self.kept, self.conductor):
+            self._stack.enter_context(part)
+        self.conductor.folder.create("walk", PLAN)
+        self.conductor.begin("walk", "P01")
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self._stack.close()
+
+    @property
+    def events(self) -> list[str]:
+        return [event.event for event in self.conductor.folder.events("walk", "P01")]
+
+
+def test_what_happens_later_than_it_is_waited_for_is_in_the_log_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A computer that was shut for a moment: the session went on, and its log did not."""
+    with Conducted(tmp_path) as world:
+        submit = world.rig.loop.submit
+
+        def much_later(work: Any) -> Any:
+            world.clock.start_thread(lambda: (world.clock.sleep(12.0), submit(work)), "late")
+            return Future()
+
+        with monkeypatch.context() as patch:
+            patch.setattr(world.rig.loop, "submit", much_later)
+            with pytest.raises(TimeoutError):
+                world.conductor.consent("en")
+        world.clock.sleep(5.0)
+        assert world.conductor.session is not None
+        assert world.conductor.session.step is SessionStep.READY
+        assert world.events == ["session_begun", "consent"]
+
+
+def test_a_session_is_not_left_while_the_disk_refuses_what_happened_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its answers were gone, and nobody was told."""
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with Conducted(tmp_path) as world:
+        with monkeypatch.context() as patch:
+            patch.setattr(EventLog, "flush", refuse)
+            for act in (lambda: world.conductor.consent("en"), world.conductor.leave):
+                with pytest.raises(OSError, match="No space left"):
+                    act()
+            assert world.conductor.session is not None
+        world.conductor.leave()
+        assert world.conductor.session is None
+        assert world.events == ["session_begun", "consent", "left"]
 
 
 def test_what_is_asked_twice_at_once_is_done_once_and_every_page_is_told(
