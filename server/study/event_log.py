@@ -23,6 +23,7 @@ class EventLog(DiskThread):
         self._path = path
         self._lock = clock.lock()
         self._waiting: list[StudyEvent] = []
+        self._size = 0
         self.fault = ""
         """Why nothing could be written the last time; empty if it could."""
 
@@ -31,9 +32,9 @@ class EventLog(DiskThread):
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("ab+") as file:
             file.seek(0)
-            size = file.truncate(len(whole_lines(file.read())))
-            if not size:
-                file.write(write_events([], with_head=True).encode())
+            self._size = file.truncate(len(whole_lines(file.read())))
+            if not self._size:
+                self._size = file.write(write_events([], with_head=True).encode())
         super().start()
 
     def note(self, events: Iterable[StudyEvent]) -> None:
@@ -46,15 +47,13 @@ class EventLog(DiskThread):
             events = self._waiting[:]
             if not events:
                 return
-            size = self._path.stat().st_size
-            try:
-                with self._path.open("ab") as file:
-                    file.write(write_events(events).encode())
-                    file.flush()
-                    os.fsync(file.fileno())
-            except OSError:
-                os.truncate(self._path, size)
-                raise
+            size = min(self._size, self._path.stat().st_size)
+            with self._path.open("ab") as file:
+                file.truncate(size)  # what it took of them before it refused the last time
+                size += file.write(write_events(events).encode())
+                file.flush()
+                os.fsync(file.fileno())
+            self._size = size
             del self._waiting[: len(events)]
             self.fault = ""
 

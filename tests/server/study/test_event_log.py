@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import pytest
@@ -34,3 +35,24 @@ def test_a_new_log_has_its_head_and_what_happens(tmp_path: Path) -> None:
     log.note([StudyEvent(wall_s=1.0, event="left")])
     log.stop()
     assert [event.event for event in read_events(path.read_bytes())] == ["left"]
+
+
+def test_what_a_disk_refused_and_could_not_take_back_is_written_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    path = tmp_path / "P01.csv"
+    log = EventLog(path, VirtualClock())
+    log.start()
+    for n in range(3):
+        log.note([StudyEvent(wall_s=float(n), event="left")])
+        with monkeypatch.context() as patch:
+            patch.setattr("os.fsync", refuse)
+            patch.setattr("os.truncate", refuse)
+            with pytest.raises(OSError, match="Input/output"):
+                log.flush()
+    log.flush()
+    log.stop()
+    assert [event.wall_s for event in read_events(path.read_bytes())] == [0.0, 1.0, 2.0]
