@@ -18,7 +18,7 @@ from robot.clock import Clock
 from robot.errors import UNREADABLE, RecordingError
 from robot.store.episodes.episode import check_run
 from robot.store.episodes.messages import RUN, SUMMARY
-from robot.store.episodes.reader import CUT_SHORT, MAGIC, Cut, Metadata, scan
+from robot.store.episodes.reader import CUT_SHORT, Cut, Metadata, has_end, scan
 from robot.store.episodes.writer import EpisodeWriter
 from robot.store.folder import whole_file
 
@@ -46,11 +46,9 @@ def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
     """Give one recording its end if it was cut short; True if it was. Raises OSError."""
     if not path.is_file() or path.is_symlink():
         return False
-    with path.open("rb") as file:
-        status = os.fstat(file.fileno())
-        file.seek(max(0, status.st_size - len(MAGIC)))
-        if file.read() == MAGIC:
-            return False
+    status = path.stat()
+    if has_end(path):
+        return False
     if shutil.disk_usage(path.parent).free < status.st_size + _SPARE_BYTES:
         raise OSError(errno.ENOSPC, "the disk has no room for a copy")
     try:

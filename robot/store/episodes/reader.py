@@ -123,6 +123,13 @@ def scan(path: Path) -> Iterator[Record]:
             yield Cut(reason=str(error) or type(error).__name__)
 
 
+def has_end(path: Path) -> bool:
+    """True unless a file is being written, or was cut short."""
+    with path.open("rb") as file:
+        file.seek(-min(file.seek(0, os.SEEK_END), len(MAGIC)), os.SEEK_END)
+        return file.read() == MAGIC
+
+
 def read_chunk(path: Path, offset: int) -> list[bytes]:
     """Return the messages' data of the chunk that begins at `offset`, in order."""
     with path.open("rb") as file:

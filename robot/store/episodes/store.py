@@ -9,12 +9,14 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
-from robot.errors import ConfigurationError, NotFoundError
+from robot.errors import ConfigurationError, NotFoundError, told_as
 from robot.store.episodes.editing import write_edited
 from robot.store.episodes.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.store.episodes.episode import Episode, open_episode
+from robot.store.episodes.reader import has_end
 from robot.store.episodes.summary import EpisodeSummary, read_summary
 from robot.store.folder import Storage, check_name, free_name, paths_in, whole_file
+from robot.store.lock import FolderLock
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
 _OPEN_EPISODES, _DESCRIBED = 2, 2**16
@@ -24,15 +26,19 @@ _READ_WHOLE_BYTES = 2 * 2**20
 
 
 class EpisodeStore:
-    """Every file operation on episodes, but for the one being recorded. Safe for threads."""
+    """Every file operation on episodes, but for the one being recorded. Safe for threads.
+
+    `recording` names that one; without it another program may be recording.
+    """
 
     def __init__(
         self,
         storage: Storage,
-        recording: Callable[[], str | None] = lambda: None,
+        recording: Callable[[], str | None] | None = None,
     ) -> None:
         self._storage = storage
-        self._recording = recording
+        self._is_recorder = recording is not None
+        self._recording = recording or (lambda: None)
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """Beyond this the oldest unprotected episodes are offered for deletion."""
         self._lock = threading.RLock()
@@ -127,9 +133,11 @@ class EpisodeStore:
         """Apply the edits to the recording; the key that is returned restores the original."""
         with self._lock:
             path = self._idle_path(episode_id)
-            notes = read_notes(path)
+            notes, episode = read_notes(path), self.open(episode_id)
             with whole_file(path) as file:
-                write_edited(self.open(episode_id), notes, file)
+                write_edited(episode, notes, file)
+                if self.open(episode_id) is not episode or read_notes(path) != notes:
+                    raise ConfigurationError("this episode was changed meanwhile; try again")
                 key = self._storage.discard(path, notes_path(path))
             write_notes(path, replace(notes, edits=(), undone=()))
             return key
@@ -153,7 +161,7 @@ class EpisodeStore:
                 write_edited(episode, second, file, is_part=True)
             if notes.title:
                 write_notes(new, Notes(title=f"{notes.title} 2"))
-            write_notes(path, notes.with_edit(trim(episode.frames, before[0], before[-1])))
+            self.edit(episode_id, trim(episode.frames, before[0], before[-1]))
             return new.stem
 
     def new_path(self, name: str) -> Path:
@@ -177,4 +185,9 @@ class EpisodeStore:
     def _idle_path(self, episode_id: str) -> Path:
         if episode_id == self._recording():
             raise ConfigurationError("this episode is being recorded; stop the robot and wait")
-        return self.path(episode_id)
+        path = self.path(episode_id)
+        if self._is_recorder or has_end(path):
+            return path
+        unfinished = told_as(ConfigurationError, "this episode is not finished", ConfigurationError)
+        with unfinished, FolderLock(self._storage.root):
+            return path

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
-from robot.store.episodes.editing import choose, moments
+from robot.store.episodes.editing import choose, moments, write_edited
 from robot.store.episodes.edits import Edit, Notes, notes_path, trim, write_notes
 from robot.store.episodes.episode import open_episode, taught_frames
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.summary import read_summary
 from robot.store.episodes.teaching import learn_again, plan
 from robot.store.folder import Storage
+from robot.store.lock import FolderLock
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
 
@@ -190,6 +193,57 @@ def test_what_is_being_recorded_is_left_alone(storage: Storage) -> None:
     for refused in (store.delete, store.compact):
         with pytest.raises(ConfigurationError, match="being recorded"):
             refused(episode_id)
+
+
+def test_what_another_program_is_recording_is_left_alone(
+    storage: Storage, store: EpisodeStore
+) -> None:
+    robot = RecordedBench(storage.episodes)
+    with FolderLock(storage.root):
+        robot.drive(range(20))
+        robot.stand(1.0)
+        episode_id, done = store.ids()
+        for refused in (store.delete, store.compact):
+            with pytest.raises(ConfigurationError, match=r"not finished: another drivelesson \("):
+                refused(episode_id)
+        store.compact(done)
+        robot.drive(range(20, 60))
+        robot.finish()
+        assert store.summary(episode_id).taught == {"forward": 20, "left": 20, "right": 20}
+        store.delete(episode_id)
+
+
+def test_what_was_cut_short_is_nobodys_any_more(store: EpisodeStore) -> None:
+    path = store.path(store.ids()[0])
+    path.write_bytes(path.read_bytes()[:-1])
+    store.compact(path.stem)
+    path.write_bytes(path.read_bytes()[:3])
+    store.delete(path.stem)
+
+
+def test_what_is_changed_while_it_is_made_compact_is_not_lost(
+    storage: Storage, store: EpisodeStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    [episode_id] = store.ids()
+    other, path = EpisodeStore(storage), store.path(episode_id)
+    ids = list(store.open(episode_id).frames)
+
+    def refuse_after(change: Callable[[], object]) -> None:
+        def write_slowly(*what: Any) -> None:
+            write_edited(*what)
+            change()
+
+        monkeypatch.setattr("robot.store.episodes.store.write_edited", write_slowly)
+        with pytest.raises((ConfigurationError, NotFoundError)):
+            store.compact(episode_id)
+
+    refuse_after(lambda: other.edit(episode_id, trim(ids, ids[5], ids[-5])))
+    refuse_after(lambda: path.write_bytes(path.read_bytes() + b" "))
+    refuse_after(lambda: other.delete(episode_id))
+    assert store.ids() == []
+    [key] = [path.name for path in storage.trash.iterdir()]
+    store.restore(key)
+    assert len(store.notes(episode_id).edits) == 1 and store.ids() == [episode_id]
 
 
 def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_deleted(
