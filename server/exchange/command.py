@@ -102,8 +102,8 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
 
 def _import_one(source: Source, args: argparse.Namespace, store: EpisodeStore) -> Path:
     drive = source.read(args.threshold, ImportReport(is_strict=args.strict))
-    path = store.new_path(args.name or _tidy(drive.name))
-    with progress(None, "picture", "episodes", "episodes") as bar:
+    showing = progress(None, "picture", "episodes", "episodes")
+    with store.new_file(args.name or _tidy(drive.name)) as path, showing as bar:
         count = write_episode(drive, path, on_shot=bar.update)
     print(f"{path.stem}: {count} pictures from {source.name} ({drive.source})")
     for line in drive.report.lines():

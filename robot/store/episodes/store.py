@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,7 +15,7 @@ from robot.store.episodes.edits import Edit, Notes, notes_path, read_notes, trim
 from robot.store.episodes.episode import Episode, open_episode
 from robot.store.episodes.reader import has_end
 from robot.store.episodes.summary import EpisodeSummary, read_summary
-from robot.store.folder import Storage, check_name, free_name, paths_in, whole_file
+from robot.store.folder import Storage, check_name, free_name, paths_in, size_of, whole_file
 from robot.store.lock import FolderLock
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
@@ -66,7 +66,7 @@ class EpisodeStore:
 
     def _paths(self) -> list[Path]:
         found = [path for path in paths_in(self._storage.episodes) if path.suffix == ".mcap"]
-        return [path for path in found if path.is_file() and not path.name.startswith(".")]
+        return [path for path in found if path.is_file() and size_of(path) and path.name[0] != "."]
 
     def _describe(self, path: Path) -> EpisodeSummary:
         """Describe a recording by reading it, unless it and its notes are as they were."""
@@ -155,20 +155,38 @@ class EpisodeStore:
             after = [i for i in episode.frames if i >= frame_id and not notes.is_deleted(i)]
             if not before or not after:
                 raise ConfigurationError("there must be pictures on both sides of the cut")
-            new = self.new_path(f"{episode_id[:60]}-2")
-            with whole_file(new) as file:
-                second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
-                write_edited(episode, second, file, is_part=True)
-            if notes.title:
-                write_notes(new, Notes(title=f"{notes.title} 2"))
-            self.edit(episode_id, trim(episode.frames, before[0], before[-1]))
+            second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
+            with self.new_file(f"{episode_id[:60]}-2") as new:
+                with whole_file(new) as file:
+                    write_edited(episode, second, file, is_part=True)
+                if notes.title:
+                    write_notes(new, Notes(title=f"{notes.title} 2"))
+                self.edit(episode_id, trim(episode.frames, before[0], before[-1]))
             return new.stem
 
+    @contextlib.contextmanager
+    def new_file(self, name: str) -> Iterator[Path]:
+        """Take a place as `new_path` does; it is free again if what writes there fails."""
+        path = self.new_path(name)
+        try:
+            yield path
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
+
     def new_path(self, name: str) -> Path:
-        """Return a free place; notes of a recording that is gone would edit the new one."""
+        """Take a free place, by an empty file: another program may look for one, too.
+
+        Notes of a recording that is gone would edit the new one.
+        """
         names = (path.name for path in paths_in(self._storage.episodes))
         taken = {name.removesuffix(".mcap").removesuffix(".edits.json") for name in names}
-        return self._storage.episodes / f"{free_name(check_name(name), taken)}.mcap"
+        while True:
+            path = self._storage.episodes / f"{free_name(check_name(name), taken)}.mcap"
+            with contextlib.suppress(FileExistsError):
+                path.touch(exist_ok=False)
+                return path
+            taken.add(path.stem)
 
     def offered(self) -> list[EpisodeSummary]:
         """List what would bring the space back within the budget; nothing is deleted unasked."""

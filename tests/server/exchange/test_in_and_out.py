@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from robot.exchange.drive import write_episode
 from robot.exchange.sources import Source, find_drives
 from robot.store.episodes.episode import Episode
 from robot.store.episodes.store import EpisodeStore
@@ -133,6 +135,44 @@ def test_an_import_without_times_is_not_the_last_recording(
     say(f"episodes import {tmp_path}/out --name zzz", capsys)
     assert say("episodes show last", capsys) == say(f"episodes show {episode_id}", capsys)
     assert "unknown" in say("episodes list", capsys)
+
+
+def test_two_imports_of_one_name_at_once_lose_nothing(
+    episode_id: str,
+    data: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    say(f"episodes export last --as folder --out {tmp_path}/out", capsys)
+    words = f"episodes import {tmp_path}/out --name Hall"
+    meanwhile = [words, words.replace("Hall", "hall"), "episodes list"]
+
+    def write_slowly(*what: Any, **more: Any) -> int:
+        while meanwhile:
+            assert main(meanwhile.pop(0).split()) == 0
+        return write_episode(*what, **more)
+
+    monkeypatch.setattr("server.exchange.command.write_episode", write_slowly)
+    assert "damaged" not in say(words, capsys)
+    store = EpisodeStore(Storage(data))
+    assert set(store.ids()) == {episode_id, "Hall", "Hall (2)", "hall (3)"}
+    assert all(len(store.open(name).frames) == 61 for name in store.ids())
+
+
+def test_a_place_is_free_again_when_an_import_fails(
+    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say(f"episodes export last --as folder --out {tmp_path}/out", capsys)
+    images = list((tmp_path / "out/images").iterdir())
+    kept = {path: path.read_bytes() for path in images}
+    for path in images:
+        path.write_bytes(b"")
+    say(f"episodes import {tmp_path}/out --name hall", capsys, status=1)
+    for path, content in kept.items():
+        path.write_bytes(content)
+    assert say(f"episodes import {tmp_path}/out --name hall", capsys).startswith("hall: ")
+    assert len(list((data / "episodes").iterdir())) == 2
 
 
 def record_pause(data: Path) -> None:
