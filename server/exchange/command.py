@@ -15,7 +15,7 @@ from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.drive import write_episode
 from robot.exchange.film import check_suffix, write_look
 from robot.exchange.folder import write_folder
-from robot.exchange.lerobot import TASK, write_lerobot
+from robot.exchange.lerobot import write_lerobot
 from robot.exchange.npz import is_example, write_npz
 from robot.exchange.report import ImportReport
 from robot.exchange.sources import Source, find_drives, unpacked
@@ -28,19 +28,15 @@ from robot.store.folder import Storage, check_name
 from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
 from server.cli.parser import progress, whole
 
-EXPORTS: dict[str, tuple[Callable[..., int], str, Callable[[argparse.Namespace], dict[str, Any]]]]
-EXPORTS = {
-    "tub": (write_tub, "records", lambda args: {"taught_only": not args.all}),
-    "lerobot": (
-        write_lerobot,
-        "LeRobot episodes",
-        lambda args: {"fps": args.fps, "task": args.task or TASK},
-    ),
-    "folder": (write_folder, "pictures", lambda _: {}),
-    "npz": (write_npz, "examples", lambda _: {}),
-    "film": (write_look, "pictures", lambda args: {"fps": args.fps}),
+EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
+    "tub": (write_tub, "records", ("taught_only",)),
+    "lerobot": (write_lerobot, "LeRobot episodes", ("fps", "task")),
+    "folder": (write_folder, "pictures", ()),
+    "npz": (write_npz, "examples", ()),
+    "film": (write_look, "pictures", ("fps",)),
 }
 """By its name what writes a form, what it counts, and its options."""
+FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task"}
 TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "film": lambda _: True,
     "lerobot": lambda moment: not moment.is_deleted,
@@ -56,7 +52,8 @@ def configure_export(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--fps", type=whole(1, 240), default=None, help="pictures a second, of films"
     )
-    parser.add_argument("--all", action="store_true", help="tub: also pictures nobody taught")
+    text = "tub: also pictures nobody taught"
+    parser.add_argument("--all", dest="taught_only", action="store_const", const=False, help=text)
     parser.add_argument("--task", default=None, help="lerobot: what the robot does, as a sentence")
 
 
@@ -123,18 +120,21 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
     episodes = find_episodes(store, args.episodes)
     if len(episodes) > 1 and args.form != "lerobot":
         raise ConfigurationError(f"--as {args.form} takes one episode at a time")
+    write, what, takes = EXPORTS[args.form]
+    options = {n: value for n in FLAGS if (value := getattr(args, n)) not in (None, "")}
+    if strange := [FLAGS[name] for name in options if name not in takes]:
+        raise ConfigurationError(f"--as {args.form} takes no {', '.join(strange)}; leave it out")
     out = args.out or _free_path(storage.exports, episodes[0][0].id, args.form)
     if args.form == "film":
         check_suffix(out)
     if out.exists():
         raise ConfigurationError(f"{out} exists already; choose another with --out")
-    write, what, options = EXPORTS[args.form]
     given = [episodes] if args.form == "lerobot" else episodes[0]
     total = sum(len(episode.frames) for episode, _ in episodes)
     refusing = told_as(ConfigurationError, f"cannot write {out}")
     showing = progress(total, "picture", "episodes", "episodes")
     with refusing, showing as bar, _beside(out) as part:
-        made = write(*given, part, on_frame=bar.update, **options(args))
+        made = write(*given, part, on_frame=bar.update, **options)
     print(f"{out}: {made} {what}")
     sizes = {frame.size for episode, _ in episodes for frame in episode.frames.values()}
     if len(sizes) > 1 and args.form in ("film", "lerobot"):

@@ -216,6 +216,9 @@ def test_films_and_datasets_go_to_the_exports(
     ("words", "complaint"),
     [
         ("episodes export last --as tub --out /proc/x", "cannot write"),
+        ("episodes export last --as folder --fps 5 --task x", "--as folder takes no --fps, --task"),
+        ("episodes export last --as film --all", "--as film takes no --all; leave it out"),
+        ("episodes export last --as tub --task x", "--as tub takes no --task"),
         ("episodes import /nowhere", "nowhere does not exist"),
         ("episodes import /nowhere --threshold 7", "--threshold"),
     ],
@@ -224,6 +227,19 @@ def test_what_cannot_be_done_is_one_clear_line(
     episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert complaint in say(words, capsys, status=1).splitlines()[-1]
+
+
+def test_a_tub_has_what_nobody_taught_when_all_is_wanted(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = RecordedBench(Storage(data).episodes)
+    robot.drive(range(8))
+    robot.start(Mode.AUTONOMOUS, 0)
+    robot.step(1, None)
+    robot.stop()
+    robot.finish()
+    assert ": 8 records" in say("episodes export last --as tub", capsys)
+    assert ": 8 records" not in say("episodes export last --as tub --all", capsys)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="some of these are no names there")
