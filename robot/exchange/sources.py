@@ -6,12 +6,12 @@ import contextlib
 import errno
 import stat
 import tarfile
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from tempfile import TemporaryDirectory
 from typing import IO, NamedTuple
 
 from robot.errors import RecordingError
@@ -23,6 +23,7 @@ from robot.exchange.npz import load_recording
 from robot.exchange.report import ImportReport
 from robot.exchange.tub import read_tub
 from robot.exchange.tub_records import is_tub
+from robot.store.lock import FolderLock
 
 _DEEPEST = 5
 _MOST_UNPACKED_BYTES = 16 * 2**30
@@ -93,7 +94,7 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
     if ending is None or not path.is_file():
         yield path
         return
-    with tempfile.TemporaryDirectory(prefix=".import-", dir=scratch) as made:
+    with TemporaryDirectory(prefix=".import-", dir=scratch) as made, FolderLock(Path(made)):
         folder = Path(made) / path.name[: -len(ending)].strip(". ")
         folder.mkdir(exist_ok=True)
         entries = _zip_entries(path) if ending == ".zip" else _tar_entries(path)

@@ -20,6 +20,7 @@ from typing import BinaryIO
 from uuid import uuid4
 
 from robot.errors import ConfigurationError, NotFoundError
+from robot.store.lock import FolderLock
 
 log = logging.getLogger(__name__)
 
@@ -318,7 +319,10 @@ class Storage:
         """Delete for good what is in the trash; return how many bytes that freed."""
         size = _size(self.trash)
         for place in self.trash.iterdir():
-            shutil.rmtree(place, ignore_errors=True)
+            with contextlib.suppress(ConfigurationError):
+                if place.name.startswith("."):
+                    FolderLock(place).start()  # refuses where an import unpacks just now
+                shutil.rmtree(place, ignore_errors=True)
         return size - _size(self.trash)
 
 

@@ -108,7 +108,7 @@ def test_tubs_in_a_zip_are_imported_each_or_with_strict_none(
     }
 
 
-def test_a_server_that_starts_meanwhile_leaves_an_import_alone(
+def test_a_server_that_starts_and_a_trash_that_is_emptied_leave_an_import_alone(
     episode_id: str,
     data: Path,
     tmp_path: Path,
@@ -121,8 +121,12 @@ def test_a_server_that_starts_meanwhile_leaves_an_import_alone(
 
     def find_later(path: Path) -> list[Source]:
         moved.extend(prepare(data))
+        assert main(["episodes", "empty-trash"]) == 0
         return find_drives(path)
 
+    killed = data / "trash/.import-killed/one"
+    killed.mkdir(parents=True)
+    (killed.parent / ".lock").touch()
     monkeypatch.setattr("server.exchange.command.find_drives", find_later)
     assert "61 pictures from one" in say(f"episodes import {archive}", capsys)
     assert moved == [] and not any((data / "trash").iterdir())
