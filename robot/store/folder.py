@@ -42,6 +42,7 @@ _LONGEST_NAME, _LONGEST_ENDING = 64, 40
 """Characters of a name (`check_name`), and of what is added to it in its folder."""
 _NAME = re.compile(rf"[^\W_][\w .()+,-]{{0,{_LONGEST_NAME - 1}}}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
+_KEY = re.compile(r"0\d{19}", re.ASCII)
 _BUSY = (5, 32)
 """Windows' numbers for a file that another program has open."""
 _PAUSES_S = (0.01, 0.03, 0.1, 0.3, 1.0)
@@ -269,13 +270,18 @@ class Storage:
 
     def discard(self, *paths: Path) -> str:
         """Move files or folders to the trash together; return the key for `restore`."""
-        key = f"{time.time_ns():020d}"
+        after = int(max(self.deleted(), default="0")) + 1  # the clock may have been set back
+        key = f"{max(after, time.time_ns()):020d}"
         place = self.trash / key
         place.mkdir()
         for path in paths:
             if path.exists():
                 move(path, place / path.name)
         return key
+
+    def deleted(self) -> list[str]:
+        """Return the keys of what is in the trash, in the order in which it was deleted."""
+        return [path.name for path in paths_in(self.trash) if _KEY.fullmatch(path.name)]
 
     def restore(self, key: str, folder: Path, ending: str = "") -> str:
         """Move a deleted file with this ending back, or a folder; return its name without it.
@@ -284,7 +290,7 @@ class Storage:
         or is something else.
         """
         place = self.trash / key
-        if not re.fullmatch(r"\d{20}", key) or not place.is_dir():
+        if not _KEY.fullmatch(key) or not place.is_dir():
             raise NotFoundError("that is no longer in the trash")
         found = [
             p for p in paths_in(place) if p.name.endswith(ending) and p.is_file() == bool(ending)

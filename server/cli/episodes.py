@@ -68,8 +68,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     storage = Storage(args.data or default_root())
-    result = args.action(args, EpisodeStore(storage), storage)
-    return int(result or 0)
+    return int(args.action(args, EpisodeStore(storage), storage) or 0)
 
 
 def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
@@ -173,9 +172,8 @@ def _edits(count: int) -> str:
 
 def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Restore a deleted episode; without a key, the one deleted last."""
-    keys = sorted(p.name for p in storage.trash.iterdir() if any(p.glob("*.mcap")))
-    key = args.key or (keys[-1] if keys else "")
-    print(f"{store.restore(key)} is back")
+    keys = [key for key in storage.deleted() if any((storage.trash / key).glob("*.mcap"))]
+    print(f"{store.restore(args.key or max(keys, default=''))} is back")
 
 
 def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

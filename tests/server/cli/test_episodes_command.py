@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import shutil
 import unicodedata
 from pathlib import Path
 from typing import Any, Literal
@@ -81,6 +82,24 @@ def test_delete_restore_and_the_trash(
     say("episodes delete last", capsys)
     say("episodes empty-trash", capsys)
     say("episodes restore", capsys, status=1)
+
+
+def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
+    episode_id: str, data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = EpisodeStore(Storage(data)).path(episode_id)
+    for name in ("first", "second"):
+        shutil.copy(path, path.with_stem(name))
+    now_ns = iter((18 * 10**17, 17 * 10**17))
+    monkeypatch.setattr("time.time_ns", lambda: next(now_ns))
+    for name in ("first", "second"):
+        say(f"episodes delete {name}", capsys)
+    by_hand = data / "trash/old drives"
+    by_hand.mkdir()
+    path.rename(by_hand / path.name)
+    assert say("episodes restore", capsys) == "second is back\n"
+    assert say("episodes restore", capsys) == "first is back\n"
+    assert "no longer in the trash" in say("episodes restore", capsys, status=1)
 
 
 def test_the_budget_offers_and_deletes_nothing(
