@@ -9,7 +9,6 @@ import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.drive import write_episode
@@ -46,35 +45,32 @@ TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("episodes", nargs="+", metavar="EPISODE", help=EPISODE_HELP)
-    parser.add_argument("--as", dest="form", required=True, choices=EXPORTS)
-    parser.add_argument("--out", type=Path, default=None, help="new folder or file")
-    parser.add_argument(
-        "--fps", type=whole(1, 240), default=None, help="pictures a second, of films"
-    )
+    add = parser.add_argument
+    add("episodes", nargs="+", metavar="EPISODE", help=EPISODE_HELP)
+    add("--as", dest="form", required=True, choices=EXPORTS)
+    add("--out", type=Path, help="new folder or file")
+    add("--fps", type=whole(1, 240), help="pictures a second, of films")
     text = "tub: also pictures nobody taught"
-    parser.add_argument("--all", dest="taught_only", action="store_const", const=False, help=text)
-    parser.add_argument("--task", default=None, help="lerobot: what the robot does, as a sentence")
+    add("--all", dest="taught_only", action="store_const", const=False, help=text)
+    add("--task", help="lerobot: what the robot does, as a sentence")
 
 
 def configure_import(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("path", type=Path)
-    parser.add_argument("--name", default=None, help="name of the episode")
-    parser.add_argument(
-        "--threshold",
-        type=float,
-        default=DEFAULT_THRESHOLD,
-        help="steering beyond it is a turn, 0 to 1 (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--strict", action="store_true", help="refuse what would be skipped, and import nothing"
-    )
+    add = parser.add_argument
+    add("path", type=Path)
+    add("--name", help="name of the episode")
+    text = "steering beyond it is a turn, 0 to 1 (default: %(default)s)"
+    add("--threshold", type=float, default=DEFAULT_THRESHOLD, help=text)
+    text = "refuse what would be skipped, and import nothing"
+    add("--strict", action="store_true", help=text)
 
 
 def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Import the drives of another program, each as an episode; all of them, or none."""
     if not 0.0 <= args.threshold < 1.0:
         raise ConfigurationError(f"--threshold must lie between 0 and 1, not {args.threshold:g}")
+    if args.name:
+        check_name(args.name)
     whole = ImportReport(is_strict=args.strict)
     made: list[Path] = []
     try:

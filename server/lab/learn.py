@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from collections import Counter
 from pathlib import Path
@@ -12,8 +13,8 @@ from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, full_name, make_policy
 from robot.store.episodes.store import EpisodeStore
 from robot.store.episodes.teaching import EditedEpisode, Report, learn_again, plan
-from robot.store.folder import Storage, default_root, write_whole
-from robot.store.models.model import encode_model, same_nodes, take_model
+from robot.store.folder import Storage, check_name, default_root, write_whole
+from robot.store.models.model import Model, encode_model, same_nodes, take_model
 from robot.store.models.store import ModelStore
 from robot.types import DEFAULT_MOVES, Action
 from server.cli.kept import add_data, find_episodes
@@ -36,18 +37,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    if (args.out or "").endswith(".npz") and Path(args.out).exists():
-        raise ConfigurationError(f"{args.out} exists already; choose another with --out")
     storage = Storage(args.data or default_root())
     episodes = find_episodes(EpisodeStore(storage), args.episodes)
+    if args.out:
+        _check_out(args.out)
     policy, taught = _begin(args, episodes)
+    driven = _driven(policy, episodes[-1], must_be=args.check)
     total = len(plan(episodes))
     started_s = time.monotonic()
     with progress(total, "example", "learn", "episodes") as bar:
         report = learn_again(policy, episodes, on_step=bar.update)
     taught += report.taught
     _say(report, policy, episodes, time.monotonic() - started_s)
-    is_same = _compare(policy, episodes, args)
+    is_same = driven is not None and _compare(policy, driven, episodes, args.goes_on)
     if args.check and not is_same:
         if args.out:
             print(f"nothing was saved as {args.out}")
@@ -55,6 +57,18 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         _save(args.out, storage, policy, taught)
     return 0
+
+
+def _check_out(out: str) -> None:
+    """Refuse before the learning what could not be saved after it."""
+    if not out.endswith(".npz"):
+        check_name(out)
+    elif os.path.lexists(out):
+        raise ConfigurationError(f"{out} exists already; choose another with --out")
+    else:
+        with told_as(ConfigurationError, f"cannot write {out}"):
+            write_whole(Path(out), b"")
+            Path(out).unlink()
 
 
 def _begin(
@@ -87,21 +101,26 @@ def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds:
         print(f"{report.left_out_edits} edits of learned images were left out: other images now")
 
 
-def _compare(policy: Policy, episodes: list[EditedEpisode], args: argparse.Namespace) -> bool:
-    """Print whether driving made the same nodes, if the recording has them."""
-    last, notes = episodes[-1]
-    after = last.model_after()
-    if after is None or after.summary.learner != policy.name or notes.edits:
-        if args.check:
-            why = "it was edited" if notes.edits else f"driving it made no model of {policy.name}"
-            raise ConfigurationError(f"{last.id} has nothing to --check against: {why}")
-        return False
-    is_same = same_nodes(policy.get_state(), after.state)
+def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | None:
+    """Return what driving made with this learner; None if the recording has no such model."""
+    episode, notes = last
+    after = episode.model_after()
+    if after is not None and after.summary.learner == policy.name and not notes.edits:
+        return after
+    if must_be:
+        why = "it was edited" if notes.edits else f"driving it made no model of {policy.name}"
+        raise ConfigurationError(f"{episode.id} has nothing to --check against: {why}")
+    return None
+
+
+def _compare(policy: Policy, driven: Model, episodes: list[EditedEpisode], goes_on: bool) -> bool:
+    """Print whether driving made the same nodes."""
+    is_same = same_nodes(policy.get_state(), driven.state)
     print("the same nodes as driving made" if is_same else "not the nodes that driving made")
     first = episodes[0][0]
     before = first.model_before()
     knew_something = before is not None and before.summary.n_nodes > 0
-    if not is_same and not args.goes_on and knew_something:
+    if not is_same and not goes_on and knew_something:
         print(f"{first.id} went on from a model that knew something already: add --continue")
     return is_same
 

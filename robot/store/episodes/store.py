@@ -26,10 +26,7 @@ _READ_WHOLE_BYTES = 2 * 2**20
 
 
 class EpisodeStore:
-    """Every file operation on episodes, but for the one being recorded. Safe for threads.
-
-    `recording` names that one; without it another program may be recording.
-    """
+    """Every file operation on episodes, but for the one being recorded. Safe for threads."""
 
     def __init__(
         self,
@@ -37,8 +34,8 @@ class EpisodeStore:
         recording: Callable[[], str | None] | None = None,
     ) -> None:
         self._storage = storage
-        self._is_recorder = recording is not None
         self._recording = recording or (lambda: None)
+        self._is_recorder = recording is not None  # otherwise another program may be
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """Beyond this the oldest unprotected episodes are offered for deletion."""
         self._lock = threading.RLock()

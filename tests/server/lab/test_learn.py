@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,36 @@ def test_what_cannot_be_learned_is_one_clear_line(
 ) -> None:
     told = say(words, capsys, status=1)
     assert complaint in told.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("--out a/b", "'a/b' cannot be a name"),
+        ("--out FILE/m.npz", "cannot write"),
+        (f"--out {'n' * 300}.npz", "cannot write"),
+        ("--out LINK.npz", "exists already"),
+        ("--check --learner published", "nothing to --check against"),
+    ],
+)
+def test_what_could_not_be_saved_is_said_before_anything_is_learned(
+    episode_id: str,
+    tmp_path: Path,
+    words: str,
+    complaint: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("server.lab.learn.learn_again", lambda *_, **__: pytest.fail("it learned"))
+    Path("FILE").touch()
+    if os.name == "nt":
+        Path("LINK.npz").touch()
+    else:
+        Path("LINK.npz").symlink_to("nowhere")
+    there = sorted(tmp_path.iterdir())
+    assert complaint in say(f"learn last {words}", capsys, status=1)
+    assert sorted(tmp_path.iterdir()) == there
 
 
 def test_a_file_that_is_there_is_said_before_anything_is_learned(
