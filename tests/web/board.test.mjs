@@ -47,7 +47,7 @@ test('strangers are told apart from the robots of the class', () => {
 
 test('a board that was started again is believed: what it does not know has no STOP that does nothing', (t) => {
   const lines = [];
-  globalThis.WebSocket = class { constructor() { lines.push(this); } send() {} };
+  globalThis.WebSocket = class { constructor() { lines.push(this); } send() {} close() {} };
   t.after(() => delete globalThis.WebSocket);
   t.mock.timers.enable({ apis: ['setTimeout'] });
   const link = new ClassLink('ws://board/ws/board');
@@ -72,7 +72,7 @@ test('a board that was started again is believed: what it does not know has no S
 /** A page of the board whose line and requests are a test's; `open` begins a line, and `tell` is news on it. */
 function paged(t) {
   const said = [], lines = [], asked = [], answers = [];
-  globalThis.WebSocket = class { constructor() { lines.push(this); } send(text) { said.push(JSON.parse(text)); } };
+  globalThis.WebSocket = class { constructor() { lines.push(this); } send(text) { said.push(JSON.parse(text)); } close() { this.readyState = 3; } };
   globalThis.fetch = (path, { body }) => (asked.push(body), answers.shift() ?? Promise.reject(new TypeError('no board')));
   t.after(() => { delete globalThis.WebSocket; delete globalThis.fetch; });
   t.mock.timers.enable({ apis: ['setTimeout'] });
@@ -144,6 +144,44 @@ test('a STOP for all that no board could hear reaches each robot that the next b
     tell(cleo(3));
     assert.equal(stops().at(-1), 2);
   });
+});
+
+for (const [what, fall] of Object.entries({
+  'a board that hangs': () => {},
+  'a board that ends before it heard it': ({ end }) => end(),
+})) {
+  test(`a STOP that is said to ${what} is said to the next one, and the page says that none answers`, (t) => {
+    const board = paged(t);
+    const { link, open, tell, stops } = board;
+    open();
+    tell(ada(1), ben(2), cleo(3));
+    link.stop(2);
+    link.stop(3);
+    link.release(3);
+    fall(board);
+    t.mock.timers.tick(3000);
+    assert.equal(link.isOpen, false);
+    t.mock.timers.tick(1000);
+    open();
+    tell(ada(1), ben(2), cleo(3));
+    assert.deepEqual(stops(), [2, 3, 2]);
+  });
+}
+
+test('a board that has news of anything hangs not', (t) => {
+  const { link, open, tell } = paged(t);
+  open();
+  link.stop();
+  t.mock.timers.tick(10_000);
+  assert.ok(link.isOpen, 'without robots there is no news');
+  tell(ada(1));
+  for (let i = 0; i < 5; i += 1) {
+    link.stop();
+    t.mock.timers.tick(2000);
+    tell({ ...ada(1), stop: 'asked' });
+    t.mock.timers.tick(2000);
+  }
+  assert.ok(link.isOpen);
 });
 
 test('a message that is cut short gives the pictures before the cut', () => {

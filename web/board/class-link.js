@@ -3,6 +3,8 @@
 import { parsePictures } from './pictures.js';
 
 const RETRY_MS = 1000;
+/** A board that runs has news of a stop well before: it confirms it, or says that it cannot. */
+const NEWS_MS = 3000;
 const ALL = 'all';
 
 /**
@@ -52,6 +54,10 @@ export class ClassLink extends EventTarget {
     this.isOpen = false;
     /** @type {Set<string>} addresses of robots whose stop no board has heard yet: another may number them otherwise */
     this.owed = new Set();
+    /** @type {Set<string>} those whose stop was said on the line, and of which nothing has come since */
+    this.said = new Set();
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.doubt = undefined;
   }
 
   connect() {
@@ -63,11 +69,26 @@ export class ClassLink extends EventTarget {
       this.watch(this.watched);
     };
     socket.onmessage = ({ data }) => (typeof data === 'string' ? this.hear(data) : this.look(data));
-    socket.onclose = () => {
-      this.turn(false);
-      setTimeout(() => this.connect(), RETRY_MS);
-    };
+    socket.onclose = () => this.lose();
     this.socket = socket;
+  }
+
+  /** The line has ended, or the board's program hangs. What was said last on it may have been heard by nobody. */
+  lose() {
+    if (this.socket) this.socket.onopen = this.socket.onmessage = this.socket.onclose = null;
+    this.socket?.close();
+    this.socket = null;
+    for (const address of this.said) this.owed.add(address);
+    this.trust();
+    this.turn(false);
+    setTimeout(() => this.connect(), RETRY_MS);
+  }
+
+  /** The board hears what it is told. */
+  trust() {
+    clearTimeout(this.doubt);
+    this.doubt = undefined;
+    this.said.clear();
   }
 
   /** @param {boolean} isOpen */
@@ -79,6 +100,7 @@ export class ClassLink extends EventTarget {
 
   /** @param {string} text */
   hear(text) {
+    this.trust();
     const { type, robots = [], ...words } = JSON.parse(text);
     for (const robot of robots) {
       this.robots.set(robot.number, robot);
@@ -116,8 +138,13 @@ export class ClassLink extends EventTarget {
   /** Stop a robot, or all: by a request where there is no line, and by the next line if that fails. @param {number} [robot] */
   stop(robot) {
     const words = robot === undefined ? {} : { robot };
-    if (this.say({ type: 'stop', ...words })) return;
-    for (const address of this.meant(robot)) this.owed.add(address);
+    const meant = this.meant(robot);
+    if (this.say({ type: 'stop', ...words })) {
+      if (this.robots.size) this.doubt ??= setTimeout(() => this.lose(), NEWS_MS);
+      for (const address of meant) this.said.add(address);
+      return;
+    }
+    for (const address of meant) this.owed.add(address);
     const asked = fetch('api/stop', { method: 'POST', keepalive: true, body: JSON.stringify(words) });
     asked.then((answer) => answer.json()).then(({ robots = [] }) => {
       if (robots.length) this.owed.delete(ALL);
@@ -133,7 +160,7 @@ export class ClassLink extends EventTarget {
 
   /** Let the pupils start a robot again, or all that were stopped here. @param {number} [robot] */
   release(robot) {
-    for (const address of robot === undefined ? this.owed : this.meant(robot)) this.owed.delete(address);
+    for (const stops of [this.owed, this.said]) for (const address of robot === undefined ? stops : this.meant(robot)) stops.delete(address);
     this.say({ type: 'release', ...(robot === undefined ? {} : { robot }) });
   }
 
