@@ -3,6 +3,7 @@ import { test } from 'node:test';
 
 import { who } from '../../web/board/card.js';
 import { ClassLink } from '../../web/board/class-link.js';
+import { Panel } from '../../web/board/panel.js';
 import { parsePictures } from '../../web/board/pictures.js';
 import { encodePicture } from '../../web/js/protocol.js';
 
@@ -198,4 +199,62 @@ test('a robot that has not answered yet may only be starting', () => {
   assert.equal(who(robot), 'board.status.away'); // it was there before
   assert.equal(who({ ...robot, status: 'not_ours' }, 5000), 'board.status.not_ours');
   assert.equal(who({ status: 'there', driven_by: 'pilot' }, 5000), 'board.who.pilot');
+});
+
+/** A panel and its robots, which obey when a test says so. */
+function locking(t, subject, locks) {
+  class FakeElement extends EventTarget {
+    hidden = false;
+    setAttribute(name, value) { this[name] = value; }
+    append() {}
+    querySelector() { return null; }
+  }
+  const boxes = {};
+  globalThis.document = { createElement: () => new FakeElement() };
+  const told = [];
+  globalThis.fetch = (path, { body }) => (told.push([path.split('/').at(-1), JSON.parse(body).locks]), new Promise(() => {}));
+  t.after(() => { delete globalThis.document; delete globalThis.fetch; });
+  t.mock.timers.enable({ apis: ['setTimeout'] });
+  const robots = locks.map((own, i) => ({ number: i + 1, status: 'there', locks: own }));
+  const panel = new Panel(new FakeElement(), () => robots);
+  panel.subject = subject;
+  const { createElement } = document;
+  document.createElement = (tag) => {
+    const element = createElement();
+    if (tag === 'input') element.setAttribute = (name, value) => { element[name] = value; if (name === 'value') boxes[value] = element; };
+    return element;
+  };
+  panel.locks(() => (subject === 'all' ? robots : robots.filter(({ number }) => number === subject)));
+  return {
+    told, robots,
+    tap: (lock) => { boxes[lock].checked = !boxes[lock].checked; boxes[lock].dispatchEvent(new Event('change')); },
+    news: (number, own) => { robots[number - 1] = { ...robots[number - 1], locks: own }; panel.note(robots[number - 1]); },
+    shown: () => Object.keys(boxes).filter((lock) => boxes[lock].checked),
+  };
+}
+
+test('a lock for all leaves what was locked elsewhere since, and a robot that came since gets it too', (t) => {
+  const { told, robots, tap, news, shown } = locking(t, 'all', [[], ['models']]);
+  assert.deepEqual(shown(), []);
+  news(1, ['gallery']); // on another page of the board
+  robots.push({ number: 3, status: 'there', locks: [] });
+  tap('settings');
+  assert.deepEqual(told.splice(0), [['1', ['settings', 'gallery']], ['2', ['settings', 'models']], ['3', ['settings']]]);
+  tap('recordings'); // before any robot has told of the first
+  assert.deepEqual(told[0], ['1', ['settings', 'gallery', 'recordings']]);
+  assert.deepEqual(shown(), ['settings', 'recordings']);
+});
+
+test('one robot’s locks are those that it has now, and an open panel shows them', (t) => {
+  const { told, tap, news, shown } = locking(t, 2, [[], ['models', 'gallery']]);
+  assert.deepEqual(shown(), ['models', 'gallery']);
+  news(2, ['models', 'settings']);
+  assert.deepEqual(shown(), ['settings', 'models']);
+  tap('models');
+  assert.deepEqual(told, [['2', ['settings']]]);
+  news(2, ['models', 'settings']);
+  assert.deepEqual(shown(), ['settings'], 'news that are older than the tap');
+  news(2, ['settings']);
+  news(2, ['settings', 'models']);
+  assert.deepEqual(shown(), ['settings', 'models'], 'locked again elsewhere');
 });

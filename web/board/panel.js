@@ -19,6 +19,8 @@ export class Panel {
     this.subject = null;
     /** @type {Element | null} */
     this.opener = null;
+    /** Shows in the open panel what has changed elsewhere. */
+    this.follow = () => {};
     this.said = h('p', { class: 'said', role: 'status' });
     element.addEventListener('keydown', (event) => event.key === 'Escape' && this.close());
   }
@@ -42,6 +44,7 @@ export class Panel {
 
   /** Draw what has changed, but under nobody's fingers. @param {Robot} robot */
   note(robot) {
+    if (!this.element.hidden) this.follow();
     const code = /** @type {HTMLImageElement | null} */ (this.element.querySelector('.code'));
     if (robot.number !== this.subject || !code || robot.status !== 'there') return;
     if (code.getAttribute('src') !== codeOf(robot)) code.src = codeOf(robot);
@@ -67,30 +70,47 @@ export class Panel {
     return [
       code,
       h('div', { class: 'row' }, name, colour),
-      locks(robot.locks, (names) => change({ locks: names })),
+      this.locks(() => this.robots().filter(({ number }) => number === this.subject)),
       this.models(robot),
     ];
   }
 
   all() {
-    const there = this.robots().filter(({ status }) => status === 'there');
-    const everywhere = LOCKS.filter((lock) => there.length && there.every(({ locks }) => locks.includes(lock)));
-    // Each robot keeps what else is locked on it.
-    const locked = new Map(this.robots().map((robot) => [robot.number, new Set(robot.locks)]));
     const choice = h('select', { 'aria-label': t('board.language'), onchange: () => chooseLanguage(choice.value) },
       ...Object.entries(LANGUAGES).map(([code, own]) => h('option', { value: code, selected: code === language, lang: code }, own)));
     return [
       h('p', {}, t('board.all_hint')),
-      locks(everywhere, (_, { value: lock, checked }) => this.attempt(async () => {
-        const told = [...locked].map(([number, names]) => {
-          checked ? names.add(lock) : names.delete(lock);
-          return ask('PUT', `api/robots/${number}`, { locks: [...names] });
-        });
-        const faults = (await Promise.allSettled(told)).flatMap((one) => (one.status === 'rejected' ? one.reason.message : []));
-        if (faults.length) throw new Error(faults.join('\n'));
-      })),
+      this.locks(this.robots),
       h('div', { class: 'row' }, choice),
     ];
+  }
+
+  /** What is locked on all of these robots; each keeps what else is locked on it now. @param {() => Robot[]} those */
+  locks(those) {
+    /** @type {Map<string, boolean>} what was chosen here, until the robots tell of it */
+    const chosen = new Map();
+    const boxes = LOCKS.map((name) => h('input', { type: 'checkbox', value: name }));
+    this.follow = () => {
+      const there = those().filter(({ status }) => status === 'there');
+      const robots = there.length ? there : those();
+      for (const box of boxes) {
+        const are = robots.map(({ locks }) => locks.includes(box.value));
+        if (are.every((isLocked) => isLocked === chosen.get(box.value))) chosen.delete(box.value);
+        box.checked = chosen.get(box.value) ?? (are.length > 0 && !are.includes(false));
+      }
+    };
+    this.follow();
+    const change = (/** @type {HTMLInputElement} */ { value, checked }) => this.attempt(async () => {
+      chosen.set(value, checked);
+      const told = those().map(({ number, locks }) =>
+        ask('PUT', `api/robots/${number}`, { locks: LOCKS.filter((name) => chosen.get(name) ?? locks.includes(name)) }));
+      const faults = (await Promise.allSettled(told)).flatMap((one) => (one.status === 'rejected' ? one.reason : []));
+      const isAway = faults.find((fault) => fault instanceof TypeError);
+      if (faults.length) throw isAway ?? new Error(faults.map(({ message }) => message).join('\n'));
+    });
+    for (const box of boxes) box.addEventListener('change', () => change(box));
+    const rows = boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`board.lock.${box.value}`))));
+    return h('fieldset', {}, h('legend', {}, t('board.locked')), ...rows);
   }
 
   /** @param {Robot} robot */
@@ -117,14 +137,4 @@ export class Panel {
       this.said.textContent = error instanceof TypeError ? t('board.board_away') : /** @type {Error} */ (error).message;
     }
   }
-}
-
-/** @param {string[]} locked @param {(names: string[], changed: HTMLInputElement) => void} change */
-function locks(locked, change) {
-  const boxes = LOCKS.map((name) => h('input', { type: 'checkbox', value: name, checked: locked.includes(name) }));
-  for (const box of boxes) {
-    box.addEventListener('change', () => change(boxes.filter(({ checked }) => checked).map(({ value }) => value), box));
-  }
-  const rows = boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`board.lock.${box.value}`))));
-  return h('fieldset', {}, h('legend', {}, t('board.locked')), ...rows);
 }
