@@ -289,9 +289,9 @@ class ControlLoop:
     def _publish(self, tick: Tick) -> Tick:
         """Tell all of the tick; then those who asked for something are answered."""
         try:
-            if tick.decision.mode is not self.state.decision.mode:
+            before, self.state = self.state, self._sum_up(tick, self.state)
+            if tick.decision.mode is not before.decision.mode:
                 self._driver.show(tick.decision.mode)
-            self.state = self._sum_up(tick, self.state)
             for listener in self._listeners:
                 listener(self.state)
         except Exception as error:  # as above

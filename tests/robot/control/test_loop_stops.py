@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from robot.errors import DriveError
+from robot.control.state import Tick
 from robot.types import Action, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot
 
@@ -191,6 +192,18 @@ def test_an_emergency_latches() -> None:
 
 def test_an_empty_command_stops_and_nothing_is_replayed() -> None:
     robot = BenchRobot()
+def test_a_stop_that_the_body_cannot_show_is_told_to_all() -> None:
+    robot, told = BenchRobot(), list[Tick]()
+    robot.loop.subscribe(told.append)
+    robot.start(Mode.TRAIN)
+    robot.driver.show = explode  # type: ignore[method-assign]
+    robot.loop.trip(StopReason.PILOT_GONE)
+    for _ in range(2):
+        tick = robot.tick()
+    assert tick.decision.mode is told[-1].decision.mode is Mode.STOPPED
+    assert told[-1].fault == "Something went wrong inside: boom"
+
+
     robot.start(Mode.TRAIN)
     robot.step(1, F)
     robot.hold(F)
