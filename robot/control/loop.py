@@ -211,7 +211,8 @@ class ControlLoop:
         """Obey a button on the robot itself: any stops it, the start button starts it again."""
         button = self._driver.take_button()
         if button is BodyButton.START and self._gate.mode is Mode.STOPPED:
-            self._start(self._last_mode)
+            if not self.state.emergency:  # else it was pressed before the release
+                self._start(self._last_mode)
         elif button is not None:
             self._gate.trip(StopReason.BUTTON)
 

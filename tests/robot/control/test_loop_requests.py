@@ -149,6 +149,15 @@ def test_the_start_button_starts_in_the_last_mode() -> None:
     assert robot.tick().decision.mode is Mode.AUTONOMOUS
 
 
+def test_a_start_button_that_was_pressed_before_the_release_starts_nothing() -> None:
+    robot = started(Mode.AUTONOMOUS)
+    robot.loop.latch_emergency()
+    robot.tick()
+    robot.loop.release_emergency()
+    assert pressed(robot, BodyButton.START).decision.mode is Mode.STOPPED
+    assert pressed(robot, BodyButton.START).decision.mode is Mode.AUTONOMOUS
+
+
 def test_the_stop_button_of_a_robot_that_stands_does_nothing() -> None:
     robot = BenchRobot()
     assert pressed(robot, BodyButton.STOP).decision.stop_reason is None
