@@ -102,12 +102,12 @@ class Camera(StartStop):
     def _publish(
         self, data: bytes, *, width: int, height: int, encoding: Encoding, captured_s: float
     ) -> Frame:
-        """Make these bytes the newest frame, with the next frame id."""
+        """Make these bytes the newest frame, with the next frame id; the future counts as now."""
         with self._slot_lock:
             self._last_frame_id += 1
             frame = Frame(
                 frame_id=self._last_frame_id,
-                captured_s=captured_s,
+                captured_s=min(self.clock.now_s(), captured_s),
                 width=width,
                 height=height,
                 encoding=encoding,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 from typing import Any
 
 import pytest
 
-from robot.errors import DriveError
 from robot.control.state import Tick
+from robot.errors import DriveError
 from robot.types import Action, Mode, StopReason
 from tests.robot.bench_robot import BenchRobot
 
@@ -82,6 +83,22 @@ def test_a_silent_camera_stops_it_although_the_pilot_speaks() -> None:
         robot.tick()
     assert robot.driver.sent[-1][0] is Action.STOP
     assert robot.loop.state.decision.stop_reason is StopReason.FRAME_STALE
+
+
+@pytest.mark.parametrize("ahead_s", [0.05, 1e9, math.inf, math.nan])
+def test_a_silent_camera_whose_clock_is_ahead_stops_it_as_soon(ahead_s: float) -> None:
+    robot = BenchRobot()
+    robot.start(Mode.TRAIN)
+    for _ in range(30):
+        robot.clock.advance(0.05)
+        robot.camera.show(1, captured_s=robot.clock.now_s() + ahead_s)
+        robot.hold(F)
+        assert robot.tick().sent is F
+    for _ in range(5):
+        robot.clock.advance(0.05)
+        robot.hold(F)
+        tick = robot.tick()
+    assert (tick.sent, tick.decision.stop_reason) == (Action.STOP, StopReason.FRAME_STALE)
 
 
 def test_a_camera_that_reports_a_fault_stops_it_and_is_said() -> None:
@@ -175,6 +192,18 @@ def test_a_body_that_raises_anything_when_it_is_told_to_stop_does_not_end_the_lo
     assert tick.fault == "Something went wrong inside: boom"
 
 
+def test_a_stop_that_the_body_cannot_show_is_told_to_all() -> None:
+    robot, told = BenchRobot(), list[Tick]()
+    robot.loop.subscribe(told.append)
+    robot.start(Mode.TRAIN)
+    robot.driver.show = explode  # type: ignore[method-assign]
+    robot.loop.trip(StopReason.PILOT_GONE)
+    for _ in range(2):
+        tick = robot.tick()
+    assert tick.decision.mode is told[-1].decision.mode is Mode.STOPPED
+    assert told[-1].fault == "Something went wrong inside: boom"
+
+
 def test_an_emergency_latches() -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
@@ -192,18 +221,6 @@ def test_an_emergency_latches() -> None:
 
 def test_an_empty_command_stops_and_nothing_is_replayed() -> None:
     robot = BenchRobot()
-def test_a_stop_that_the_body_cannot_show_is_told_to_all() -> None:
-    robot, told = BenchRobot(), list[Tick]()
-    robot.loop.subscribe(told.append)
-    robot.start(Mode.TRAIN)
-    robot.driver.show = explode  # type: ignore[method-assign]
-    robot.loop.trip(StopReason.PILOT_GONE)
-    for _ in range(2):
-        tick = robot.tick()
-    assert tick.decision.mode is told[-1].decision.mode is Mode.STOPPED
-    assert told[-1].fault == "Something went wrong inside: boom"
-
-
     robot.start(Mode.TRAIN)
     robot.step(1, F)
     robot.hold(F)
