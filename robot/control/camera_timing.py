@@ -9,6 +9,7 @@ distance that the robot travels on one picture.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from itertools import accumulate
 USUAL_PERIOD_S = 1 / 30
 """The period for which the link's limits are set; a slower camera adds the difference to them."""
 _LEAST_SCALE = 0.05
-"""A body takes no share of full speed that is 0; long before, the picture is too old to move."""
+"""A body takes no share of full speed that is 0; no camera is so slow that it would need less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,8 +69,7 @@ class CameraTiming:
         self._shortest_timeout_s = shortest_timeout_s
         self._periods_s: deque[float] = deque(maxlen=self._WINDOW)
         self._ages_s: deque[float] = deque(maxlen=self._WINDOW)
-        self._captured_s: float | None = None
-        self._noted_s: float | None = None
+        self._captured_s = self._noted_s = math.inf  # of no picture yet
         self.state = self._judge(USUAL_PERIOD_S, 0.0)
 
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
@@ -77,13 +77,14 @@ class CameraTiming:
 
         In a mode in which the robot may move (`is_moving`) estimates grow slowly.
         """
-        if self._captured_s is not None and captured_s > self._captured_s:
-            self._periods_s.append(captured_s - self._captured_s)
+        gap_s = captured_s - self._captured_s
+        if 0.0 < gap_s <= self.config.full_speed_s / _LEAST_SCALE:  # a longer one was a pause
+            self._periods_s.append(gap_s)
         self._captured_s = captured_s
         self._ages_s.append(max(0.0, delivered_s - captured_s))
-        elapsed_s = delivered_s - self._noted_s if self._noted_s is not None else 0.0
+        elapsed_s = max(0.0, delivered_s - self._noted_s)
         self._noted_s = delivered_s
-        growth_s = self.config.growth_s_per_s * max(0.0, elapsed_s) if is_moving else float("inf")
+        growth_s = self.config.growth_s_per_s * elapsed_s if is_moving else math.inf
         before = self.state
         period_s = _typical(self._periods_s) if self._periods_s else before.period_s
         self.state = self._judge(

@@ -88,6 +88,18 @@ def test_a_lost_picture_now_and_then_changes_nothing(lost_every: int) -> None:
     assert timing.state.period_s == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("pause_s", [10.0, 60.0, 3600.0])
+def test_a_pause_of_the_camera_is_no_period_of_it(pause_s: float) -> None:
+    timing = _timing_of(1 / 30, 0.005)
+    before = timing.state
+    for i in range(20):
+        at_s = 2.0 + pause_s + i / 30
+        timing.note(at_s, at_s + 0.005, is_moving=False)
+        assert timing.state.timeout_s == before.timeout_s, "or it would drive blind for so long"
+        assert timing.state.speed_scale == 1.0
+        assert timing.state.sight_slack_s == 0.0
+
+
 @dataclass
 class Drive:
     """What a drive of some seconds came to."""
