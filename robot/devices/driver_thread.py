@@ -159,14 +159,15 @@ class DriverThread(Driver):
     def _choose(self, now_s: float) -> tuple[str, Callable[[], None]] | None:
         """Take what is most due out of its slot: to stop, then to sense or drive, then to show.
 
-        A new action goes before the sensors, once; the renewal of the last one goes after them.
+        A new action goes before the sensors, once (STOP: always); a renewal goes after them.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven
+        is_stop = order is not None and order.action is Action.STOP
         if self._must_stop:
             self._must_stop = False
             return "drive", self._stop
-        if since_s >= SENSE_EVERY_S and not (is_new and since_s < 2 * SENSE_EVERY_S):
+        if since_s >= SENSE_EVERY_S and not (is_new and (is_stop or since_s < 2 * SENSE_EVERY_S)):
             return "sense", partial(self._sense, now_s)
         if order is not None:
             self._order = None

@@ -231,6 +231,20 @@ def test_a_new_action_goes_before_the_sensors_but_never_twice() -> None:
     assert names(body).count("left") + names(body).count("right") >= 20
 
 
+def test_a_move_that_ends_does_so_before_the_sensors_however_late_they_are() -> None:
+    clock, body, driver = wrapped()
+    drain(driver)
+    driver.send_action(Action.LEFT)
+    driver.step()
+    clock.advance(1.0)
+    driver.send_action(Action.STOP)
+    driver.step()
+    assert names(body)[-1] == "stop"
+    driver.send_action(Action.STOP)
+    driver.step()
+    assert names(body)[-1] == "sense", "as of any other move, only the first"
+
+
 @pytest.mark.parametrize("error", [DriveError("the wheel is off"), RuntimeError("a bug")])
 def test_a_fault_is_raised_until_a_request_succeeds(error: Exception) -> None:
     clock, body, driver = wrapped()
