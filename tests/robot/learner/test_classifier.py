@@ -92,6 +92,22 @@ def test_what_it_refuses_changes_nothing(x, label, angle, linear):
         learner.begin_angles({"forward": 0.0})
 
 
+@pytest.mark.parametrize("integer", [False, True])
+def test_what_was_taught_again_and_again_is_known(integer):
+    """Images that are the same have their votes at one of them."""
+    rng = np.random.default_rng(0)
+    for _ in range(150):
+        learner = BSOCClassifier(16, integer=integer)
+        views = rng.integers(0, 256, (int(rng.integers(2, 6)), 20)).astype(np.uint8)
+        learner.begin_angles({})
+        for i in rng.integers(0, len(views), int(rng.integers(8, 32))).tolist():
+            learner.learn_in(views[i], str(i), (), i / 8)
+        for label in learner.labels_:
+            evidence = learner.explain_one(views[int(label)])
+            assert evidence.label == label
+            assert evidence.angle == pytest.approx(int(label) / 8, abs=0.05)
+
+
 @pytest.mark.parametrize(("label", "angle"), [("", 0.0), ("left", np.nan), ("left", -2.0)])
 def test_an_image_gets_no_label_or_angle_that_could_not_be_learned(label, angle):
     learner = BSOCClassifier(4, linear=RecursiveRidge(SIZE))
