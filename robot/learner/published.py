@@ -71,12 +71,11 @@ class PublishedBSOC(Clusters):
         return pixels
 
     def _measure(self, image: NDArray[Any]) -> NDArray[np.float64]:
-        """Return squared distances, shape (n,); in int32 they are exact below 2 ** 31."""
+        """Return squared distances, shape (n,)."""
         differences = self._images[: self.n_nodes_] - image
-        distances: NDArray[np.float64] = np.einsum("ij,ij->i", differences, differences).astype(
-            np.float64
-        )
-        return distances
+        dtype = None if image.size * 255 * 255 < 2**31 else self._wide  # else int32 overflows
+        distances: NDArray[Any] = np.einsum("ij,ij->i", differences, differences, dtype=dtype)
+        return distances.astype(np.float64)
 
     def _insert(self, index: int, image: NDArray[Any], count: int, name: int) -> None:
         self._images[index] = image

@@ -57,6 +57,15 @@ def test_breaks_exact_ties_as_the_pseudocode(cluster):
             assert ours.nodes_.tolist() == [node.image for node in theirs.nodes]
 
 
+@pytest.mark.parametrize("cluster", [BSOC, PublishedBSOC])
+def test_whole_numbers_of_large_pictures_are_compared_exactly(cluster):
+    learner = cluster(2, integer=True)
+    for level in (0, 100):
+        learner.train(np.full(160 * 120 * 3, level, np.uint8))
+    white = np.full(160 * 120 * 3, 255, np.uint8)
+    assert learner.lookup(white) == (1, pytest.approx(160 * 120 * 3 * 155**2))
+
+
 def test_groups_are_merged_only_at_the_last_resort():
     learner = BSOC(2, group_cost=1000.0)
     for value, group in [(0.0, 0), (1.0, 1), (9.0, 1)]:
