@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from robot.learner import votes
-from robot.learner.base import Learner, NotFittedError, State, Vector
+from robot.learner.base import Learner, NotFittedError, State, Vector, checked_vector
 from robot.learner.part import Arrays, Params, Stateful, Value
 from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
@@ -74,6 +74,7 @@ class Policy(Stateful):
         self.kinds = MoveKinds(moves)
         self.n_seen = 0
         self._n_proposals = 0
+        self._n_values: int | None = None
         self._now_s = 0.0
         self._last_s: float | None = None
         self._smoothing = smoothing = action_filter(self.kinds)
@@ -184,6 +185,7 @@ class Policy(Stateful):
                 or `x` cannot be learned; nothing changes.
         """
         self._check_move(label)
+        x = checked_vector(x, self._n_values)  # before any part follows it
         if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
             raise ValueError(f"steering and throttle are from -1 to 1, not {tuple(point)}")
         lesson = Lesson(
@@ -196,7 +198,7 @@ class Policy(Stateful):
         )
         for _, part in self._parts:
             part.on_example(lesson)
-        self.n_seen += 1
+        self.n_seen, self._n_values = self.n_seen + 1, x.size
 
     def _check_move(self, label: Action) -> None:
         if label not in self.moves:
@@ -251,6 +253,7 @@ class Policy(Stateful):
 
     def restored(self) -> None:
         self._n_proposals, self._last_s = 0, None
+        self._n_values = next((len(node.image) for node in self.learner.nodes()), None)
         self._smoothing.reset()
 
     def faults(self) -> Iterator[str]:

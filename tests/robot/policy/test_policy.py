@@ -105,6 +105,23 @@ def test_refuses_a_label_that_is_no_move():
     assert policy.n_seen == 0
 
 
+@pytest.mark.parametrize("name", installed("default-4", "published-4", "integer-4"))
+@pytest.mark.parametrize("size", [5, 1000, 1199, 3000])
+def test_a_vector_of_another_length_teaches_nothing(name, size):
+    policy = taught(name, 6)
+    policy.learn(policy.extract(view(1)), F, 5.0)
+    loaded = make_policy(name)
+    loaded.set_state(policy.get_state())
+    for learner in (policy, loaded):
+        before = learner.get_state()
+        for at_s in (5.01, 9.0):  # the first is only counted
+            with pytest.raises(ValueError, match="values"):
+                learner.learn(np.zeros(size, np.uint8), F, at_s, Point(0.5, 0.5))
+        after = learner.get_state()
+        assert before.params == after.params and before.arrays.keys() == after.arrays.keys()
+        assert all(np.array_equal(before.arrays[key], after.arrays[key]) for key in after.arrays)
+
+
 @pytest.mark.parametrize("kind", installed("default-8", "without-linear-8"))
 def test_confidence_falls_with_novelty_towards_a_guess(kind):
     policy = make_policy(kind)
