@@ -68,7 +68,7 @@ class Gate:
         self._command: PilotCommand | None = None
         self._heard_s = -math.inf
         self._proven_s = -math.inf
-        self._refused_s: float | None = None
+        self._has_refused = False
         self._awaits_picture_until_s = -math.inf
 
     @property
@@ -104,7 +104,7 @@ class Gate:
         self._command = None
         self._heard_s = now_s
         self._proven_s = proven_s
-        self._refused_s = None
+        self._has_refused = False
         self._awaits_picture_until_s = now_s + self.config.start_patience_s
         return True
 
@@ -116,12 +116,12 @@ class Gate:
         """
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         if command.frame_id is None or not self.is_fresh(min(proven_s, now_s), now_s):
-            self._refused_s = now_s
+            self._has_refused = True
             return False
         self._command = command
         self._heard_s = command.received_s
         self._proven_s = max(self._proven_s, min(proven_s, now_s))
-        self._refused_s = None
+        self._has_refused = False
         return True
 
     def trip(self, reason: StopReason) -> None:
@@ -184,8 +184,7 @@ class Gate:
             not is_supervised_only and now_s - self._heard_s > self.config.pilot_timeout_s
         )
         if is_silent:
-            has_refused = self._refused_s is not None
-            return StopReason.LINK_SLOW if has_refused else StopReason.PILOT_SILENT
+            return StopReason.LINK_SLOW if self._has_refused else StopReason.PILOT_SILENT
         if camera_fault:
             return StopReason.CAMERA_FAULT
         return None if may_use_picture else StopReason.FRAME_STALE

@@ -96,7 +96,7 @@ class LinkGovernor:
         self.level = LinkLevel.GOOD
         self.age_s: float | None = None
         self._better_since_s: float | None = None
-        self._seen_s: float | None = None
+        self._seen_s = math.inf
 
     def judge(
         self,
@@ -128,8 +128,6 @@ class LinkGovernor:
     def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
         """Return in what time the pilot has seen nothing for too long, even if heartbeats arrive:
         below 0 for one who has, infinite for one who was shown nothing yet."""
-        if self._seen_s is None:
-            return math.inf
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:

@@ -142,7 +142,7 @@ class Readiness:
             self._is_taken = True
         move = tick.decision.action
         if self._is_taken and move is not self._instead:
-            self._add(GapKind.CORRECTED, tick, move=move, instead=self._instead)
+            self._add(GapKind.CORRECTED, tick, move, self._instead)
             self._is_taken = False
 
     def _note_taught(self, event: Taught, tick: Tick) -> None:
@@ -165,7 +165,7 @@ class Readiness:
         near = [move for at_s, move in self._proposed if tick.now_s - at_s <= BEFORE_S + AFTER_S]
         self._foreseen.append(label in near)
         if label not in near and near:
-            self._add(GapKind.UNFORESEEN, tick, move=label, instead=near[-1])
+            self._add(GapKind.UNFORESEEN, tick, label, near[-1])
 
     def _note_alone(self, tick: Tick, step_s: float) -> None:
         prediction = tick.prediction
@@ -182,24 +182,17 @@ class Readiness:
         if prediction.novelty >= HARDLY_KNOWN:
             self._novel_s += step_s
             if not self._gaps or self._gaps[-1].kind is not GapKind.UNKNOWN_VIEW:
-                self._add(GapKind.UNKNOWN_VIEW, tick, instead=prediction.action)
+                self._add(GapKind.UNKNOWN_VIEW, tick, None, prediction.action)
         # Old trials say little about the robot as it is now.
         if self.clean_s > _FORGOTTEN_S:
             self.clean_s, self._novel_s = self.clean_s / 2, self._novel_s / 2
 
     def _fail(self, kind: GapKind, tick: Tick) -> None:
         if self.clean_s > 0.0 or kind is not GapKind.HELPLESS:
-            self._add(kind, tick, instead=self._proposed[-1][1] if self._proposed else None)
+            self._add(kind, tick, None, self._proposed[-1][1] if self._proposed else None)
         self._begin_trial()
 
-    def _add(
-        self,
-        kind: GapKind,
-        tick: Tick,
-        *,
-        move: Action | None = None,
-        instead: Action | None = None,
-    ) -> None:
+    def _add(self, kind: GapKind, tick: Tick, move: Action | None, instead: Action | None) -> None:
         self._gaps.append(
             Gap(
                 kind=kind,

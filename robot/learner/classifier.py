@@ -112,8 +112,7 @@ class BSOCClassifier(Stateful, Learner):
     @classmethod
     def published(cls, max_nodes: int = 32, *, integer: bool = False) -> Self:
         """Return the paper's classifier: the nearest node's most counted label."""
-        cluster = PublishedBSOC(max_nodes, integer=integer)
-        return cls(max_nodes, n_voters=1, cluster=cluster)
+        return cls(max_nodes, n_voters=1, cluster=PublishedBSOC(max_nodes, integer=integer))
 
     @property
     def n_nodes_(self) -> int:

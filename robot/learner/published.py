@@ -67,8 +67,7 @@ class PublishedBSOC(Clusters):
 
     def _checked(self, x: Vector) -> NDArray[Any]:
         check = checked_bytes if self.integer else checked_vector
-        pixels: NDArray[Any] = check(x, self._images.shape[1] or None).astype(self._dtype)
-        return pixels
+        return check(x, self._images.shape[1] or None).astype(self._dtype)
 
     def _measure(self, image: NDArray[Any]) -> NDArray[np.float64]:
         """Return squared distances, shape (n,)."""

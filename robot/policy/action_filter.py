@@ -128,9 +128,7 @@ class StallDetector:
         if under_way in kinds.straight:
             self.is_stalled = is_still or seen.bumped
         else:
-            self.is_stalled = (
-                is_still and under_way in kinds.others and under_way not in pace.stands
-            )
+            self.is_stalled = is_still and under_way in kinds.others.difference(pace.stands)
         if not is_still and not seen.bumped and at_s >= self._barred_until_s:
             self.futile = []
         if under_way is None or not self.is_stalled:

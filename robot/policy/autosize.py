@@ -109,8 +109,7 @@ def choose_max_nodes(
     """
     if not rate_hz > 0:
         raise ConfigurationError(f"a frame rate is above 0, not {rate_hz}")
-    if cost_of is None:
-        cost_of = partial(measure, kind=kind, frames=sample_frames(60))
+    cost_of = cost_of or partial(measure, kind=kind, frames=sample_frames(60))
     best = None
     for size in SIZES:
         cost = cost_of(size)

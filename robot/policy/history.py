@@ -179,9 +179,8 @@ class TrainingHistory:
         if gone:
             self._rebuild_without(gone)
             self.taught = self.taught - Counter(taught.example.label for taught in gone)
-            kept = (e.at_s for e in reversed(self._events) if not isinstance(e, DriveBegun))
-            last_s = next(kept, 0.0)
-            self.teaching_s = max(last_s, self._snapshots[-1].at_s)
+            kept_s = [e.at_s for e in self._events if not isinstance(e, DriveBegun)]
+            self.teaching_s = max([self._snapshots[-1].at_s, *kept_s])
             self._tell(Undone(frame_ids=tuple(t.example.frame_id for t in gone)))
         return [taught.example for taught in gone]
 
