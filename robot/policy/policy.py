@@ -185,7 +185,8 @@ class Policy(Stateful):
                 or `x` cannot be learned; nothing changes.
         """
         self._check_move(label)
-        x = checked_vector(x, self._n_values)  # before any part follows it
+        if len(x) != self._n_values:  # before any part follows it
+            checked_vector(x, self._n_values)
         if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
             raise ValueError(f"steering and throttle are from -1 to 1, not {tuple(point)}")
         lesson = Lesson(
@@ -198,7 +199,7 @@ class Policy(Stateful):
         )
         for _, part in self._parts:
             part.on_example(lesson)
-        self.n_seen, self._n_values = self.n_seen + 1, x.size
+        self.n_seen, self._n_values = self.n_seen + 1, len(x)
 
     def _check_move(self, label: Action) -> None:
         if label not in self.moves:
