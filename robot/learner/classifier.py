@@ -259,13 +259,8 @@ class BSOCClassifier(Stateful, Learner):
     def set_state(self, state: State) -> None:
         if state.kind != self._kind:
             raise ValueError(f"the model is a {state.kind}, not a {self._kind}")
-        before, self.labels_ = self.get_state(), list(state.labels)
-        try:
-            self.load(state.params, state.arrays, sizes={"n_labels": len(self.labels_)})
-        except Exception:  # half of it may have been taken
-            self.labels_ = before.labels
-            self.load(before.params, before.arrays, sizes={"n_labels": len(before.labels)})
-            raise
+        self.labels_ = list(state.labels)
+        self.load(state.params, state.arrays, sizes={"n_labels": len(self.labels_)})
 
     def faults(self) -> Iterator[str]:
         if len(set(self.labels_)) < len(self.labels_):

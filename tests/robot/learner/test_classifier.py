@@ -92,28 +92,6 @@ def test_what_it_refuses_changes_nothing(x, label, angle, linear):
         learner.begin_angles({"forward": 0.0})
 
 
-@pytest.mark.parametrize("lessons", [0, 9])
-@pytest.mark.parametrize("other", ["size", "voters", "array"])
-def test_a_state_that_it_refuses_changes_nothing(other, lessons):
-    learner = BSOCClassifier(4, linear=ContextRidge(SIZE))
-    for i in range(lessons):
-        learner.learn_in(np.full(SIZE, i), "left" if i % 2 else "right", (i % 2,))
-    before = learner.get_state()
-    options = {"size": (5, 3), "voters": (4, 1), "array": (4, 3)}[other]
-    theirs = BSOCClassifier(options[0], n_voters=options[1], linear=RecursiveRidge(SIZE))
-    for label in ("up", "down", "up", "down"):
-        theirs.learn_one(np.arange(SIZE), label)
-    state = theirs.get_state()
-    if other == "array":
-        state.arrays["histograms"] = np.zeros((4, 9), np.int64)
-    with pytest.raises(ValueError, match=r"shape|n_voters"):
-        learner.set_state(state)
-    after = learner.get_state()
-    assert (before.params, before.labels) == (after.params, after.labels)
-    assert before.arrays.keys() == after.arrays.keys()
-    assert all(np.array_equal(before.arrays[n], after.arrays[n]) for n in after.arrays)
-
-
 @pytest.mark.parametrize("integer", [False, True])
 def test_what_was_taught_again_and_again_is_known(integer):
     """Images that are the same have their votes at one of them."""
