@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from itertools import product
 
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
-from robot.lab.figure3 import recorded_tasks
+from robot.lab.figure3 import KEPT, recorded_tasks
 from robot.lab.ground.ground import FIRST_SEED, score_at
 from robot.lab.ground.run import run_ground
 from robot.lab.lessons import run_lesson, trial_cases
@@ -24,7 +24,6 @@ WORLDS = {"Sidewalk": "miniworld", "CarRacing": "Box2D", "ViZDoom": "vizdoom"}
 """Worlds that others made, and the libraries that they need."""
 EXAMPLES = 250
 """Taught there by corrections before it drives alone."""
-_FOOTAGE = ("accuracy", "balanced_accuracy", "calibration_error")
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
@@ -58,7 +57,7 @@ def _tables(runs: Runs) -> list[Table]:
     for (world, learner), results in group(ground, "world", "learner").items():
         columns.setdefault(world, {})[split_name(learner)[0]] = score_at(0)(results)
     for (learner,), results in group(footage, "learner").items():
-        for name in _FOOTAGE:
+        for name in KEPT:
             mean = statistics.fmean(result[name] for result in results)
             column = columns.setdefault(f"footage: {name.replace('_', ' ')}", {})
             column[split_name(learner)[0]] = f"{mean:.3f}"

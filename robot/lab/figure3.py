@@ -80,7 +80,7 @@ _COLUMNS: Columns = {
 }
 
 
-_KEPT = ("accuracy", "balanced_accuracy", "calibration_error")
+KEPT = ("accuracy", "balanced_accuracy", "calibration_error")
 
 
 def run_simulated_footage(params: Params) -> Result:
@@ -95,7 +95,7 @@ def run_simulated_footage(params: Params) -> Result:
         for drive in (0, 1)
     )
     result = judge(policy, train, test)
-    return {name: result[name] for name in _KEPT}
+    return {name: result[name] for name in KEPT}
 
 
 def run_recorded_footage(params: Params) -> Result:
@@ -105,7 +105,7 @@ def run_recorded_footage(params: Params) -> Result:
     policy = make_learner(params["learner"], DEFAULT_MOVES)
     train, test = (seen_by(policy, load_recording(params[part]), {}) for part in ("train", "test"))
     result = judge(policy, train, test)
-    return {name: result[name] for name in _KEPT}
+    return {name: result[name] for name in KEPT}
 
 
 def _film(params: Params, moves: tuple[Action, ...], drive: int) -> list[tuple[Frame, Action]]:

@@ -133,16 +133,13 @@ def pack(plan_text: str, logs: Mapping[str, bytes]) -> bytes:
 def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
     """Return the plan, the logs by participant, and the packed tables and figures by path;
     ConfigurationError if the file is not such a zip."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            if sum(info.file_size for info in archive.infolist()) > _LARGEST_ZIP_MB * 1_000_000:
-                raise ConfigurationError(f"{path} unpacks to more than {_LARGEST_ZIP_MB} MB")
-            entries = [info for info in archive.infolist() if not info.is_dir()]
-            files = {info.filename: archive.read(info) for info in entries}
-    except ConfigurationError:
-        raise
-    except Exception as error:  # zipfile, zlib and lzma have errors of their own
-        raise ConfigurationError(f"{path} cannot be read as a zip: {error}") from error
+    wrong = f"{path} cannot be read as a zip"
+    # zipfile, zlib and lzma have errors of their own
+    with told_as(ConfigurationError, wrong, Exception), zipfile.ZipFile(path) as archive:
+        entries = [info for info in archive.infolist() if not info.is_dir()]
+        if sum(info.file_size for info in entries) > _LARGEST_ZIP_MB * 1_000_000:
+            raise ValueError(f"it unpacks to more than {_LARGEST_ZIP_MB} MB")
+        files = {info.filename: archive.read(info) for info in entries}
     if PLAN not in files:
         raise ConfigurationError(f"{path} is no study: {PLAN} is missing in it")
     with told_as(ConfigurationError, f"{path}: {PLAN} is not UTF-8", UnicodeDecodeError):
