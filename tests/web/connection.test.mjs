@@ -205,3 +205,30 @@ test('a video socket that closes alone is opened again', () => {
   time.forward(250);
   assert.equal(FakeSocket.all.filter((s) => s.url.endsWith('/ws/video')).length, 2);
 });
+
+test('a video socket that hangs alone is given up for a new one, as long as there are newer pictures to see', () => {
+  const videos = () => FakeSocket.all.filter((s) => s.url.endsWith('/ws/video'));
+  const live = (ms, frameAt) => {
+    for (let gone = 0; gone < ms; gone += 100) {
+      time.forward(100);
+      latest('/ws/drive').onmessage({ data: JSON.stringify({ type: 'state', frame: frameAt(gone) }) });
+    }
+  };
+  latest('/ws/drive').open();
+  latest('/ws/video').open();
+  connection.noteShown({ frame: 7, nonce: 5 });
+  live(20_000, () => 7);
+  assert.equal(videos().length, 1, 'a camera that stands has none');
+  live(4000, (gone) => 8 + gone);
+  connection.noteShown({ frame: 9, nonce: 5 });
+  live(4000, (gone) => 50 + gone);
+  assert.equal(videos().length, 1, 'a slow one is waited for');
+  live(2000, (gone) => 5000 + gone);
+  assert.equal(videos().length, 2);
+  assert.equal(videos()[0].readyState, 3);
+  live(6000, (gone) => 9000 + gone);
+  assert.equal(videos().length, 3, 'and again');
+  connection.showPictures(false);
+  live(20_000, (gone) => 20_000 + gone);
+  assert.equal(videos().length, 3, 'not while nobody looks');
+});

@@ -9,6 +9,7 @@ import {
 } from './protocol.js';
 
 const SILENCE_MS = 1500; // states come ten times a second: so much silence is a dead link
+const PICTURE_MS = 5000; // states of newer pictures come, and none of these: their socket is dead without knowing it
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
 const PING_EVERY_MS = 1000;
@@ -49,6 +50,8 @@ export class Connection extends EventTarget {
     this.samples = [];
     /** @type {number | null} the newest nonce: commands carry it back */
     this.nonce = null;
+    /** @type {number | null} the picture on the screen */
+    this.frame = null;
     this.showsPictures = true;
     this.isDrawn = true;
     /** @type {Pick<Worker, 'postMessage'> | null} receives and draws pictures in place of this thread */
@@ -142,6 +145,8 @@ export class Connection extends EventTarget {
   /** A picture is on the screen. @param {import('./painter.js').Shown} shown */
   noteShown(shown) {
     this.nonce = shown.nonce || this.nonce;
+    this.frame = shown.frame;
+    this.cancel('picture');
     this.emit('shown', shown);
   }
 
@@ -171,6 +176,7 @@ export class Connection extends EventTarget {
     const { video } = this;
     this.video = null;
     this.cancel('video');
+    this.cancel('picture');
     this.worker?.postMessage({ close: true });
     if (!video) return;
     video.onmessage = video.onclose = null;
@@ -207,6 +213,8 @@ export class Connection extends EventTarget {
     this.nonce = words.nonce ?? this.nonce;
     if (words.type === 'pong') this.notePong(words.client_ms, words.server_ms);
     else this.emit('words', words);
+    const isDue = words.type === 'state' && words.frame && words.frame !== this.frame && this.showsPictures;
+    if (isDue && !('picture' in this.timers)) this.after('picture', PICTURE_MS, () => this.isOpen && this.openVideo());
   }
 
   ping() {
