@@ -13,7 +13,7 @@ import re
 import shutil
 import time
 import unicodedata
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from threading import get_native_id
 from typing import BinaryIO
@@ -304,23 +304,6 @@ class Storage:
         shutil.rmtree(place, ignore_errors=True)
         return new
 
-    def erase(self, names: Collection[str], *paths: Path) -> list[str]:
-        """Delete for good what has one of these names, copies of it, and some more files.
-
-        The names are those of models, recordings and exports, without endings, also in the trash.
-        The files go last, so that what was interrupted can be done again. Returns what was deleted,
-        by paths within the data folder; raises OSError if the disk refuses.
-        """
-        folders = (self.models, self.episodes, self.exports, *self.trash.iterdir())
-        entries = [path for folder in folders if folder.is_dir() for path in folder.iterdir()]
-        found = [path for path in entries if _is_called(path.name.lstrip("."), names)]
-        for path in (*found, *paths):
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path)
-            else:
-                path.unlink(missing_ok=True)
-        return [path.relative_to(self.root).as_posix() for path in (*found, *paths)]
-
     def empty_trash(self) -> int:
         """Delete for good what is in the trash; return how many bytes that freed."""
         size = _size(self.trash)
@@ -330,12 +313,6 @@ class Storage:
                     FolderLock(place).start()  # refuses where an import unpacks just now
                 shutil.rmtree(place, ignore_errors=True)
         return size - _size(self.trash)
-
-
-def _is_called(entry: str, names: Collection[str]) -> bool:
-    """True for a name with any ending, also of a part (`-2`) or of a copy (` (2)`)."""
-    entry, names = composed(entry), [composed(name) for name in names]
-    return any(entry == n or (entry.startswith(n) and entry[len(n)] in ".- (") for n in names)
 
 
 def _size(folder: Path) -> int:

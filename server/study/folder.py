@@ -19,6 +19,7 @@ from robot.study.plan import CODE, MOST_CONDITIONS, StudyPlan, parse_plan
 from robot.study.rows import condition_logs, outcome, refuse_same_columns
 from robot.study.session import follow_log
 from robot.types import Action
+from server.study.erasing import erase
 
 _PLAN, _ACTIVE = "plan.toml", "active.json"
 LONGEST_NAME = 40
@@ -178,7 +179,7 @@ class StudyFolder:
             raise ConfigurationError("this session is still being recorded; wait ten seconds")
         models = sorted((self.root / name / "models").glob(f"{code}-*.npz"))
         in_use = [model_name(name, code, n) for n in range(1, MOST_CONDITIONS + 1)]
-        return self._storage.erase([*recordings, *in_use], *models, self.log_path(name, code))
+        return erase(self._storage, [*recordings, *in_use], *models, self.log_path(name, code))
 
     # The session that is driven ---------------------------------------------------------------
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 import os
 import sys
 import tomllib
-import unicodedata
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import get_native_id
-from typing import Literal
 
 import platformdirs
 import pytest
@@ -91,15 +89,3 @@ def test_a_folder_whose_parts_alone_take_files_is_a_fault(tmp_path: Path) -> Non
     (tmp_path / f"..probe.{get_native_id()}.part").mkdir()  # nothing can be written there
     fault = Storage(tmp_path, must_be_usable=False).fault
     assert fault is not None and str(tmp_path) in fault
-
-
-@pytest.mark.parametrize("form", ["NFC", "NFD"])
-def test_what_is_erased_is_found_however_its_accents_are_written(
-    tmp_path: Path, form: Literal["NFC", "NFD"]
-) -> None:
-    storage, name = Storage(tmp_path), unicodedata.normalize(form, "Zoé")
-    for entry in (f"{name}.mcap", f"{name}-2.edits.json", f"{name}e.mcap"):
-        (storage.episodes / entry).touch()
-    storage.discard(storage.episodes / f"{name}-2.edits.json")
-    assert len(storage.erase(["Zoé"])) == 2
-    assert [path.name for path in storage.episodes.iterdir()] == [f"{name}e.mcap"]

@@ -1,0 +1,34 @@
+"""Deletes for good what belongs to a participant who withdraws, wherever a copy of it lies."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Collection
+from pathlib import Path
+
+from robot.store.folder import Storage, composed
+
+
+def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
+    """Delete for good what has one of these names, copies of it, and some more files.
+
+    The names are those of models, recordings and exports, without endings, also in the trash.
+    The files go last, so that what was interrupted can be done again. Returns what was deleted,
+    by paths within the data folder; raises OSError if the disk refuses.
+    """
+    kept = storage.models, storage.episodes, storage.exports
+    folders = (folder for folder in (*kept, *storage.trash.iterdir()) if folder.is_dir())
+    entries = [path for folder in folders for path in folder.iterdir()]
+    found = [path for path in entries if _is_called(path.name.lstrip("."), names)]
+    for path in (*found, *paths):
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+    return [path.relative_to(storage.root).as_posix() for path in (*found, *paths)]
+
+
+def _is_called(entry: str, names: Collection[str]) -> bool:
+    """True for a name with any ending, also of a part (`-2`) or of a copy (` (2)`)."""
+    entry, names = composed(entry), [composed(name) for name in names]
+    return any(entry == n or (entry.startswith(n) and entry[len(n)] in ".- (") for n in names)

@@ -1,0 +1,24 @@
+"""What belongs to a participant is found by its name, and nothing of anybody else."""
+
+from __future__ import annotations
+
+import unicodedata
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+from robot.store.folder import Storage
+from server.study.erasing import erase
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+def test_what_is_erased_is_found_however_its_accents_are_written(
+    tmp_path: Path, form: Literal["NFC", "NFD"]
+) -> None:
+    storage, name = Storage(tmp_path), unicodedata.normalize(form, "Zoé")
+    for entry in (f"{name}.mcap", f"{name}-2.edits.json", f"{name}e.mcap"):
+        (storage.episodes / entry).touch()
+    storage.discard(storage.episodes / f"{name}-2.edits.json")
+    assert len(erase(storage, ["Zoé"])) == 2
+    assert [path.name for path in storage.episodes.iterdir()] == [f"{name}e.mcap"]
