@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { beforeEach, mock, test } from 'node:test';
 
-import { FILE_MS, Refused, STOPPING_MS, ask, inOrder } from '../../web/js/api.js';
+import { LONG_MS, Refused, STOPPING_MS, ask, askLong, inOrder } from '../../web/js/api.js';
 
 beforeEach(() => mock.timers.enable({ apis: ['setTimeout'] }));
 test.afterEach(() => {
@@ -22,7 +22,7 @@ for (const [what, answer] of Object.entries({
   'takes the request and never answers': ({ signal }) => silence(signal),
   'stops in the middle of its answer': async ({ signal }) => ({ ok: true, json: () => silence(signal) }),
 })) {
-  for (const [method, body, ms, patienceMs] of [['GET', undefined, 15_000], ['POST', {}, 30_000], ['PUT', new Blob(['a file']), FILE_MS], ['POST', undefined, STOPPING_MS, STOPPING_MS]]) {
+  for (const [method, body, ms, patienceMs] of [['GET', undefined, 15_000], ['POST', {}, LONG_MS], ['PUT', new Blob(['a file']), LONG_MS], ['POST', undefined, STOPPING_MS, STOPPING_MS]]) {
     test(`a robot that ${what} is out of reach: ${method} within ${ms} ms`, async () => {
       globalThis.fetch = (_, about) => answer(about);
       const asked = ask(method, 'api/x', body, patienceMs);
@@ -31,6 +31,11 @@ for (const [what, answer] of Object.entries({
     });
   }
 }
+
+test('a small computer is given a minute to measure itself, or to read a recording', async () => {
+  globalThis.fetch = (_, { signal }) => silence(signal);
+  assert.equal(await after(60_000, askLong('api/settings')), null);
+});
 
 test('an answer that is cut off is none: it would say that there is nothing', async () => {
   for (const why of [new SyntaxError('Unexpected end of JSON input'), new TypeError('network error')]) {

@@ -1,6 +1,6 @@
 // What the teacher changes: one robot's name, colour, locks and model, or the locks of all.
 
-import { FILE_MS, ask } from '../js/api.js';
+import { ask } from '../js/api.js';
 import { fill, h } from '../js/dom.js';
 import { LANGUAGES, chooseLanguage, language, t } from '../js/i18n.js';
 import { codeOf } from './card.js';
@@ -120,7 +120,7 @@ export class Panel {
     const rows = others.map((other, i) => h('label', { class: 'choice' }, boxes[i], h('span', {}, other.name)));
     const copy = async () => {
       const to = boxes.filter((box) => box.checked).map((box) => Number(box.value));
-      const { faults } = await ask('POST', `api/robots/${robot.number}/copy-model`, { to }, FILE_MS);
+      const { faults } = await ask('POST', `api/robots/${robot.number}/copy-model`, { to });
       if (faults.length) throw new Error(faults.join('\n'));
     };
     const give = h('button', { type: 'button', onclick: () => boxes.some((box) => box.checked) && this.attempt(copy) }, t('board.give'));

@@ -15,9 +15,8 @@ export class Refused extends Error {
 
 /** How long an answer is waited for: a server that takes a request and never answers is out of reach. */
 const ANSWER_MS = 15_000;
-const CHANGE_MS = 30_000;
-/** What carries a file takes as long as the link needs for it. */
-export const FILE_MS = 180_000;
+/** What carries a file, reads or rewrites a recording, or has a small computer measure itself takes its time. */
+export const LONG_MS = 180_000;
 /** A stop by request is so long under way at most: it could latch the stop again that is released meanwhile. */
 export const STOPPING_MS = 3000;
 
@@ -29,7 +28,7 @@ export const STOPPING_MS = 3000;
  * @param {number} [patienceMs]
  * @returns {Promise<any>}
  */
-export async function ask(method, path, body, patienceMs = body instanceof Blob ? FILE_MS : method === 'GET' ? ANSWER_MS : CHANGE_MS) {
+export async function ask(method, path, body, patienceMs = method === 'GET' ? ANSWER_MS : LONG_MS) {
   const isFile = body instanceof Blob;
   const patience = new AbortController();
   const timer = setTimeout(() => patience.abort(), patienceMs);
@@ -49,6 +48,9 @@ export async function ask(method, path, body, patienceMs = body instanceof Blob 
     clearTimeout(timer);
   }
 }
+
+/** A question that is no quick one. @param {string} path */
+export const askLong = (path) => ask('GET', path, undefined, LONG_MS);
 
 /**
  * For what is asked again and again: passes on an answer, but null for one that comes after the answer to a

@@ -1,6 +1,6 @@
 // The recordings of past drives, as a part of the home screen.
 
-import { ask } from '../api.js';
+import { ask, askLong } from '../api.js';
 import { append, fill, h, icon } from '../dom.js';
 import { language, t } from '../i18n.js';
 
@@ -9,7 +9,7 @@ import { language, t } from '../i18n.js';
 /** @param {Home} home */
 export async function listEpisodes(home) {
   const turn = (home.listing += 1);
-  const answer = await home.attempt(() => ask('GET', 'api/episodes'));
+  const answer = await home.attempt(() => askLong('api/episodes'));
   if (!answer) return;
   const seen = answer.episodes.filter((/** @type {any} */ episode) => episode.frames || answer.recording === episode.id);
   const list = await Promise.all(seen.map((/** @type {any} */ episode) => card(home, episode, answer.recording === episode.id)));
@@ -111,7 +111,7 @@ function facts(episode) {
 
 /** @param {Home} home @param {string} path @param {HTMLElement} strip */
 async function showStrip(home, path, strip) {
-  const answer = /** @type {any} */ (await home.attempt(() => ask('GET', `${path}/timeline?count=12`)));
+  const answer = /** @type {any} */ (await home.attempt(() => askLong(`${path}/timeline?count=12`)));
   const frames = answer?.columns.frame ?? [];
   fill(strip, ...frames.map((/** @type {number} */ frame) => h('img', { alt: '', width: 40, height: 30, loading: 'lazy', src: `${path}/frames/${frame}` })));
 }

@@ -1,7 +1,7 @@
 // A recording: played and scrubbed, with what was held, what the robot would have done and the
 // sonar on one time axis; and mended, part by part.
 
-import { ask, inOrder } from '../api.js';
+import { ask, askLong, inOrder } from '../api.js';
 import { append, fill, h, icon, say, settle, svg } from '../dom.js';
 import { count, t } from '../i18n.js';
 import { drawFromAbove } from './from-above.js';
@@ -23,7 +23,7 @@ const LEAST_MS = 80; // between two pictures while it plays: what a phone draws 
 /** @param {Home} home @param {string} path  of the episode @param {Element} place  filled with the tools @param {() => void} teach */
 export async function openPlayer(home, path, place, teach, at = 0, ordered = inOrder()) {
   const shown = await ordered(home.attempt(async () => {
-    const [episode, { columns, is_estimate: isEstimate }] = await Promise.all([ask('GET', path), ask('GET', `${path}/timeline`)]);
+    const [episode, { columns, is_estimate: isEstimate }] = await Promise.all([askLong(path), askLong(`${path}/timeline`)]);
     const player = new Player(columns, path);
     await drawFromAbove(player.map, columns, isEstimate);
     return { episode, player };

@@ -2,7 +2,7 @@
 // did), and where it asked, pushed and was corrected. Of a simulated robot the true place; of a real
 // one an estimate by its wheels' counts, and said to be one.
 
-import { ask } from '../api.js';
+import { ask, askLong } from '../api.js';
 import { fill, h, svg } from '../dom.js';
 import { t } from '../i18n.js';
 
@@ -53,8 +53,8 @@ export async function drawFromAbove(place, path, isEstimate = false) {
 
 /** Draw the way of some recordings, one after the other; those that are gone are left out. @param {HTMLElement} place @param {string[]} ids */
 export async function drawRecordings(place, ids) {
-  const kept = new Set((await ask('GET', 'api/episodes').catch(() => ({ episodes: [] }))).episodes.map((/** @type {{id: string}} */ { id }) => id));
-  const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => ask('GET', `api/episodes/${id}/timeline`)));
+  const kept = new Set((await askLong('api/episodes').catch(() => ({ episodes: [] }))).episodes.map((/** @type {{id: string}} */ { id }) => id));
+  const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => askLong(`api/episodes/${id}/timeline`)));
   /** @type {Path} */
   const path = { pose: [], driven_by: [], asks_pilot: [], intervention: [], bumped: [] };
   for (const { columns } of parts) {

@@ -1,6 +1,6 @@
 // <settings-screen>: only what a person would change.
 
-import { ask } from '../api.js';
+import { ask, askLong } from '../api.js';
 import { append, fill, h, svg } from '../dom.js';
 import { LANGUAGES, chooseLanguage, has, language, percent, t } from '../i18n.js';
 import { Tilt, hasTilt } from '../inputs/tilt.js';
@@ -16,7 +16,7 @@ export class SettingsScreen extends Screen {
   }
 
   async refresh() {
-    const answers = await this.inOrder(this.attempt(() => Promise.all([ask('GET', 'api/settings'), ask('GET', 'api/world')])));
+    const answers = await this.inOrder(this.attempt(() => Promise.all([askLong('api/settings'), ask('GET', 'api/world')])));
     if (answers) this.renderRobot(answers[0], answers[1]);
   }
 
