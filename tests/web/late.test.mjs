@@ -1,6 +1,6 @@
 // What a screen shows is never older than what it has shown: answers come in any order.
 import assert from 'node:assert/strict';
-import { beforeEach, test } from 'node:test';
+import { beforeEach, mock, test } from 'node:test';
 
 /** As much of an element as these screens take. */
 class FakeElement {
@@ -24,12 +24,16 @@ const soon = () => new Promise(setImmediate);
 let asked;
 
 beforeEach(() => {
+  mock.timers.enable({ apis: ['setTimeout'] }); // what is never answered here is waited for by nobody
   asked = [];
   globalThis.fetch = (path, { body }) => new Promise((answer) => asked.push({
     path, words: body && JSON.parse(body), answer: (said) => answer({ ok: true, json: async () => said }),
   }));
 });
-test.afterEach(() => delete globalThis.fetch);
+test.afterEach(() => {
+  mock.timers.reset();
+  delete globalThis.fetch;
+});
 
 /** Ask twice; the newer question is answered first. */
 async function twice(ask, said) {
