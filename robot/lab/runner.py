@@ -24,23 +24,23 @@ class Store:
         with told_as(ConfigurationError, f"cannot save results in {folder}"):
             folder.mkdir(parents=True, exist_ok=True)
 
-    def get(self, task: Task) -> Result | None:
+    def get(self, task: Task, key: str = "") -> Result | None:
         """Return the result of a task that is done; None if it is not, or its file is broken."""
         try:
-            kept = json.loads(self._path(task).read_text("utf-8"))
+            kept = json.loads(self._path(task, key).read_text("utf-8"))
             return dict(kept["result"])
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
-    def put(self, task: Task, result: Result) -> None:
+    def put(self, task: Task, result: Result, key: str = "") -> None:
         """Save a result atomically: the whole file or nothing."""
-        path = self._path(task)
+        path = self._path(task, key)
         text = json.dumps({"kind": task.kind, "params": dict(task.params), "result": result})
         with told_as(ConfigurationError, f"cannot save results in {self.folder}"):
             write_whole(path, text.encode())
 
-    def _path(self, task: Task) -> Path:
-        return self.folder / f"{task.kind}-{task.key()}.json"
+    def _path(self, task: Task, key: str) -> Path:
+        return self.folder / f"{task.kind}-{key or task.key()}.json"
 
 
 def run_all(
@@ -64,11 +64,11 @@ def run_all(
         ConfigurationError: If the cluster cannot be reached, or a file that a task names is changed
             meanwhile: nobody knows what was run then.
     """
-    keys = [task.key() for task in tasks]
+    keys = [task.key() for task in tasks]  # once: each reads the files that its task names
     done: dict[str, Result] = {}
     waiting: dict[str, Task] = {}
     for key, task in zip(keys, tasks, strict=True):
-        if (result := store.get(task)) is None:
+        if (result := store.get(task, key)) is None:
             waiting.setdefault(key, task)
         else:
             done[key] = result
@@ -89,7 +89,7 @@ def run_all(
                     f"a file of the task {task.kind} was changed while it ran; start it again: "
                     "what was finished before is kept"
                 )
-            store.put(task, result)
+            store.put(task, result, key)
             done[key] = result
             on_done(task)
     return [done[key] for key in keys]
