@@ -202,7 +202,7 @@ test('a robot that has not answered yet may only be starting', () => {
 });
 
 /** A panel and its robots, which obey when a test says so. */
-function locking(t, subject, locks) {
+function locking(t, subject, locks, answer = new Promise(() => {})) {
   class FakeElement extends EventTarget {
     hidden = false;
     setAttribute(name, value) { this[name] = value; }
@@ -212,7 +212,7 @@ function locking(t, subject, locks) {
   const boxes = {};
   globalThis.document = { createElement: () => new FakeElement() };
   const told = [];
-  globalThis.fetch = (path, { body }) => (told.push([path.split('/').at(-1), JSON.parse(body).locks]), new Promise(() => {}));
+  globalThis.fetch = (path, { body }) => (told.push([path.split('/').at(-1), JSON.parse(body).locks]), answer);
   t.after(() => { delete globalThis.document; delete globalThis.fetch; });
   t.mock.timers.enable({ apis: ['setTimeout'] });
   const robots = locks.map((own, i) => ({ number: i + 1, status: 'there', locks: own }));
@@ -227,7 +227,7 @@ function locking(t, subject, locks) {
   panel.locks(() => (subject === 'all' ? robots : robots.filter(({ number }) => number === subject)));
   return {
     told, robots,
-    tap: (lock) => { boxes[lock].checked = !boxes[lock].checked; boxes[lock].dispatchEvent(new Event('change')); },
+    panel, tap: (lock) => { boxes[lock].checked = !boxes[lock].checked; boxes[lock].dispatchEvent(new Event('change')); },
     news: (number, own) => { robots[number - 1] = { ...robots[number - 1], locks: own }; panel.note(robots[number - 1]); },
     shown: () => Object.keys(boxes).filter((lock) => boxes[lock].checked),
   };
@@ -257,4 +257,16 @@ test('one robot’s locks are those that it has now, and an open panel shows the
   news(2, ['settings']);
   news(2, ['settings', 'models']);
   assert.deepEqual(shown(), ['settings', 'models'], 'locked again elsewhere');
+});
+
+test('a lock that is refused is shown as it is, and not asked for again with the next', async (t) => {
+  const refusal = { ok: false, status: 409, json: async () => ({ detail: 'It does not answer.' }) };
+  const { told, tap, shown, panel } = locking(t, 'all', [[]], Promise.resolve(refusal));
+  tap('models');
+  assert.deepEqual(shown(), ['models']);
+  await new Promise(setImmediate);
+  assert.deepEqual(shown(), []);
+  assert.equal(panel.said.textContent, 'It does not answer.');
+  tap('gallery');
+  assert.deepEqual(told.at(-1), ['1', ['gallery']]);
 });

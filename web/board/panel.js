@@ -105,8 +105,10 @@ export class Panel {
       const told = those().map(({ number, locks }) =>
         ask('PUT', `api/robots/${number}`, { locks: LOCKS.filter((name) => chosen.get(name) ?? locks.includes(name)) }));
       const faults = (await Promise.allSettled(told)).flatMap((one) => (one.status === 'rejected' ? one.reason : []));
-      const isAway = faults.find((fault) => fault instanceof TypeError);
-      if (faults.length) throw isAway ?? new Error(faults.map(({ message }) => message).join('\n'));
+      if (!faults.length) return;
+      chosen.delete(value); // or the next box would ask for it again
+      this.follow();
+      throw faults.find((fault) => fault instanceof TypeError) ?? new Error(faults.map(({ message }) => message).join('\n'));
     });
     for (const box of boxes) box.addEventListener('change', () => change(box));
     const rows = boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`board.lock.${box.value}`))));
