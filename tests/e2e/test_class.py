@@ -107,7 +107,7 @@ def test_a_lock_for_all_leaves_other_locks_and_a_forgotten_robot_has_no_card(
         wait_for(lambda: school.board.robot(1).about["locks"] == ["models"], "the board knows")
         page.locator("#panel .title button").click()
         page.get_by_role("button", name="Class settings").click()
-        page.get_by_label("recordings").check()
+        page.get_by_label("recordings").click()  # the box shows what the robots tell
         wait_for(lambda: second.locks == {"recordings"}, "the other as all are")
         wait_for(lambda: first.locks == {"models", "recordings"}, "what was locked stays so")
         page.locator(".said", has_text="127.0.0.1").wait_for()  # of the one that is away

@@ -212,7 +212,7 @@ function locking(t, subject, locks, answer = new Promise(() => {})) {
   const boxes = {};
   globalThis.document = { createElement: () => new FakeElement() };
   const told = [];
-  globalThis.fetch = (path, { body }) => (told.push([path.split('/').at(-1), JSON.parse(body).locks]), answer);
+  globalThis.fetch = (path, { body }) => (told.push([path.split('/').at(-1), JSON.parse(body).locks]), typeof answer === 'function' ? answer(path, body) : answer);
   t.after(() => { delete globalThis.document; delete globalThis.fetch; });
   t.mock.timers.enable({ apis: ['setTimeout'] });
   const robots = locks.map((own, i) => ({ number: i + 1, status: 'there', locks: own }));
@@ -269,4 +269,17 @@ test('a lock that is refused is shown as it is, and not asked for again with the
   assert.equal(panel.said.textContent, 'It does not answer.');
   tap('gallery');
   assert.deepEqual(told.at(-1), ['1', ['gallery']]);
+});
+
+test('where one robot is away, what the others took is shown at once', async (t) => {
+  const answer = async (path, body) => path.endsWith('/2')
+    ? { ok: false, status: 502, json: async () => ({ detail: 'It is away.' }) }
+    : { ok: true, status: 200, json: async () => JSON.parse(body) };
+  const { tap, shown, robots, panel } = locking(t, 'all', [['gallery'], []], answer);
+  robots[1].status = 'away';
+  tap('models');
+  await new Promise(setImmediate);
+  await new Promise(setImmediate);
+  assert.equal(panel.said.textContent, 'It is away.');
+  assert.deepEqual(shown(), ['models', 'gallery']);
 });

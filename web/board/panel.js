@@ -102,8 +102,10 @@ export class Panel {
     this.follow();
     const change = (/** @type {HTMLInputElement} */ { value, checked }) => this.attempt(async () => {
       chosen.set(value, checked);
-      const told = those().map(({ number, locks }) =>
-        ask('PUT', `api/robots/${number}`, { locks: LOCKS.filter((name) => chosen.get(name) ?? locks.includes(name)) }));
+      const told = those().map(async ({ number, locks }) => {
+        const now = await ask('PUT', `api/robots/${number}`, { locks: LOCKS.filter((name) => chosen.get(name) ?? locks.includes(name)) });
+        for (const robot of those()) if (robot.number === number) robot.locks = now.locks; // its news may come later
+      });
       const faults = (await Promise.allSettled(told)).flatMap((one) => (one.status === 'rejected' ? one.reason : []));
       if (!faults.length) return;
       chosen.delete(value); // or the next box would ask for it again
