@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError
+from robot.errors import UNREADABLE, ConfigurationError
 from robot.store.folder import check_name, write_whole
 from robot.store.records import read_regular
 
@@ -73,7 +73,7 @@ class IdentityFile:
         try:
             plain = json.loads(read_regular(self._path, 1 << 16))
             return Identity(plain["name"], plain["colour"])
-        except (OSError, ValueError, KeyError, TypeError, RecursionError, ConfigurationError):
+        except (OSError, *UNREADABLE):
             return None
 
     def _write(self, identity: Identity) -> None:

@@ -23,10 +23,6 @@ _BREATH_S = 0.0005
 """Pause after each step, so that the control loop's thread can run."""
 
 
-class _DroppedError(Exception):
-    """The run was dropped."""
-
-
 class Retraining:
     """At most one run at a time; its result stays until it is dropped."""
 
@@ -93,8 +89,6 @@ class _Run:
             self._report = learn_again(policy, self._episodes, on_step=self._step)
             taught = Counter(self._report.taught)
             self.model = take_model(policy, taught, saved_at_s=self._clock.wall_s())
-        except _DroppedError:
-            pass
         except Exception as error:  # its learner may be anybody's
             self._error = str(error) or type(error).__name__
         finally:
@@ -108,7 +102,7 @@ class _Run:
         self._done += 1
         self._clock.sleep(_BREATH_S)
         if self.is_dropped:
-            raise _DroppedError
+            raise RuntimeError("dropped")  # nobody asks it for an error any more
 
     def describe(self) -> dict[str, Any]:
         state = "running" if self.is_running else "failed" if self._error else "done"

@@ -143,14 +143,13 @@ def run(args: argparse.Namespace) -> int:
         certificates = make_certificates(config.data / "tls", names, dt.datetime.now(dt.UTC))
     addresses = page_addresses(config)
     pairing = _open_pairing(config, addresses[0], rig) if config.needs_pairing else None
-    options = _recorded(args, rig)
     identity = IdentityFile(config.data, args.name)
     hub = Hub(config, rig, identity.now.name)
     persistence = Persistence(
         storage,
         rig,
         name=identity.now.name,
-        options=options,
+        options=_recorded(args, rig),
         announce=hub.announce,
         keeps_drives=args.keep_drives,
     )
@@ -167,9 +166,8 @@ def run(args: argparse.Namespace) -> int:
     here = pairing_address(addresses[0], pairing.tokens[Role.PILOT]) if pairing else addresses[0]
     rig.driver.announce(here)
     end_by_signals()
-    near, robot = lan_addresses(config), identity.now.name
-    is_announced = announced(config.hostname, config.port, near, robot, tls=config.tls)
-    with rig, persistence, is_announced if config.lan else contextlib.nullcontext():
+    name_on_network = announced(config, identity.now.name)
+    with rig, persistence, name_on_network if config.lan else contextlib.nullcontext():
         _choose_model(persistence.autosave, args, learner)
         if pairing is None:
             print(greet_here(addresses[0], with_eye=with_eye), flush=True)
@@ -275,5 +273,4 @@ def _open_pairing(config: Config, address: str, rig: Rig) -> Pairing:
         """Leave it to a thread: a terminal that is held (Ctrl+S) must hold up no STOP."""
         rig.clock.start_thread(lambda: show(role, token), "next code")
 
-    file = config.data / "paired.json"
-    return Pairing(config.limits.pairing_failures, file=file, on_token=show_soon)
+    return Pairing(config.limits.pairing_failures, config.data / "paired.json", show_soon)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import socket
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from robot.errors import MissingExtraError
 from server.config import Config
@@ -58,10 +58,8 @@ def host_names(config: Config) -> list[str]:
 
 
 @contextlib.contextmanager
-def announced(
-    hostname: str, port: int, addresses: Sequence[str], robot: str, *, tls: bool
-) -> Iterator[None]:
-    """Answer to `hostname`.local inside the block.
+def announced(config: Config, robot: str) -> Iterator[None]:
+    """Answer to the robot's name on the network inside the block.
 
     Robots that share a host name would share their addresses too, so each says its own in a
     property, where the board of a class reads it.
@@ -69,27 +67,28 @@ def announced(
     Where the network allows no multicast, or zeroconf is not installed, that is only logged, and
     the robot drives.
     """
+    hostname, addresses = config.hostname, lan_addresses(config)
     try:
         from zeroconf import Error, ServiceInfo, Zeroconf
     except ImportError:
         log.warning("%s", MissingExtraError(f"the name {hostname}.local", "lan"))
         yield
         return
-    kind = "_https._tcp.local." if tls else "_http._tcp.local."
+    kind = "_https._tcp.local." if config.tls else "_http._tcp.local."
     with contextlib.ExitStack() as stack:
         try:
             service = ServiceInfo(
                 kind,
                 f"Drivelesson {hostname}.{kind}",
-                port=port,
+                port=config.port,
                 addresses=[socket.inet_aton(address) for address in addresses],
                 server=f"{hostname}.local.",
                 properties={"path": "/", ROBOT: robot, ADDRESS: addresses[0] if addresses else ""},
             )
-            responder = Zeroconf(interfaces=list(addresses))
+            responder = Zeroconf(interfaces=addresses)
             stack.callback(responder.close)
             responder.register_service(service, allow_name_change=True)
-            log.info("mdns name=%s.local port=%d", hostname, port)
+            log.info("mdns name=%s.local port=%d", hostname, config.port)
         except (OSError, Error) as error:
             log.warning("mdns off error=%r", str(error))
         yield

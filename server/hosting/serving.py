@@ -18,6 +18,8 @@ from server.security.listener import DoorListener
 from server.services import behind_door
 
 if TYPE_CHECKING:
+    from uvicorn import Server
+
     from server.security.certificates import Certificates
 
 MAX_MESSAGE_BYTES = 65_536
@@ -52,31 +54,33 @@ def open_socket(host: str, port: int) -> socket.socket:
     return listener
 
 
-def uvicorn_settings(certificates: Certificates | None = None) -> dict[str, Any]:
-    """Return uvicorn's settings; the newest websocket backend that it has."""
+def _make_server(app: Any, certificates: Certificates | None) -> Server:
+    """Return uvicorn's server, with the newest websocket backend that it has."""
+    import uvicorn
+
     from server.hosting.uvicorn_fastpath import make_protocol
 
-    tls = {}
-    if certificates is not None:
-        tls = {"ssl_keyfile": certificates.key, "ssl_certfile": certificates.chain}
-    return {
-        **tls,
-        "ws": make_protocol() or "websockets",
-        "ws_per_message_deflate": False,
-        "ws_max_size": MAX_MESSAGE_BYTES,
-        "ws_ping_interval": 10.0,
-        "ws_ping_timeout": 20.0,
-        "http": "h11",
-        "access_log": False,
+    config = uvicorn.Config(
+        app,
+        ssl_keyfile=certificates.key if certificates else None,
+        ssl_certfile=certificates.chain if certificates else None,
+        ws=make_protocol() or "websockets",
+        ws_per_message_deflate=False,
+        ws_max_size=MAX_MESSAGE_BYTES,
+        ws_ping_interval=10.0,
+        ws_ping_timeout=20.0,
+        http="h11",
+        access_log=False,
         # A client could claim any address with X-Forwarded-For.
-        "proxy_headers": False,
-        "log_config": None,
-        "log_level": "warning",
-        "server_header": False,
-        "timeout_keep_alive": 15,
-        "backlog": _BACKLOG,
-        "lifespan": "on",
-    }
+        proxy_headers=False,
+        log_config=None,
+        log_level="warning",
+        server_header=False,
+        timeout_keep_alive=15,
+        backlog=_BACKLOG,
+        lifespan="on",
+    )
+    return uvicorn.Server(config)
 
 
 def leave_out_of_collections() -> None:
@@ -91,9 +95,7 @@ def leave_out_of_collections() -> None:
 
 def serve(app: Any, listener: socket.socket, certificates: Certificates | None = None) -> None:
     """Serve until SIGINT or SIGTERM."""
-    import uvicorn
-
-    server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
+    server = _make_server(app, certificates)
     leave_out_of_collections()
     with behind_door(app, listener) as guarded:
         _run(_serve(server, guarded))
@@ -118,7 +120,7 @@ def _run(served: Coroutine[Any, Any, None]) -> None:
         runner.run(served)
 
 
-async def _serve(server: Any, guarded: DoorListener) -> None:
+async def _serve(server: Server, guarded: DoorListener) -> None:
     """Serve until told to end; then close what hangs: an upload, a half handshake."""
     serving = asyncio.ensure_future(server.serve(sockets=[guarded]))
     # A signal that newer uvicorns raise again ends the loop, which would log it as an error.
@@ -128,7 +130,8 @@ async def _serve(server: Any, guarded: DoorListener) -> None:
         await asyncio.wait([serving], timeout=0.1)
     await asyncio.wait([serving], timeout=_END_S)
     if not serving.done():
-        guarded.door.close_all()
+        for place in list(guarded.door.connections.values()):
+            place.close()
         await asyncio.wait([serving], timeout=_END_S)
         server.force_exit = True
     await serving
@@ -137,10 +140,8 @@ async def _serve(server: Any, guarded: DoorListener) -> None:
 @contextlib.contextmanager
 def served(app: Any, config: Config, certificates: Certificates | None = None) -> Iterator[str]:
     """Serve on a thread of its own inside the block; yield the address. For tests."""
-    import uvicorn
-
     listener = behind_door(app, open_socket(config.host, config.port))
-    server = uvicorn.Server(uvicorn.Config(app, **uvicorn_settings(certificates)))
+    server = _make_server(app, certificates)
     thread = threading.Thread(target=lambda: _run(_serve(server, listener)), name="server")
     thread.start()
     try:

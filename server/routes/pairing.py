@@ -9,7 +9,7 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 
 from robot.devices.outside import Outside, text
 from server.routes.answers import Route
-from server.security.access import Refusal, session_of
+from server.security.access import Refusal
 from server.security.guard import person_of
 from server.security.pairing import Pairing, cookie_name
 from server.security.proxies import PREFIX
@@ -29,8 +29,7 @@ class PairingToken(Outside):
 async def pair_page(request: Request) -> Response:
     """Return the page that redeems the token behind the `#` of its address."""
     _require_pairing(request)
-    config = services_of(request).config
-    return FileResponse(config.web / "pair.html")
+    return FileResponse(services_of(request).config.web / "pair.html")
 
 
 @router.post("/api/pair")
@@ -66,7 +65,7 @@ async def authority(request: Request) -> Response:
 
 
 def _secret(request: Request) -> str:
-    return session_of(request.headers, cookie_name(services_of(request).config))
+    return request.cookies.get(cookie_name(services_of(request).config), "")
 
 
 def _cookie(request: Request) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from typing import Any, Literal, get_args
 
 from fastapi import APIRouter, Request
 
-from robot.control.loop import ControlLoop
 from robot.devices.outside import Outside, must_be, number, text
 from robot.errors import ConfigurationError
 from robot.policy import autosize
@@ -75,10 +74,8 @@ class SettingsAnswer(Changed):
 async def describe_settings(request: Request) -> SettingsAnswer:
     """Return the settings and their possible values."""
     robot = services_of(request).robot
-    loop: ControlLoop = robot.loop
-    state = loop.state
-    kind, _ = split_name(state.learner)
-    rates_hz = await do(estimate_rates_hz, kind)
+    state = robot.loop.state
+    rates_hz = await do(estimate_rates_hz, split_name(state.learner)[0])
     frame = robot.camera.latest()
     identity = services_of(request).identity.now
     return SettingsAnswer(
@@ -88,7 +85,7 @@ async def describe_settings(request: Request) -> SettingsAnswer:
         learner=state.learner,
         max_nodes=state.max_nodes,
         sizes=[{"max_nodes": n, "rate_hz": round(rates_hz[n])} for n in SIZES],
-        speed=loop.speed_share,
+        speed=robot.loop.speed_share,
         moves=[move.value for move in state.moves],
         possible_moves=[move.value for move in robot.driver.moves],
         **describe_body(robot.driver),

@@ -14,6 +14,8 @@ from enum import StrEnum
 from typing import Protocol
 from urllib.parse import urlsplit
 
+from starlette.requests import cookie_parser
+
 from server.config import PublicAddress, as_address
 
 PUBLIC_PATHS = frozenset(
@@ -147,14 +149,14 @@ class Access:
             return Session(Role.TEACHER, Role.TEACHER)  # all boards are counted as one
         if self.find_session is None:
             return Session(Role.PILOT, address, is_crowd=True)
-        return self.find_session(session_of(headers, self.cookie))
+        return self.find_session(cookie_parser(headers.get("cookie", "")).get(self.cookie, ""))
 
     def session_in(self, head: bytes) -> Session | None:
         """Return the session in the first bytes of a request; None if none is to be seen there."""
         found = _COOKIES.search(head)
         if self.find_session is None or found is None:
             return None
-        return self.find_session(session_of({"cookie": found[1].decode("latin-1")}, self.cookie))
+        return self.find_session(cookie_parser(found[1].decode("latin-1")).get(self.cookie, ""))
 
     def admit(
         self, path: str, method: str | None, headers: Mapping[str, str], session: Session | None
@@ -177,15 +179,6 @@ class Access:
         if location and "text/html" in headers.get("accept", ""):
             status = 303
         return Refusal(status, reason, why, location if status == 303 else None)
-
-
-def session_of(headers: Mapping[str, str], cookie: str) -> str:
-    """Return the session secret of a request; empty if it has none."""
-    for part in headers.get("cookie", "").split(";"):
-        name, _, value = part.strip().partition("=")
-        if name == cookie:
-            return value
-    return ""
 
 
 def host_name(host: str) -> str:

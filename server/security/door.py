@@ -250,10 +250,6 @@ class Door:
             if now_s - place.used_s >= self.limits.pending_s and not place.is_known:
                 self.pending.end(place)
 
-    def close_all(self) -> None:
-        for place in list(self.connections.values()):
-            place.close()
-
     def may_ask(self, session: Session, now_s: float) -> bool:
         """Count a request; False if there were too many. A crowd may ask as often as all."""
         share = self.limits.clients if session.is_crowd else 1

@@ -43,7 +43,7 @@ def test_without_zeroconf_the_extra_is_named_and_the_robot_drives(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setitem(sys.modules, "zeroconf", None)
-    with announced("r", 1, ["127.0.0.1"], "Ada", tls=False):
+    with announced(Config(hostname="r", lan=True), "Ada"):
         assert "the name r.local needs drivelesson[lan]" in caplog.text
 
 
@@ -52,7 +52,7 @@ def test_what_has_no_address_of_four_numbers_starts_without_a_name(
     address: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     pytest.importorskip("zeroconf")
-    with announced("r", 1, [address], "Ada", tls=False):
+    with announced(Config(host=address, lan=True), "Ada"):
         assert "mdns off" in caplog.text
 
 
@@ -69,8 +69,8 @@ def test_two_robots_announce_themselves_and_the_board_finds_both() -> None:
             is_complete.set()
 
     with (
-        announced("ada-test", 8123, here, "Ada", tls=False),
-        announced("bolt-test", 8124, here, "Bolt", tls=True),
+        announced(Config(port=8123, lan=True, hostname="ada-test"), "Ada"),
+        announced(Config(port=8124, lan=True, hostname="bolt-test", tls=True), "Bolt"),
         browsing(note, here),
         contextlib.closing(zeroconf.Zeroconf(interfaces=here)) as asker,
     ):
