@@ -7,13 +7,14 @@ addresses: a browser that trusts it trusts it for no public site.
 from __future__ import annotations
 
 import datetime as dt
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError, told_as
 from robot.store.folder import write_whole
-from server.config import as_address, read_networks
+from server.config import Network, as_address, read_networks
 
 try:
     from cryptography import x509
@@ -28,7 +29,10 @@ _PRIVATE = read_networks(
 _Authority = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
 _Extensions = list[tuple[x509.ExtensionType, bool]]
 """Each with whether it is critical."""
-_AUTHORITY_DAYS, _SERVER_DAYS = 3650, 397  # phones reject a server certificate that is valid longer
+_EVER = dt.datetime(2000, 1, 1, tzinfo=dt.UTC), dt.datetime(2049, 12, 31, tzinfo=dt.UTC)
+"""How long the authority is valid: it may be made while the robot's clock is years off."""
+_UNUSABLE = OSError, ValueError, x509.ExtensionNotFound
+_A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones take no longer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,17 +45,16 @@ class Certificates:
 
 
 def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> Certificates:
-    """Make a server certificate for `names`, and the authority if there is none yet.
+    """Make a server certificate, and the authority if there is none yet or it has expired.
 
-    Names with dots that do not end in `.local` are left out: the name constraints forbid them.
-    ConfigurationError if the folder cannot be written, or has files that are not valid.
+    It is for those of `names` that the authority may vouch for: with any other, browsers would
+    refuse all. ConfigurationError if the folder cannot be written, or has files that are not valid.
     """
-    names = [name for name in names if _is_private(name)]
     files = Certificates(
         key=folder / "server.key", chain=folder / "server.crt", authority=folder / "ca.crt"
     )
     about = f"the certificates in {folder} cannot be made"
-    with told_as(ConfigurationError, about, OSError, ValueError, do="repair or remove that folder"):
+    with told_as(ConfigurationError, about, *_UNUSABLE, do="repair or remove that folder"):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         authority = _load_or_make_authority(folder, names, now)
         key = ec.generate_private_key(ec.SECP256R1())
@@ -60,10 +63,11 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
             (x509.BasicConstraints(ca=False, path_length=None), True),
             (_key_usage(signs_certificates=False), True),
             (x509.ExtendedKeyUsage([x509.oid.ExtendedKeyUsageOID.SERVER_AUTH]), False),
-            (x509.SubjectAlternativeName([_general_name(name) for name in names]), False),
+            (x509.SubjectAlternativeName(_vouched_for(names, authority[0])), False),
             (issuer, False),
         ]
-        certificate = _sign("Drivelesson", key, authority, now, _SERVER_DAYS, extensions)
+        valid = now - _A_DAY, now + _MOST  # a robot's clock may be a little off
+        certificate = _sign("Drivelesson", key, authority, valid, extensions)
         write_whole(files.key, _key_pem(key), mode=0o600)
         write_whole(files.chain, _pem(certificate) + _pem(authority[0]), mode=0o600)
     return files
@@ -76,7 +80,8 @@ def _load_or_make_authority(folder: Path, names: Sequence[str], now: dt.datetime
         certificate = x509.load_pem_x509_certificate(certificate_file.read_bytes())
         if not isinstance(key, ec.EllipticCurvePrivateKey):
             raise ValueError("ca.key is not an elliptic curve key")
-        return certificate, key
+        if now < certificate.not_valid_after_utc:
+            return certificate, key
     key = ec.generate_private_key(ec.SECP256R1())
     extensions: _Extensions = [
         (x509.BasicConstraints(ca=True, path_length=0), True),
@@ -84,8 +89,7 @@ def _load_or_make_authority(folder: Path, names: Sequence[str], now: dt.datetime
         (_only_private(names), True),
         (x509.SubjectKeyIdentifier.from_public_key(key.public_key()), False),
     ]
-    name = "Drivelesson on this network"
-    certificate = _sign(name, key, None, now, _AUTHORITY_DAYS, extensions)
+    certificate = _sign("Drivelesson on this network", key, None, _EVER, extensions)
     write_whole(key_file, _key_pem(key), mode=0o600)
     write_whole(certificate_file, _pem(certificate), mode=0o600)
     return certificate, key
@@ -95,8 +99,7 @@ def _sign(
     name: str,
     key: ec.EllipticCurvePrivateKey,
     authority: _Authority | None,
-    now: dt.datetime,
-    days: int,
+    valid: tuple[dt.datetime, dt.datetime],
     extensions: _Extensions,
 ) -> x509.Certificate:
     """Return the certificate of a key, signed by an authority or else by itself."""
@@ -107,8 +110,8 @@ def _sign(
         .issuer_name(authority[0].subject if authority else subject)
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
-        .not_valid_before(now - dt.timedelta(days=1))  # a robot's clock may be a little off
-        .not_valid_after(now + dt.timedelta(days=days))
+        .not_valid_before(valid[0])
+        .not_valid_after(valid[1])
     )
     for extension, is_critical in extensions:
         builder = builder.add_extension(extension, critical=is_critical)
@@ -116,7 +119,7 @@ def _sign(
 
 
 def _only_private(names: Sequence[str]) -> x509.NameConstraints:
-    domains = ["local", "localhost", *(n for n in names if "." not in n and ":" not in n)]
+    domains = ["local", "localhost", *(n for n in names if re.fullmatch(r"[\w-]+", n, re.ASCII))]
     named = [x509.DNSName(domain) for domain in dict.fromkeys(domains)]
     return x509.NameConstraints([*named, *map(x509.IPAddress, _PRIVATE)], excluded_subtrees=None)
 
@@ -131,13 +134,19 @@ def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
     )
 
 
-def _general_name(name: str) -> x509.GeneralName:
-    address = as_address(name)
-    return x509.DNSName(name) if address is None else x509.IPAddress(address)
-
-
-def _is_private(name: str) -> bool:
-    return "." not in name or name.endswith(".local") or name.replace(".", "").isdecimal()
+def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509.GeneralName]:
+    """Return those of the names that the authority's constraints permit."""
+    limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value
+    permitted = [one.value for one in limits.permitted_subtrees or ()]
+    networks = [one for one in permitted if isinstance(one, Network)]
+    found: list[x509.GeneralName] = []
+    for name in filter(str.isascii, names):
+        address = as_address(name)
+        if address is not None and any(address in network for network in networks):
+            found.append(x509.IPAddress(address))
+        elif any(name == one or name.endswith(f".{one}") for one in permitted):
+            found.append(x509.DNSName(name))
+    return found
 
 
 def _pem(certificate: x509.Certificate) -> bytes:
