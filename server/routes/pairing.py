@@ -40,6 +40,8 @@ async def pair(request: Request, body: PairingToken) -> JSONResponse:
     if isinstance(result, Refusal):
         told = {"error": result.reason, "detail": result.sentence}
         return JSONResponse(told, result.status)
+    if result.secret != _secret(request):
+        _end_sockets(request)
     response = JSONResponse({"role": result.role.value})
     response.set_cookie(value=result.secret, max_age=_YEAR_S, **_cookie(request))
     return response
@@ -47,8 +49,9 @@ async def pair(request: Request, body: PairingToken) -> JSONResponse:
 
 @router.post("/api/unpair")
 async def unpair(request: Request) -> JSONResponse:
-    """End the session of this browser."""
+    """End the session of this browser, in all of its tabs."""
     _require_pairing(request).forget(_secret(request))
+    _end_sockets(request)
     response = JSONResponse({"role": None})
     response.delete_cookie(**_cookie(request))
     return response
@@ -62,6 +65,14 @@ async def authority(request: Request) -> Response:
     if not config.tls or not file.is_file():
         raise HTTPException(404, "There is no certificate: the robot is served without --tls.")
     return FileResponse(file, media_type="application/x-x509-ca-cert")
+
+
+def _end_sockets(request: Request) -> None:
+    """Close what a session has open that is no more: it may have been a pilot's."""
+    sockets = services_of(request).door.sockets
+    for place in sockets:
+        if place.person == person_of(request):
+            sockets.end(place)
 
 
 def _secret(request: Request) -> str:

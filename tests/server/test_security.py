@@ -332,6 +332,26 @@ def test_a_browser_can_be_forgotten(lan: VirtualServer) -> None:
     assert httpx.get(lan.address, headers=cookie).status_code == 401
 
 
+@pytest.mark.parametrize("path", ["/api/unpair", "/api/pair"])
+def test_who_is_a_pilot_no_more_drives_in_no_other_tab(lan: VirtualServer, path: str) -> None:
+    cookie = _pair(lan, Role.PILOT)
+    body = {"token": _pairing(lan).tokens[Role.VIEWER]}
+    with connect(lan.ws("/ws/drive"), additional_headers=cookie):
+        lan.wait_until(lambda: bool(lan.hub.clients))
+        assert httpx.post(lan.address + path, json=body, headers=cookie).status_code == 200
+        lan.wait_until(lambda: not lan.hub.clients)
+
+
+def test_who_redeems_again_stays_connected(lan: VirtualServer) -> None:
+    cookie = _pair(lan, Role.PILOT)
+    body = {"token": _pairing(lan).tokens[Role.PILOT]}
+    with connect(lan.ws("/ws/drive"), additional_headers=cookie):
+        lan.wait_until(lambda: bool(lan.hub.clients))
+        assert httpx.post(lan.address + "/api/pair", json=body, headers=cookie).status_code == 200
+        lan.forward(1.0)
+        assert lan.hub.clients
+
+
 def test_pairings_outlive_a_restart_as_hashes_only(lan: VirtualServer, tmp_path: Path) -> None:
     secret = _pair(lan, Role.PILOT)["cookie"].partition("=")[2]
     file = tmp_path / "paired.json"
