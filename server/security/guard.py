@@ -32,6 +32,7 @@ _PARTS = ("/js/", "/css/", "/icons/")
 _ROLE, _PERSON, _PLACE = "drivelesson.role", "drivelesson.person", "drivelesson.place"
 _UPLOADS = re.compile(r"/api/models/[^/]+/file")
 """Paths whose bodies may be as large as a model."""
+_TOO_LARGE = Refusal(413, "size", "That is too large.")
 _TOO_MANY_S = 0.5
 _LASTING = "/video.mjpg"
 """A request that lasts as a websocket does, and is counted as one."""
@@ -132,7 +133,7 @@ class Guard:
             return Refusal(429, "rate", "Too many requests; wait a little.")
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length[:20]) > self._most_bytes(scope):
-            return Refusal(413, "size", "That is too large.")
+            return _TOO_LARGE
         return None
 
     def _seat(self, places: Places, scope: Scope, person: Session) -> Refusal | None:
@@ -165,8 +166,10 @@ class Guard:
             if message["type"] == "http.response.body" and not message.get("more_body", False):
                 self.door.answered(_peer(scope), self.clock.now_s())
 
-        with contextlib.suppress(ClientDisconnect):  # gone in the middle of its body
+        try:
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
+        except ClientDisconnect:  # gone in the middle of its body, or that was cut off
+            await _refuse(scope, receive, send, _TOO_LARGE)
 
 
 def _limited(receive: Receive, most: int) -> Receive:

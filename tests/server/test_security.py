@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import datetime as dt
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -118,6 +119,14 @@ def test_following_a_link_changes_nothing(here: VirtualServer, method: str) -> N
 def test_large_bodies_are_refused(here: VirtualServer) -> None:
     body = b"x" * 1_000_001
     assert httpx.post(here.address + "/api/pair", content=body).status_code == 413
+
+
+def test_a_large_upload_that_does_not_say_so_is_refused_alike(tmp_path: Path) -> None:
+    config = Config(port=0, web=WEB, limits=Limits(upload_bytes=2000))
+    with VirtualServer(config, data=tmp_path) as server:
+        content = itertools.repeat(b"x" * 500, 9)
+        answer = httpx.put(server.address + "/api/models/Kitchen/file", content=content)
+        assert (answer.status_code, answer.json()["error"]) == (413, "size")
 
 
 def test_endless_bodies_are_cut_off(here: VirtualServer) -> None:
