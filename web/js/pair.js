@@ -42,8 +42,13 @@ form.addEventListener('submit', (event) => {
   redeem(field.value);
 });
 
-const token = location.hash.slice(1);
-if (token) {
+/** A new token behind the # of an address that is open already loads no page. */
+function redeemAddress() {
+  const token = location.hash.slice(1);
+  if (!token) return;
   history.replaceState(null, '', location.pathname);
   redeem(token);
 }
+
+addEventListener('hashchange', redeemAddress);
+redeemAddress();

@@ -1,0 +1,29 @@
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+
+test('an address with another token is redeemed on a page that is open already', async () => {
+  /** @type {Record<string, () => void>} */
+  const heard = {};
+  /** @type {string[]} */
+  const sent = [];
+  const element = { textContent: '', addEventListener() {}, focus() {} };
+  Object.assign(globalThis, {
+    document: { documentElement: {}, querySelector: () => element, querySelectorAll: () => [] },
+    location: { hash: '', pathname: '/pair' },
+    history: { replaceState: () => (globalThis.location.hash = '') },
+    addEventListener: (name, act) => (heard[name] = act),
+    fetch: async (path, { body }) => {
+      sent.push(JSON.parse(body).token);
+      return { ok: false, status: 403 };
+    },
+  });
+  if (!('navigator' in globalThis)) globalThis.navigator = { languages: ['en'] };
+  await import('../../web/js/pair.js');
+  assert.deepEqual(sent, [], 'nothing was behind the #');
+  for (const token of ['AAAA', 'BBBB']) {
+    globalThis.location.hash = `#${token}`;
+    heard.hashchange();
+  }
+  assert.deepEqual(sent, ['AAAA', 'BBBB']);
+  assert.equal(globalThis.location.hash, '', 'it stays in no history');
+});
