@@ -147,20 +147,18 @@ class Gate:
         self,
         now_s: float,
         prediction: Prediction | None,
-        frame_captured_s: float | None,
+        frame_age_s: float,
+        frame_timeout_s: float,
         *,
         camera_fault: bool = False,
-        frame_timeout_s: float | None = None,
     ) -> Decision:
         """Decide this tick's action; trips first if anything is in doubt.
 
-        Prediction and time are those of the newest frame, None before any; `frame_timeout_s` is how
-        old it may be, None: as configured.
+        Prediction and age are those of the newest frame, None and infinite before any;
+        `frame_timeout_s` is how old it may be.
         """
         if self.mode is not Mode.STOPPED:
-            if frame_timeout_s is None:
-                frame_timeout_s = self.config.frame_timeout_s
-            is_fresh = frame_captured_s is not None and now_s - frame_captured_s <= frame_timeout_s
+            is_fresh = frame_age_s <= frame_timeout_s
             if is_fresh:
                 self._awaits_picture_until_s = -math.inf
             is_waiting = now_s <= self._awaits_picture_until_s

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
@@ -264,9 +265,9 @@ class ControlLoop:
         decision = self._gate.select(
             now_s,
             self.learning.prediction,
-            None if frame is None else now_s if waits else frame.captured_s,
+            math.inf if frame is None else 0.0 if waits else now_s - frame.captured_s,
+            self._timing.state.timeout_s,
             camera_fault=self._camera.fault is not None,
-            frame_timeout_s=self._timing.state.timeout_s,
         )
         camera_scale = 1.0 if waits else self._timing.state.speed_scale
         scale = min(decision.speed_scale, link.speed_scale, camera_scale)

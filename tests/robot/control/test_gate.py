@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -15,6 +16,7 @@ LEFT_PREDICTED = Prediction(
 NOVEL = Prediction(
     frame_id=1, action=Action.LEFT, confidence=0.4, probabilities={Action.LEFT: 1.0}, novelty=1.5
 )
+TIMEOUT_S = GateConfig().frame_timeout_s
 NOTHING_LEARNED = Prediction(frame_id=1, action=None, confidence=0.0, probabilities={})
 
 
@@ -30,7 +32,7 @@ def select(
     *,
     camera_fault: bool = False,
 ) -> Decision:
-    return gate.select(now_s, prediction, now_s - frame_age_s, camera_fault=camera_fault)
+    return gate.select(now_s, prediction, frame_age_s, TIMEOUT_S, camera_fault=camera_fault)
 
 
 def started(mode: Mode, now_s: float = 0.0) -> Gate:
@@ -104,7 +106,7 @@ def test_a_start_counts_as_a_word_but_not_for_ever() -> None:
 def test_a_stale_picture_stops_the_robot(mode: Mode) -> None:
     gate = started(mode)
     hold(gate, Action.FORWARD, 0.2)
-    assert gate.select(0.2, LEFT_PREDICTED, 0.0).action is Action.FORWARD, "to the very limit"
+    assert select(gate, 0.2, frame_age_s=0.2).action is Action.FORWARD, "to the very limit"
     assert select(gate, 0.2, frame_age_s=0.21).stop_reason is StopReason.FRAME_STALE
 
 
@@ -142,13 +144,12 @@ def test_a_start_on_the_way_for_too_long_stops_the_robot(
 
 
 @pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
-@pytest.mark.parametrize("frame_age_s", [None, 0.21, 3.0])
-def test_a_start_stands_until_a_fresh_picture_comes(mode: Mode, frame_age_s: float | None) -> None:
+@pytest.mark.parametrize("frame_age_s", [math.inf, 0.21, 3.0])
+def test_a_start_stands_until_a_fresh_picture_comes(mode: Mode, frame_age_s: float) -> None:
     gate = started(mode)
     for now_s in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5):
         hold(gate, Action.FORWARD, now_s)
-        captured_s = None if frame_age_s is None else now_s - frame_age_s
-        decision = gate.select(now_s, LEFT_PREDICTED, captured_s)
+        decision = select(gate, now_s, frame_age_s=frame_age_s)
         assert (decision.action, decision.driven_by) == (Action.STOP, DrivenBy.NOBODY)
         assert (decision.mode, decision.stop_reason) == (mode, None)
     assert select(gate, 0.5).action is Action.FORWARD
@@ -159,14 +160,15 @@ def test_a_start_stands_until_a_fresh_picture_comes(mode: Mode, frame_age_s: flo
 def test_no_picture_at_all_ends_a_start(mode: Mode) -> None:
     gate = started(mode)
     hold(gate, Action.FORWARD, 0.5)
-    assert gate.select(0.51, LEFT_PREDICTED, None).stop_reason is StopReason.FRAME_STALE
+    assert select(gate, 0.51, frame_age_s=math.inf).stop_reason is StopReason.FRAME_STALE
 
 
 def test_a_start_that_waits_for_a_picture_still_needs_its_pilot() -> None:
     gate = started(Mode.TRAIN)
-    assert gate.select(0.31, None, None).stop_reason is StopReason.PILOT_SILENT
+    assert select(gate, 0.31, None, math.inf).stop_reason is StopReason.PILOT_SILENT
     gate = started(Mode.TRAIN)
-    assert gate.select(0.1, None, None, camera_fault=True).stop_reason is StopReason.CAMERA_FAULT
+    decision = select(gate, 0.1, None, math.inf, camera_fault=True)
+    assert decision.stop_reason is StopReason.CAMERA_FAULT
 
 
 def test_a_faulty_camera_stops_the_robot() -> None:
