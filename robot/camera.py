@@ -51,7 +51,7 @@ class Camera(StartStop):
         self._last_frame_id = 0
         self.fault: str | None = None
         self.source_age_s: float | None = None
-        self._on_frame: Callable[[], None] | None = None
+        self._on_frame: Callable[[], None] = lambda: None
 
     @classmethod
     @abstractmethod
@@ -88,7 +88,7 @@ class Camera(StartStop):
 
     def listen(self, on_frame: Callable[[], None] | None) -> None:
         """Have `on_frame` called after each new frame, on the camera's thread; it must be quick."""
-        self._on_frame = on_frame
+        self._on_frame = on_frame or (lambda: None)
 
     def _on_clock(self, taken_s: float) -> float:
         """Return what `self.clock` showed when `time.monotonic()` was `taken_s`.
@@ -115,13 +115,11 @@ class Camera(StartStop):
             )
             self._latest = frame
             self.fault = None
-        if self._on_frame is not None:
-            self._on_frame()
+        self._on_frame()
         return frame
 
     def _report_fault(self, sentence: str) -> None:
         """Set the fault, and wake the listener if it is news; the next frame clears it."""
         if sentence != self.fault:
             self.fault = sentence
-            if self._on_frame is not None:
-                self._on_frame()
+            self._on_frame()
