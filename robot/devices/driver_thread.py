@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
@@ -152,8 +152,13 @@ class DriverThread(Driver):
         if request is None:
             return False
         kind, do = request
-        with self._noting(kind):
+        try:
             do()
+            self._faults.pop(kind, None)
+        except Exception as error:  # for the loop's thread, which raises it and stops
+            self._faults[kind] = error
+        finally:
+            self._request_s = None
         return True
 
     def _choose(self, now_s: float) -> tuple[str, Callable[[], None]] | None:
@@ -195,17 +200,6 @@ class DriverThread(Driver):
         # A start that was pressed while nothing could be heard is none any more.
         if button is BodyButton.STOP or (button is not None and "sense" not in self._faults):
             self._button = button
-
-    @contextlib.contextmanager
-    def _noting(self, kind: str) -> Iterator[None]:
-        """Keep what goes wrong for the loop's thread, which raises it and stops."""
-        try:
-            yield
-            self._faults.pop(kind, None)
-        except Exception as error:
-            self._faults[kind] = error
-        finally:
-            self._request_s = None
 
     def _run(self) -> None:
         while not self._ending:
