@@ -18,7 +18,6 @@ class MoveKinds(Stateful):
 
     Args:
         moves: The moves. The classic ones are known by name.
-        declared: What the driver says of its own (`robot.driver.Move`).
 
     Attributes:
         turns: The moves that steer to one side, and which: -1 for left, 1 for right.
@@ -31,9 +30,9 @@ class MoveKinds(Stateful):
 
     fields = tuple(Value(kind, many(name)) for kind in ("left", "right", "straight"))
 
-    def __init__(self, moves: Iterable[Action], declared: Iterable[Move] = ()) -> None:
+    def __init__(self, moves: Iterable[Action]) -> None:
         self._moves = tuple(moves)
-        self.describe(declared)
+        self.describe(())
 
     def describe(self, declared: Iterable[Move]) -> None:
         """Sort the moves by their declared steering and throttle (`robot.driver.Move`)."""

@@ -126,7 +126,8 @@ def test_a_move_is_straight_by_what_it_does_and_not_by_its_name():
     push, name = [], Action("go")
     for steering in (0.0, 0.8):
         pilot = Pilot()
-        pilot.pace = PilotPace(MoveKinds((name,), [Move(name, steering=steering, throttle=0.5)]))
+        pilot.pace = PilotPace(MoveKinds((name,)))
+        pilot.pace.kinds.describe([Move(name, steering=steering, throttle=0.5)])
         pilot.drive(name, 4)
         for _ in range(3):
             pilot.drive(name, 2.0, is_moving=False).drive(name, 2)
