@@ -22,7 +22,7 @@ from robot.learner.base import (
 from robot.learner.bsoc import BSOC
 from robot.learner.change_of_mind import ChangeOfMind
 from robot.learner.clusters import MOST_FRAMES, Clusters
-from robot.learner.part import Array, Arrays, Params, Stateful, Value
+from robot.learner.part import Array, Stateful, Value
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import EVERY, LinearPart
 from robot.learner.values import count
@@ -69,6 +69,8 @@ class BSOCClassifier(Stateful, Learner):
             "node_angles", np.float64, ("max_nodes", 3), -MOST_FRAMES, MOST_FRAMES, may_miss=True
         ),
     )
+
+    dropped = ("runs", "contrary", "anew", "starts")
 
     def __init__(
         self,
@@ -246,11 +248,6 @@ class BSOCClassifier(Stateful, Learner):
         others = (self.novelty_, self.linear, self._mind)
         own = [("", part) for part in others if part is not None]
         return [("cluster", self.cluster), *own]
-
-    def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Leave out what earlier versions counted."""
-        for name in ("runs", "contrary", "anew", "starts"):
-            arrays.pop(name, None)
 
     def get_state(self) -> State:
         params, arrays = self.save()

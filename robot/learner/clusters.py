@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector
-from robot.learner.part import Array, Arrays, Params, Stateful, Value
+from robot.learner.part import Array, Stateful, Value
 from robot.learner.values import count
 from robot.learner.votes import Distances
 
@@ -103,6 +103,7 @@ class Clusters(Stateful, ABC):
     """
 
     measures_novelty: ClassVar[bool]
+    dropped = ("weights",)  # they follow from the rest
 
     def __init__(self, max_nodes: int, n_rows: int, dtype: type[Any]) -> None:
         if max_nodes < 1:
@@ -222,10 +223,6 @@ class Clusters(Stateful, ABC):
             array[node] = array[last]
         self._edges.pinned[last] = False
         self._edges.remove(node, last)
-
-    def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Leave out the weights, which follow from the rest."""
-        arrays.pop("weights", None)
 
     def restored(self) -> None:
         self.last_merge_ = None

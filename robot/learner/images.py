@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector, checked_vector
-from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Arrays, Params, Stateful, Value
+from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Stateful, Value
 
 Floats = NDArray[np.float32]
 _MOST_NORM = 1e24
@@ -142,6 +142,7 @@ class IntegerImages(Images):
     """
 
     fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)
+    dropped = ("images", "norms")  # they follow from the sums
 
     def __init__(self, max_nodes: int, n_compared: int | None = None) -> None:
         super().__init__(max_nodes)
@@ -217,11 +218,6 @@ class IntegerImages(Images):
         self._norms[:] = 0.0
         for row in np.flatnonzero(counts).tolist():
             self._divide(row, int(counts[row]))
-
-    def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Leave out what follows from the sums."""
-        arrays.pop("images", None)
-        arrays.pop("norms", None)
 
     def faults(self) -> Iterator[str]:
         if (self._sums > 255 * self._frames[:, None]).any():

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -186,6 +186,9 @@ def _set(part: Stateful, field: Value | Array, value: Any) -> None:
 class Stateful:
     """Base of what keeps something between drives."""
 
+    dropped: ClassVar[tuple[str, ...]] = ()
+    """Names under which an earlier version kept what nothing asks for any more."""
+
     @property
     def fields(self) -> Sequence[Value | Array]:
         """What it keeps; most parts have a tuple in its place."""
@@ -249,6 +252,9 @@ class Stateful:
 
     def _take(self, params: Params, arrays: Arrays, names: Names, sizes: dict[str, int]) -> None:
         """Take what belongs to this part out of a model; see `load`."""
+        for name in self.dropped:
+            params.pop(name, None)
+            arrays.pop(name, None)
         self.upgrade(params, arrays)
         for own, part in self.parts():
             if not own:

@@ -12,7 +12,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.part import Array, Arrays, Params, Value
+from robot.learner.part import Array, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Lesson, PolicyPart
@@ -194,6 +194,7 @@ class PilotPace(PolicyPart):
         Value("changes", many(number(0.0, 255.0), MEMORY), "scale.changes", older=((),)),
         Array("picture", np.uint8, ("n_pixels",), attribute="scale.before", may_miss=True),
     )
+    dropped = ("turns_s", "turn_s", "turning", "stillness")
 
     def __init__(self, kinds: MoveKinds) -> None:
         self.kinds = kinds
@@ -265,12 +266,6 @@ class PilotPace(PolicyPart):
         self._pushes_s = sorted([*self._pushes_s, self._push_s])[-_MEANT:]
         self._push_s = 0.0
 
-    def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Leave out what version 0.2 measured of the pilot and nothing asks for any more."""
-        for key in params.keys() - {field.name for field in self.fields}:
-            del params[key]
-
     def restored(self) -> None:
         self._note_runs(self._runs_s)
         self.scale.changes = deque(self.scale.changes, maxlen=MEMORY)
-        self.stands = list(self.stands)

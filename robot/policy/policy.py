@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from robot.learner import votes
 from robot.learner.base import Learner, NotFittedError, State, Vector, checked_vector
-from robot.learner.part import Arrays, Params, Stateful, Value
+from robot.learner.part import Stateful, Value
 from robot.learner.values import count
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import Features
@@ -53,6 +53,7 @@ class Policy(Stateful):
         Value("name", lambda plain, names: str(plain), "name", is_fixed=True),
         Value("lessons", count(), "n_seen"),
     )
+    dropped = ("calibration",)
 
     def __init__(
         self,
@@ -247,10 +248,6 @@ class Policy(Stateful):
         )
         arrays = {key: state.arrays[key] for key in own}
         self.load(params, arrays, {str(move): move for move in self.moves})
-
-    def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Leave out what version 0.2 measured, of how sure it might be in this place."""
-        params.pop("calibration", None)
 
     def restored(self) -> None:
         self._n_proposals, self._last_s = 0, None
