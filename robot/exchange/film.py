@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from itertools import chain, groupby
 from pathlib import Path
@@ -139,14 +139,7 @@ def check_suffix(path: Path) -> None:
         )
 
 
-def write_look(
-    episode: Episode,
-    notes: Notes,
-    path: Path,
-    *,
-    fps: int | None = None,
-    on_frame: Callable[[], None] = lambda: None,
-) -> int:
+def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = None) -> int:
     """Write an episode as a film to look at: large, with label and prediction below the picture.
 
     It lasts as long as the drive without what was deleted. Where the camera gave no picture for a
@@ -160,7 +153,6 @@ def write_look(
     def pictures() -> Iterable[Pixels]:
         size: tuple[int, int] | None = None
         for index, same in groupby(chain.from_iterable(line.evenly(rate))):
-            on_frame()
             if not found[index].is_deleted:
                 frame = episode.frame(found[index].frame_id)
                 size = size or (frame.width, frame.height)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 
@@ -30,13 +30,7 @@ _TIME = ("time_s", "t", "time", "timestamp", "seconds")
 Cells = dict[str, str]
 
 
-def write_folder(
-    episode: Episode,
-    notes: Notes,
-    folder: Path,
-    *,
-    on_frame: Callable[[], None] = lambda: None,
-) -> int:
+def write_folder(episode: Episode, notes: Notes, folder: Path) -> int:
     """Write an episode as pictures and `frames.csv`; return how many pictures there are.
 
     `moves.json` has the driver's declared moves, so that its own labels are recognised.
@@ -49,7 +43,6 @@ def write_folder(
         table = csv.writer(file)
         table.writerow(COLUMNS)
         for moment in moments(episode, notes):
-            on_frame()
             if moment.is_deleted:
                 continue
             frame = episode.frame(moment.frame_id)

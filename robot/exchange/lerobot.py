@@ -15,7 +15,7 @@ Source: lerobot, datasets/utils.py, dataset_writer.py and docs/source/lerobot-da
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +62,6 @@ def write_lerobot(
     *,
     fps: int | None = None,
     task: str = TASK,
-    on_frame: Callable[[], None] = lambda: None,
 ) -> int:
     """Write recordings as one dataset; return how many LeRobot episodes it has.
 
@@ -85,7 +84,7 @@ def write_lerobot(
         chunk, file = divmod(index, _FILES_A_CHUNK)
         name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
         counts = np.zeros_like(seen)
-        pictures = _pictures(part, size, counts, on_frame)
+        pictures = _pictures(part, size, counts)
         write_film(pictures, folder / name, rate, key_every=_KEY_EVERY)
         seen += counts
         own = columns["episode_index"] == index
@@ -120,14 +119,11 @@ def _split(episode: Episode, notes: Notes, fps: int) -> list[Part]:
     return [(episode, [kept[i] for i in stretch]) for stretch in stretches]
 
 
-def _pictures(
-    part: Part, size: tuple[int, int], counts: NDArray[np.int64], on_frame: Callable[[], None]
-) -> Iterator[Pixels]:
+def _pictures(part: Part, size: tuple[int, int], counts: NDArray[np.int64]) -> Iterator[Pixels]:
     """Yield pictures, shape (height, width, 3), and add to `counts`, shape (3, 256), how often each
     brightness occurs in each colour: all statistics follow from it."""
     episode, taken = part
     for moment in taken:
-        on_frame()
         picture = of_size(episode.frame(moment.frame_id), size)
         counts += [np.bincount(colour, minlength=256) for colour in picture.reshape(-1, 3).T]
         yield picture

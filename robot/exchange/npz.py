@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -55,9 +54,7 @@ def is_example(moment: EpisodeFrame) -> bool:
     return not moment.is_deleted and moment.label in DEFAULT_MOVES
 
 
-def write_npz(
-    episode: Episode, notes: Notes, path: Path, *, on_frame: Callable[[], None] = lambda: None
-) -> int:
+def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
     """Write the taught pictures of an episode as a recording; return how many there are.
 
     A JPEG of 160x120 keeps its bytes; any other picture is scaled. The form has three labels, so
@@ -65,7 +62,6 @@ def write_npz(
     """
     files, labels, times_s, points = [], [], [], []
     for moment in moments(episode, notes):
-        on_frame()
         if is_example(moment):
             frame = episode.frame(moment.frame_id)
             is_kept = frame.encoding is Encoding.JPEG and (frame.width, frame.height) == SIZE

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -126,14 +126,7 @@ def _seconds(stamp_ms: Any) -> float | None:
     return stamp_ms / 1000 if is_number and 0 <= stamp_ms < 1e14 else None
 
 
-def write_tub(
-    episode: Episode,
-    notes: Notes,
-    folder: Path,
-    *,
-    taught_only: bool = True,
-    on_frame: Callable[[], None] = lambda: None,
-) -> int:
+def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool = True) -> int:
     """Write an episode as a tub 2; return how many records it has.
 
     Pictures keep their bytes (JPEG) or their pixels (PNG). Each record also has the label, the
@@ -147,7 +140,6 @@ def write_tub(
     origin_ms = episode.origin_ns // 10**6
     records: list[Record] = []
     for moment in moments(episode, notes):
-        on_frame()
         if moment.is_deleted or (taught_only and moment.label is None):
             continue
         frame, index = episode.frame(moment.frame_id), len(records)

@@ -130,7 +130,10 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
     refusing = told_as(ConfigurationError, f"cannot write {out}")
     showing = progress(total, "picture", "episodes", "episodes")
     with refusing, showing as bar, _beside(out) as part:
-        made = write(*given, part, on_frame=bar.update, **options)
+        for episode, _ in episodes:
+            episode.on_read = bar.update
+        made = write(*given, part, **options)
+        bar.update(total - bar.n)  # what was left out is done, too
     print(f"{out}: {made} {what}")
     sizes = {frame.size for episode, _ in episodes for frame in episode.frames.values()}
     if len(sizes) > 1 and args.form in ("film", "lerobot"):

@@ -26,7 +26,10 @@ _READ = set(Topic) - {Topic.POSE}  # which the sensors have, too
 
 @dataclass(slots=True, kw_only=True)
 class Episode:
-    """What a recording holds. Times are seconds of the run's clock."""
+    """What a recording holds. Times are seconds of the run's clock.
+
+    `on_read` is called for each picture that is read: a command shows by it how far it is.
+    """
 
     path: Path
     run: dict[str, str] = field(default_factory=dict)
@@ -35,6 +38,7 @@ class Episode:
     messages: dict[str, list[tuple[float, Fields]]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
+    on_read: Callable[[], None] = lambda: None
     _read_chunk: Callable[[Path, int], list[bytes]] = field(
         default_factory=lambda: lru_cache(_CHUNKS_KEPT)(read_chunk)
     )
@@ -83,6 +87,7 @@ class Episode:
         entry = self.frames.get(frame_id)
         if entry is None:
             raise RecordingError(f"the recording {self.id} has no frame {frame_id}")
+        self.on_read()
         offset, index = entry.place
         return decode_image(entry, self._read_chunk(self.path, offset)[index])
 
