@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 
 from robot.errors import RecordingError, need
 from robot.exchange.film import AV, of_size, write_film
-from robot.exchange.lerobot_stats import Columns, Stats, brightness_stats, column_stats
 from robot.exchange.lerobot_tables import (
     DEGREES,
     PILOT,
     PYARROW,
+    Columns,
     write_data,
     write_episodes,
     write_tasks,
@@ -50,7 +50,9 @@ _KEY_EVERY = 2
 """A loader asks for frames in any order: it should have few to decode before each."""
 _STEERED = ("angle", "throttle")
 _SENSORS = ("distance_m", "bumped", "battery")
-
+_QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+Stats = dict[str, dict[str, list[Any]]]
+"""Least, most, mean, deviation, quantiles and count, by feature."""
 
 Part = tuple[Episode, list[EpisodeFrame]]
 """One LeRobot episode: a recording, and moments of it at even distances in time."""
@@ -197,14 +199,41 @@ def _sensed(part: Part, name: str) -> NDArray[np.float64]:
 
 
 def _stats(columns: Columns, counts: NDArray[np.int64]) -> Stats:
-    found = {name: column_stats(values) for name, values in columns.items()}
-    return {**found, CAMERA: brightness_stats(counts, len(columns["index"]))}
+    found = {name: _column_stats(values) for name, values in columns.items()}
+    return {**found, CAMERA: _brightness_stats(counts, len(columns["index"]))}
+
+
+def _brightness_stats(counts: NDArray[np.int64], n_pictures: int) -> dict[str, list[Any]]:
+    """Return the statistics as shares of full brightness, shape (3, 1, 1), and the count."""
+    shares, below = np.arange(256) / 255.0, counts.cumsum(axis=1)
+    total = below[:, -1:]
+    mean = (counts * shares).sum(axis=1, keepdims=True) / total
+    deviations = counts * (shares - mean) ** 2
+    ranks = {"min": 1, "max": total, **{name: q * total for name, q in _QUANTILES.items()}}
+    found = {name: shares[(below < rank).sum(axis=1)] for name, rank in ranks.items()}
+    found |= {"mean": mean, "std": np.sqrt(deviations.sum(axis=1, keepdims=True) / total)}
+    plain = {name: np.reshape(of, (3, 1, 1)).tolist() for name, of in found.items()}
+    return {**plain, "count": [n_pictures]}
+
+
+def _column_stats(values: NDArray[Any]) -> dict[str, list[Any]]:
+    """Return the statistics of a feature, shape (frames,) or (frames, n)."""
+    table = values.reshape(len(values), -1).astype(np.float64)
+    return {
+        "min": table.min(axis=0).tolist(),
+        "max": table.max(axis=0).tolist(),
+        "mean": table.mean(axis=0).tolist(),
+        "std": table.std(axis=0).tolist(),
+        **{name: np.quantile(table, q, axis=0).tolist() for name, q in _QUANTILES.items()},
+        "count": [len(table)],
+    }
 
 
 def _episode_row(
     columns: Columns, counts: NDArray[np.int64], place: tuple[int, int], fps: int, task: str
 ) -> dict[str, Any]:
     length, start = len(columns["index"]), int(columns["index"][0])
+    stats = _stats(columns, counts)
     return {
         "episode_index": int(columns["episode_index"][0]),
         "tasks": [task],
@@ -219,7 +248,7 @@ def _episode_row(
         f"videos/{CAMERA}/to_timestamp": length / fps,
         "meta/episodes/chunk_index": 0,
         "meta/episodes/file_index": 0,
-        "stats": _stats(columns, counts),
+        **{f"stats/{name}/{kind}": v for name, of in stats.items() for kind, v in of.items()},
     }
 
 

@@ -6,9 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from robot.errors import RecordingError, need, told_as
-from robot.exchange.lerobot_stats import Columns
+from numpy.typing import NDArray
 
+from robot.errors import RecordingError, need, told_as
+
+Columns = dict[str, NDArray[Any]]
+"""Values of a frame each, by feature."""
 PILOT = "pilot"
 """A column: which move the pilot taught, by its place among the feature's moves; -1 for none."""
 DEGREES = "degrees"
@@ -51,12 +54,9 @@ def write_data(folder: Path, columns: Columns) -> None:
 
 
 def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
-    """Write a row an episode; its statistics become columns."""
-    pa = need(*PYARROW)
-    for row in rows:
-        for feature, stats in row.pop("stats").items():
-            row.update({f"stats/{feature}/{kind}": value for kind, value in stats.items()})
-    _write_table(pa.Table.from_pylist(rows), folder / "meta/episodes/chunk-000/file-000.parquet")
+    """Write a row an episode."""
+    table = need(*PYARROW).Table.from_pylist(rows)
+    _write_table(table, folder / "meta/episodes/chunk-000/file-000.parquet")
 
 
 def write_tasks(folder: Path, task: str) -> None:
