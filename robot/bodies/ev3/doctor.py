@@ -12,6 +12,7 @@ from robot.bodies.ev3.link import RemotePicture
 
 WHEEL_TOLERANCE = 0.25
 """A wheel's speed may be so far from what was asked: a weak battery, friction."""
+Advice = str | Literal[False]
 
 
 class Level(StrEnum):
@@ -72,13 +73,7 @@ def write_report(findings: Sequence[Finding]) -> str:
     return "\n".join(lines)
 
 
-def _judge(
-    topic: str,
-    text: str,
-    *,
-    wrong: str | Literal[False] = False,
-    note: str | Literal[False] = False,
-) -> Finding:
+def _judge(topic: str, text: str, *, wrong: Advice = False, note: Advice = False) -> Finding:
     """Return a finding; `wrong` and `note` are what to do where something is the matter."""
     level = Level.WRONG if wrong else Level.NOTE if note else Level.OK
     return Finding(level, topic, text, wrong or note or "")

@@ -107,14 +107,10 @@ def parse_moves(text: str) -> tuple[Move, ...]:
     for part in text.split(","):
         name, *numbers = part.strip().split(":")
         try:
-            action = Action(name)
-            if numbers:
-                steering, throttle = map(float, numbers)
-                moves.append(
-                    Move(action, name.replace("_", " "), steering=steering, throttle=throttle)
-                )
-            else:
-                moves.append(CLASSIC.get(action) or Move(action, name.replace("_", " ")))
+            action, label = Action(name), name.replace("_", " ")
+            steering, throttle = map(float, numbers) if numbers else (None, None)
+            move = Move(action, label, steering=steering, throttle=throttle)
+            moves.append(move if numbers else CLASSIC.get(action, move))
         except ValueError as error:
             raise ConfigurationError(
                 f"--body-moves: {part.strip()!r} is no move ({error}); as in forward,left,fast:0:1"

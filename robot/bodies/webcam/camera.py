@@ -40,7 +40,7 @@ class OpencvCamera(WatchedCamera):
         return Path(self.options.source).is_file()
 
     def _begin(self) -> None:
-        need("cv2", "the camera 'opencv'", "camera")
+        self._cv2 = need("cv2", "the camera 'opencv'", "camera")
         capture = self._open()
         if capture is None:
             raise CameraError(
@@ -50,9 +50,7 @@ class OpencvCamera(WatchedCamera):
         self._watch_over(lambda: self._read(capture))
 
     def _open(self) -> Any:
-        import cv2
-
-        source = self.options.source
+        cv2, source = self._cv2, self.options.source
         if source.isdigit():
             capture = cv2.VideoCapture(int(source))
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, self.options.width)
@@ -76,9 +74,7 @@ class OpencvCamera(WatchedCamera):
             capture = None if self._ending.is_set() else self._open()
 
     def _read_out(self, capture: Any) -> None:
-        import cv2
-
-        rate_hz = capture.get(cv2.CAP_PROP_FPS) if self._is_film else 0.0
+        rate_hz = capture.get(self._cv2.CAP_PROP_FPS) if self._is_film else 0.0
         pause_s = 1.0 / rate_hz if 0 < rate_hz <= 1000 else 0.0
         while not self.clock.wait(self._ending, pause_s):
             is_read, picture = capture.read()
@@ -89,11 +85,9 @@ class OpencvCamera(WatchedCamera):
                 return  # to be opened again; the watching thread reports the fault
 
     def _take(self, pixels: Any, now_s: float) -> None:
-        import cv2
-
         if not self._freshness.is_new(pixels.tobytes(), now_s):
             return
-        size = (self.options.width, self.options.height)
+        cv2, size = self._cv2, (self.options.width, self.options.height)
         small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
         _, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         self._publish(
