@@ -18,7 +18,7 @@ from robot.bodies.gymnasium.environment import (
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S
-from robot.types import Action, Game, Point, Sensors
+from robot.types import Action, Point, Sensors
 
 OVER_S = 1.5
 """For so long the last picture of a game stays before the next game begins."""
@@ -56,12 +56,9 @@ class GymnasiumDriver(ConnectedDriver[bool]):
 
     def __init__(self, options: GymnasiumOptions) -> None:
         super().__init__(options)
-        environment = self._make()
-        try:
+        with contextlib.closing(self._make()) as environment:
             table = moves_of(options.env, environment.env, options.env_moves)
             self._action_at = steering_of(table, environment.env.action_space)
-        finally:
-            environment.close()
         self.declared_moves = tuple(table)
         self.takes_points = self._action_at is not None
         self._actions = {move.name: action for move, action in table.items()}
@@ -70,7 +67,6 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         self._lock = threading.Lock()
         self._action: Any = None
         self._left_s = self._over_s = 0.0
-        self._game: Game | None = None
         self.acted = threading.Event()
         """Set by each `send_action`: the loop has done what it does with a picture."""
 
@@ -96,7 +92,8 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         self.acted.set()
 
     def sense(self) -> Sensors:
-        return Sensors(game=self._game)
+        environment = self._environment
+        return Sensors(game=environment.game if environment else None)
 
     def stop(self) -> None:
         with self._lock:
@@ -118,7 +115,6 @@ class GymnasiumDriver(ConnectedDriver[bool]):
             self._over_s = 0.0
             for _ in range(self._steps):
                 environment.step(action)
-        self._game = environment.game
 
     def picture(self) -> Any:
         """Return what there is to see, shape (height, width, 3), uint8; raises CameraError."""
@@ -135,5 +131,4 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         if self._environment is None:
             self._environment = self._make()
             self._environment.reset()
-            self._game = self._environment.game
         return self._environment
