@@ -245,6 +245,8 @@ def test_a_tub_has_what_nobody_taught_when_all_is_wanted(
     robot.finish()
     assert ": 8 records" in say("episodes export last --as tub", capsys)
     assert ": 8 records" not in say("episodes export last --as tub --all", capsys)
+    assert main(["episodes", "export", "last", "--as", "tub"]) == 0
+    assert "100%" in capsys.readouterr().err, "what is left out is done, too"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="some of these are no names there")
