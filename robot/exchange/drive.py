@@ -17,7 +17,6 @@ from robot.clock import RealClock
 from robot.devices.pictures import Picture
 from robot.driver import CLASSIC, Move
 from robot.errors import RecordingError
-from robot.exchange.report import ImportReport
 from robot.exchange.timeline import make_timeline
 from robot.policy.history import Taught
 from robot.store.episodes.messages import Topic, describe_command
@@ -27,6 +26,44 @@ from robot.store.models.events import describe_event
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Point
 
 _T = TypeVar("_T")
+
+
+class ImportReport:
+    """Collects what was skipped while a drive is read; a strict one refuses it at the first."""
+
+    def __init__(self, *, is_strict: bool = False) -> None:
+        self.is_strict = is_strict
+        self.skipped: list[tuple[str, str]] = []
+        """Place and reason of each thing that was left out."""
+        self.remarks: list[str] = []
+
+    def skip(self, place: str, reason: str) -> None:
+        """Leave something out; raises RecordingError if the import is strict."""
+        place, reason = map(_shown, (place, reason))
+        if self.is_strict:
+            raise RecordingError(f"{place}: {reason}")
+        self.skipped.append((place, reason))
+
+    def remark(self, text: str | None) -> None:
+        """Note something that a person should know of the drive; None says nothing."""
+        if text and text not in self.remarks:
+            self.remarks.append(text)
+
+    def lines(self) -> list[str]:
+        """Return the remarks, then how much was skipped, and each reason with its places."""
+        places: dict[str, list[str]] = {}
+        for place, reason in self.skipped:
+            places.setdefault(reason, []).append(place)
+        told = [f"skipped: {len(self.skipped)}"] if self.skipped else []
+        told += [f"  {reason}: {', '.join(found)}" for reason, found in places.items()]
+        return self.remarks + told
+
+    def why_nothing(self) -> str:
+        """Return the first reason for which a drive has nothing left, as the end of a sentence."""
+        if not self.skipped:
+            return ""
+        place, reason = self.skipped[0]
+        return f"; {len(self.skipped)} were skipped, the first in {place}: {reason}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,3 +187,8 @@ def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
     if not found or not found.keys().isdisjoint(DEFAULT_MOVES):
         found |= dict.fromkeys(DEFAULT_MOVES)
     return (*(m for m in CLASSIC if m in found), *(m for m in found if m not in CLASSIC))
+
+
+def _shown(text: str) -> str:
+    """Leave out what a terminal would obey: some of it is from names that others gave."""
+    return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -10,9 +10,8 @@ from pathlib import Path
 
 from robot.driver import CLASSIC, Move, describe, from_text, names, to_text
 from robot.errors import RecordingError, told_as
-from robot.exchange.drive import Drive, Shot, drive_of
+from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
 from robot.exchange.files import files_ending, read_picture_file, read_text, write_picture
-from robot.exchange.report import ImportReport
 from robot.exchange.steering import ANGLES, THROTTLES, Meant, done_at, read_meant, read_point
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes

@@ -18,11 +18,10 @@ from robot.devices.outside import Outside, must_be, number, read, text, whole
 from robot.devices.pictures import Picture, read_picture
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RecordingError, told_as
-from robot.exchange.drive import Drive, Shot, drive_of
+from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
 from robot.exchange.files import parse, read_picture_file, read_text
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
-from robot.exchange.report import ImportReport
 from robot.exchange.steering import ANGLES, THROTTLES, Meant, read_meant, read_point
 from robot.types import Action
 

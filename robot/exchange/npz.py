@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from robot.devices.pictures import read_picture
 from robot.errors import RecordingError, told_as
-from robot.exchange.drive import Drive, Shot, drive_of
+from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
 from robot.exchange.film import of_size, to_jpeg
-from robot.exchange.report import ImportReport
 from robot.exchange.timeline import make_timeline
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes

@@ -15,12 +15,11 @@ from tempfile import TemporaryDirectory
 from typing import IO, NamedTuple
 
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive
+from robot.exchange.drive import Drive, ImportReport
 from robot.exchange.files import files_ending
 from robot.exchange.folder import read_folder
 from robot.exchange.lerobot_reader import LerobotDataset
 from robot.exchange.npz import load_recording
-from robot.exchange.report import ImportReport
 from robot.exchange.tub import read_tub
 from robot.exchange.tub_records import is_tub
 from robot.store.lock import FolderLock

@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from robot.driver import CLASSIC, Move, point_of
-from robot.exchange.drive import Drive, Shot, drive_of
+from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
 from robot.exchange.files import read_picture_file, write_picture
-from robot.exchange.report import ImportReport
 from robot.exchange.steering import Meant, done_at, read_meant, read_point
 from robot.exchange.tub_records import (
     IMAGE,

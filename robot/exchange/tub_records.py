@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from robot.errors import RecordingError
+from robot.exchange.drive import ImportReport
 from robot.exchange.files import parse, read_text
-from robot.exchange.report import ImportReport
 
 IMAGE = "cam/image_array"
 MOVES = "drivelesson_moves"

@@ -11,12 +11,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from robot.errors import ConfigurationError, RecordingError, told_as
-from robot.exchange.drive import write_episode
+from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import check_suffix, write_look
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.npz import is_example, write_npz
-from robot.exchange.report import ImportReport
 from robot.exchange.sources import Source, find_drives, unpacked
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.timeline import make_timeline

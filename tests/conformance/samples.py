@@ -6,10 +6,9 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot.exchange.drive import write_episode
+from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import write_lerobot
-from robot.exchange.report import ImportReport
 from robot.exchange.sources import find_drives
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.tub import write_tub

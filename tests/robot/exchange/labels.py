@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from robot.exchange.drive import Drive
-from robot.exchange.report import ImportReport
+from robot.exchange.drive import Drive, ImportReport
 from robot.exchange.sources import find_drives
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.store.episodes.episode import Episode, taught_frames

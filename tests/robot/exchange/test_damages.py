@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 from robot.errors import RecordingError
-from robot.exchange.drive import write_episode
-from robot.exchange.report import ImportReport
+from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.sources import unpacked
 from robot.store.episodes.episode import open_episode
 from robot.types import Action

@@ -14,11 +14,10 @@ from mcap.reader import make_reader
 from robot.devices.pictures import Picture
 from robot.devices.simulation.camera import SimCamera
 from robot.errors import RecordingError
-from robot.exchange.drive import write_episode
+from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import to_jpeg, write_film, write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.npz import write_npz
-from robot.exchange.report import ImportReport
 from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.policy.image import to_rgb

@@ -17,9 +17,8 @@ import pytest
 from robot.devices.pictures import read_picture
 from robot.driver import CLASSIC, point_of
 from robot.errors import RecordingError
-from robot.exchange.drive import write_episode
+from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.files import parse
-from robot.exchange.report import ImportReport
 from robot.exchange.steering import read_meant
 from robot.exchange.tub_records import read_second
 from robot.store.episodes.edits import Notes

@@ -20,10 +20,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from robot.errors import RecordingError
-from robot.exchange.drive import write_episode
+from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import to_jpeg, write_film
 from robot.exchange.lerobot import write_lerobot
-from robot.exchange.report import ImportReport
 from robot.exchange.sources import find_drives, unpacked
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.policy.image import to_rgb

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from robot.errors import RecordingError
+from robot.exchange.drive import ImportReport
 from robot.exchange.npz import load_recording
-from robot.exchange.report import ImportReport
 from robot.exchange.sources import find_drives, unpacked
 from robot.exchange.steering import DEFAULT_THRESHOLD
 
