@@ -22,7 +22,7 @@ class ConnectedDriver(Driver, Generic[_C]):
 
     _connection: _C | None = None
 
-    def __init__(self, options: Any, clock: Clock | None = None) -> None:
+    def __init__(self, options: Any = None, clock: Clock | None = None) -> None:
         self.options = options
         self._clock = clock or RealClock()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from robot.clock import Clock, RealClock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options
 from robot.driver import ACTION_TIMEOUT_S
@@ -17,11 +16,8 @@ class ReplayDriver(ConnectedDriver[bool]):
     name: ClassVar[str] = "replay"
     default_camera: ClassVar[str] = "replay"
     options_type: ClassVar[type[Any]] = Options
-
-    def __init__(self, options: Options | None = None, clock: Clock | None = None) -> None:
-        self._clock = clock or RealClock()
-        self._action = Action.STOP
-        self._ends_s = 0.0
+    _action = Action.STOP
+    _ends_s = 0.0
 
     @property
     def action(self) -> Action:

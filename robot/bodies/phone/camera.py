@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.pictures import Picture
 from robot.devices.watched_camera import WatchedCamera
@@ -29,13 +28,10 @@ class PhoneCamera(WatchedCamera):
 
     name: ClassVar[str] = "phone"
     options_type: ClassVar[type[Any]] = PhoneOptions
-
-    def __init__(self, options: PhoneOptions, clock: Clock) -> None:
-        super().__init__(options, clock)
-        self.source: object | None = None
-        """Whoever holds the phone's socket now; it sets this itself."""
-        self._captured_s = 0.0
-        self._reason: str | None = NOBODY
+    source: object | None = None
+    """Whoever holds the phone's socket now; it sets this itself."""
+    _captured_s = 0.0
+    _reason: str | None = NOBODY
 
     def _begin(self) -> None:
         need("cv2", "the camera 'phone'", "camera")

@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 
 from robot.bodies.ros.bridge import RosBridge
 from robot.bodies.ros.driver import check_topic
-from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.pictures import read_jpeg
 from robot.devices.watched_camera import WatchedCamera
@@ -40,11 +39,8 @@ class RosCamera(WatchedCamera):
 
     name: ClassVar[str] = "ros"
     options_type: ClassVar[type[Any]] = RosCameraOptions
-
-    def __init__(self, options: RosCameraOptions, clock: Clock) -> None:
-        super().__init__(options, clock)
-        self._bridge: RosBridge | None = None
-        self._reason = ""
+    _bridge: RosBridge | None = None
+    _reason = ""
 
     def _begin(self) -> None:
         need("cv2", "the camera 'ros'", "camera")
