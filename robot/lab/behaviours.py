@@ -11,13 +11,12 @@ from typing import Any
 from robot.lab import metrics
 from robot.lab.chance import mean_of_known
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
-from robot.lab.ideas import make_learner, make_pilot
+from robot.lab.ideas import make_trial
 from robot.lab.metrics import DriveLog, DriveSample
 from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Trial
 from robot.store.table import Table
-from robot.types import Action, Mode
+from robot.types import Mode
 
 _MINUTES = {"episode_s": 60.0, "teach": 2, "correct": 2, "alone": 1}
 _PUSHES = {"episode_s": 40.0, "teach": 8, "correct": 4, "alone": 5}
@@ -71,23 +70,19 @@ def run_episodes(params: Params) -> Result:
     Parameters: `world`, `teacher`, `moves`, `learner`, `seed`, `episode_s`, and how many episodes
     of each: `teach`, `correct`, `alone`. An episode ends when a movable thing is at a wall.
     """
-    moves = tuple(Action(move) for move in params["moves"])
-    policy, pilot = make_learner(params["learner"], moves), make_pilot(params, moves)
-    with Trial(params["world"], params["seed"], policy, pilot) as trial:
+    drives: dict[str, list[DriveLog]] = {"teach": [], "correct": [], "alone": []}
+    with make_trial(params) as trial:
         can_end = any(thing.is_movable for thing in trial.driver.simulation.world.obstacles)
-
-        def episodes(mode: Mode, count: int, *, supervised: bool = True) -> list[DriveLog]:
-            drives = []
-            for _ in range(count):
+        until = _is_at_wall if can_end else None
+        for phase, driven in drives.items():
+            mode = Mode.TRAIN if phase == "teach" else Mode.AUTONOMOUS
+            for _ in range(params[phase]):
                 trial.driver.simulation.restart()
-                seconds, until = params["episode_s"], _is_at_wall if can_end else None
-                drives.append(trial.drive(mode, seconds, supervised=supervised, until=until))
-            return drives
-
-        taught = episodes(Mode.TRAIN, params["teach"])
-        episodes(Mode.AUTONOMOUS, params["correct"])
-        alone = episodes(Mode.AUTONOMOUS, params["alone"], supervised=False)
-    return {"teacher": _figures(taught), "alone": _figures(alone)}
+                drive = trial.drive(
+                    mode, params["episode_s"], supervised=phase != "alone", until=until
+                )
+                driven.append(drive)
+    return {"teacher": _figures(drives["teach"]), "alone": _figures(drives["alone"])}
 
 
 def _is_at_wall(moment: DriveSample) -> bool:

@@ -11,12 +11,10 @@ from robot.control.state import Tick
 from robot.lab.chance import deviation
 from robot.lab.evaluation import judge, recorded_pairs, seen_by
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
-from robot.lab.ideas import make_learner, make_pilot
+from robot.lab.ideas import make_learner, make_trial
 from robot.lab.lessons import TRIALS
 from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
-from robot.lab.trial import Trial
-from robot.policy.registry import make_policy
 from robot.store.table import Table
 from robot.types import DEFAULT_MOVES, Action, Frame, Mode
 
@@ -88,10 +86,9 @@ def run_simulated_footage(params: Params) -> Result:
 
     Both drives are of the same place, with other starts, noise and slips of the hand.
     """
-    moves = tuple(Action(move) for move in params["moves"])
-    policy = make_learner(params["learner"], moves)
+    policy = make_learner(params["learner"], tuple(map(Action, params["moves"])))
     train, test = (
-        [(policy.extract(frame), label, None) for frame, label in _film(params, moves, drive)]
+        [(policy.extract(frame), label, None) for frame, label in _film(params, drive)]
         for drive in (0, 1)
     )
     result = judge(policy, train, test)
@@ -108,7 +105,7 @@ def run_recorded_footage(params: Params) -> Result:
     return {name: result[name] for name in KEPT}
 
 
-def _film(params: Params, moves: tuple[Action, ...], drive: int) -> list[tuple[Frame, Action]]:
+def _film(params: Params, drive: int) -> list[tuple[Frame, Action]]:
     footage: list[tuple[Frame, Action]] = []
 
     def note(tick: Tick) -> None:
@@ -116,9 +113,8 @@ def _film(params: Params, moves: tuple[Action, ...], drive: int) -> list[tuple[F
         if tick.frame is not None and held is not None:
             footage.append((tick.frame, held))
 
-    params = {**params, "seed": 2 * params["seed"] + drive}
-    policy, pilot = make_policy("published-1", moves=moves), make_pilot(params, moves)
-    with Trial(params["world"], params["seed"], policy, pilot) as trial:
+    seed = 2 * params["seed"] + drive
+    with make_trial({**params, "learner": "published-1", "seed": seed}) as trial:
         trial.loop.subscribe(note)
         while len(footage) < FRAMES:
             trial.drive(Mode.TRAIN, 5.0)

@@ -1,4 +1,4 @@
-"""Learners, teachers and pilots by name: a built-in one, an entry point, or `path.py:Name`."""
+"""Learners, teachers and trials by name: a built-in one, an entry point, or `path.py:Name`."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from robot.lab.simulated_pilots.hand import PRACTISED, STEADY
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.simulated_pilots.teachers import TEACHER_PARAMS, SonarController, Teacher, Wanderer
 from robot.lab.task import Params
+from robot.lab.trial import Trial
 from robot.learner.base import Learner
 from robot.policy.features import GradientFeatures
 from robot.policy.policy import Policy
@@ -69,17 +70,16 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
     return _TEACHERS[name](tuple(move for move in moves if move is not Action.FORWARD))
 
 
-def make_pilot(params: Params, moves: tuple[Action, ...]) -> SimulatedPilot:
-    """Build a pilot from `teacher` and `seed`.
+def make_trial(params: Params) -> Trial:
+    """Build a trial of `world`, `learner`, `teacher`, `moves` and `seed`.
 
     The sonar controller is a program on the robot, so it has no human delay.
     """
-    return SimulatedPilot(
-        make_teacher(params["teacher"], moves),
-        moves,
-        hand=STEADY if params["teacher"] == "sonar" else PRACTISED,
-        seed=str(params["seed"]),
-    )
+    moves, seed = tuple(map(Action, params["moves"])), params["seed"]
+    teacher = make_teacher(params["teacher"], moves)
+    hand = STEADY if params["teacher"] == "sonar" else PRACTISED
+    pilot = SimulatedPilot(teacher, moves, hand=hand, seed=str(seed))
+    return Trial(params["world"], seed, make_learner(params["learner"], moves), pilot)
 
 
 def _make_idea(name: str, group: str) -> Any:

@@ -12,13 +12,12 @@ from typing import Any
 from robot.control.profile import compare
 from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
-from robot.lab.ideas import make_learner, make_pilot
+from robot.lab.ideas import make_trial
 from robot.lab.metrics import DriveLog
 from robot.lab.tables import SSD_COLUMNS, tables_of
 from robot.lab.task import Params, Result
-from robot.lab.trial import Trial
 from robot.store.table import Cell, Table
-from robot.types import Action, Mode
+from robot.types import Mode
 
 TRIALS: dict[int, dict[str, Any]] = {
     1: {"world": "box", "moves": ("forward", "left"), "teacher": "usual"},
@@ -37,10 +36,9 @@ def run_lesson(params: Params) -> Result:
     `reference_s` (how long the teacher drives once more so that its own profile is well known;
     nothing is measured of the robot after it).
     """
-    moves = tuple(Action(move) for move in params["moves"])
-    policy, pilot = make_learner(params["learner"], moves), make_pilot(params, moves)
     alone_s = params.get("alone_s", 60.0)
-    with Trial(params["world"], params["seed"], policy, pilot) as trial:
+    with make_trial(params) as trial:
+        moves = trial.policy.moves
         taught, drives = trial.lesson(params["teach_s"], params.get("correct_s", 0.0), alone_s)
         again = trial.drive(Mode.TRAIN, params.get("reference_s", 240.0))
     teacher = DriveLog([*taught, *again])

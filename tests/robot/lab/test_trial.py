@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import pytest
 
-from robot.lab.ideas import make_pilot
+from robot.lab.ideas import make_trial
 from robot.lab.metrics import DriveLog
 from robot.lab.trial import FRAME_RATE_HZ, Trial
-from robot.policy.registry import make_policy
-from robot.types import Action, DrivenBy, Mode
+from robot.types import DrivenBy, Mode
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
 
-MOVES = (Action.FORWARD, Action.LEFT)
+BOX = {
+    "world": "box",
+    "moves": ("forward", "left"),
+    "teacher": "usual",
+    "learner": "published-8",
+}
 
 
 def lesson(seed: int) -> tuple[DriveLog, DriveLog, Trial]:
-    pilot = make_pilot({"teacher": "usual", "seed": seed}, MOVES)
-    with Trial("box", seed, make_policy("published-8", MOVES), pilot) as trial:
+    with make_trial({**BOX, "seed": seed}) as trial:
         return trial.drive(Mode.TRAIN, 12.0), trial.drive(Mode.AUTONOMOUS, 8.0), trial
 
 
@@ -38,8 +41,7 @@ def test_the_pilot_teaches_and_then_the_robot_drives() -> None:
 
 
 def test_unsupervised_nobody_takes_the_wheel_and_nothing_is_learned() -> None:
-    pilot = make_pilot({"teacher": "usual", "seed": 0}, MOVES)
-    with Trial("box", 0, make_policy("published-8", MOVES), pilot) as trial:
+    with make_trial({**BOX, "seed": 0}) as trial:
         trial.drive(Mode.TRAIN, 6.0)
         lessons = trial.loop.history.n_examples
         alone = trial.drive(Mode.AUTONOMOUS, 10.0, supervised=False)
