@@ -29,9 +29,9 @@ LONG_S, SHORT_S = 90.0, 30.0
 CORRECT_S = 60.0
 FIRST_SEED = 400
 QUICK = [
-    ("irregular", "fork", 30.0, SHORT_S),
-    ("wall", "office", 10.0, SHORT_S),
-    ("sloppy", "box", 15.0, SHORT_S),
+    {"habit": "irregular", "world": "fork", "rate_hz": 30.0, "teach_s": SHORT_S},
+    {"habit": "wall", "world": "office", "rate_hz": 10.0, "teach_s": SHORT_S},
+    {"habit": "sloppy", "world": "box", "rate_hz": 15.0, "teach_s": SHORT_S},
 ]
 
 
@@ -39,18 +39,15 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     """Plan every habit in every place at every rate; the seed differs from task to task."""
     times_s = (*((rate_hz, LONG_S) for rate_hz in RATES_HZ), (30.0, SHORT_S))
     chosen = [
-        (habit, world, rate_hz, teach_s)
+        {"habit": habit, "world": world, "rate_hz": rate_hz, "teach_s": teach_s}
         for habit, world, (rate_hz, teach_s) in product(HABITS, WORLDS, times_s)
     ]
     # In an order of chance, so that the runs done by any moment are a sample of all.
     random.Random(0).shuffle(chosen)
     chosen *= max(1, settings.n_seeds // 10)
-    for number, (habit, world, rate_hz, teach_s) in enumerate(QUICK if settings.quick else chosen):
+    for number, case in enumerate(QUICK if settings.quick else chosen):
         params = {
-            "habit": habit,
-            "world": world,
-            "rate_hz": rate_hz,
-            "teach_s": teach_s,
+            **case,
             "correct_s": CORRECT_S if number % 4 == 0 and not settings.quick else 0.0,
             "alone_s": 60.0,
             "learner": settings.learner,
