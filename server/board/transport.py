@@ -51,16 +51,14 @@ class RobotAddress:
     def parse(cls, text: str) -> RobotAddress:
         """Read `HOST`, `HOST:PORT` or the address of the robot's page."""
         whole = text.strip() if "://" in text else f"http://{text.strip()}"
-        try:
+        with contextlib.suppress(ValueError):
             parts = urlsplit(whole)
-            host, port = parts.hostname or "", parts.port
-        except ValueError:
-            host, port, parts = "", None, urlsplit("")
-        if not host or parts.scheme not in ("http", "https") or parts.path not in ("", "/"):
-            raise ConfigurationError(
-                f"{text.strip()!r} is no robot's address; write HOST:PORT, or https://HOST:PORT"
-            )
-        return cls(host, port if port is not None else 8000, parts.scheme == "https")
+            port = 8000 if parts.port is None else parts.port
+            if parts.hostname and parts.scheme in ("http", "https") and parts.path in ("", "/"):
+                return cls(parts.hostname, port, parts.scheme == "https")
+        raise ConfigurationError(
+            f"{text.strip()!r} is no robot's address; write HOST:PORT, or https://HOST:PORT"
+        )
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
