@@ -84,10 +84,7 @@ async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[st
 
 async def _measure_watched(count: int, seconds: float, rate_hz: float) -> dict[str, Any]:
     with ServerUnderTest("drivelesson", rate_hz) as subject:
-        async with (
-            _held_forward(subject),
-            link.watching(subject, count) as viewers,
-        ):
+        async with _held_forward(subject), link.watching(subject, count) as viewers:
             await asyncio.sleep(2.0)
             busy = await subject.watch(seconds)
             ages_s = [link.ages_since(busy["start_s"], viewer) for viewer in viewers]

@@ -74,12 +74,8 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
 
 async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
     """Time each change of what is held from the wire to the body."""
-
     with ServerUnderTest("drivelesson", rate_hz) as subject:
-        async with (
-            watching(subject, count),
-            driving(subject) as send,
-        ):
+        async with watching(subject, count), driving(subject) as send:
             sent: list[tuple[float, str]] = []
             for number in range(_COMMANDS):
                 held = ("forward", "left")[number % 2]
