@@ -31,7 +31,6 @@ _Extensions = list[tuple[x509.ExtensionType, bool]]
 """Each with whether it is critical."""
 _EVER = dt.datetime(2000, 1, 1, tzinfo=dt.UTC), dt.datetime(2049, 12, 31, tzinfo=dt.UTC)
 """How long the authority is valid: it may be made while the robot's clock is years off."""
-_UNUSABLE = OSError, ValueError, x509.ExtensionNotFound
 _A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones take no longer
 
 
@@ -54,7 +53,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
         key=folder / "server.key", chain=folder / "server.crt", authority=folder / "ca.crt"
     )
     about = f"the certificates in {folder} cannot be made"
-    with told_as(ConfigurationError, about, *_UNUSABLE, do="repair or remove that folder"):
+    with told_as(ConfigurationError, about, OSError, ValueError, do="repair or remove that folder"):
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         authority = _load_or_make_authority(folder, names, now)
         key = ec.generate_private_key(ec.SECP256R1())
@@ -136,17 +135,25 @@ def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
 
 def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509.GeneralName]:
     """Return those of the names that the authority's constraints permit."""
-    limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value
+    try:
+        limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value
+    except x509.ExtensionNotFound:  # somebody's own, put into the folder
+        return [_general_name(name) for name in names if name.isascii()]
     permitted = [one.value for one in limits.permitted_subtrees or ()]
-    networks = [one for one in permitted if isinstance(one, Network)]
-    found: list[x509.GeneralName] = []
-    for name in filter(str.isascii, names):
-        address = as_address(name)
-        if address is not None and any(address in network for network in networks):
-            found.append(x509.IPAddress(address))
-        elif any(name == one or name.endswith(f".{one}") for one in permitted):
-            found.append(x509.DNSName(name))
+    found = []
+    for name in map(_general_name, filter(str.isascii, names)):
+        if isinstance(name, x509.IPAddress):
+            is_permitted = any(name.value in one for one in permitted if isinstance(one, Network))
+        else:
+            is_permitted = any(f".{name.value}".endswith(f".{one}") for one in permitted)
+        if is_permitted:
+            found.append(name)
     return found
+
+
+def _general_name(name: str) -> x509.IPAddress | x509.DNSName:
+    address = as_address(name)
+    return x509.DNSName(name) if address is None else x509.IPAddress(address)
 
 
 def _pem(certificate: x509.Certificate) -> bytes:

@@ -7,6 +7,10 @@ import ssl
 from pathlib import Path
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from server.config import Config
 from server.hosting.network import host_names
@@ -86,3 +90,24 @@ def test_an_authority_that_has_expired_is_made_anew(
         )
         make_certificates(tmp_path, NAMES, began)
     _shake_hands(make_certificates(tmp_path, NAMES, NOW), "drivelesson.local")
+
+
+def test_an_authority_of_ones_own_may_vouch_for_any_name(tmp_path: Path) -> None:
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "A school")])
+    builder = x509.CertificateBuilder(
+        name, name, key.public_key(), 1, NOW - dt.timedelta(days=1), NOW + dt.timedelta(days=9)
+    )
+    for extension, is_critical in (
+        (x509.BasicConstraints(ca=True, path_length=None), True),
+        (x509.KeyUsage(False, False, False, False, False, True, True, False, False), True),
+        (x509.SubjectKeyIdentifier.from_public_key(key.public_key()), False),
+    ):
+        builder = builder.add_extension(extension, critical=is_critical)
+    (tmp_path / "ca.crt").write_bytes(builder.sign(key, SHA256()).public_bytes(Encoding.PEM))
+    (tmp_path / "ca.key").write_bytes(
+        key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    )
+    made = make_certificates(tmp_path, ["robot.school.example", "drivelesson.local"], NOW)
+    _shake_hands(made, "robot.school.example")
+    _shake_hands(made, "drivelesson.local")
