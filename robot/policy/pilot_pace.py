@@ -194,7 +194,7 @@ class PilotPace(PolicyPart):
         Value("changes", many(number(0.0, 255.0), MEMORY), "scale.changes", older=((),)),
         Array("picture", np.uint8, ("n_pixels",), attribute="scale.before", may_miss=True),
     )
-    dropped = ("turns_s", "turn_s", "turning", "stillness")
+    dropped = ("turns_s", "turn_s", "turning", "stillness", "sides_s", "side")
 
     def __init__(self, kinds: MoveKinds) -> None:
         self.kinds = kinds
