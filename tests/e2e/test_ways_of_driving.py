@@ -343,8 +343,10 @@ def test_what_is_ready_is_celebrated_once_and_what_is_to_be_pressed_is_lit(phone
           };
           const { page } = document.querySelector('app-bar');
           page.follow = () => {};
-          window.tell = (mode, stage) => page.store.set({
+          window.tell = (mode, stage, link = 'good') => page.store.set({
+            link: 'open', localStop: null, notice: null, toast: null,
             robot: { ...page.store.state.robot, mode, lessons: 300, stop_reason: null,
+              camera: null, busy: false, link,
               taught: { forward: 200, left: 90, right: 90 } },
             readiness: { stage, alone_s: 0, alone_needed_s: 45, unknown_share: 0, missing: [] },
           });
@@ -355,10 +357,13 @@ def test_what_is_ready_is_celebrated_once_and_what_is_to_be_pressed_is_lit(phone
         assert phone.locator("mode-bar [data-mode=autonomous].lit").count() == lit, stage
     phone.evaluate("tell('autonomous', 'try')")
     assert phone.locator(".lit, .joy").count() == 0
-    for _ in range(3):
-        phone.evaluate("tell('autonomous', 'ready')")
-    assert phone.locator("teach-panel.joy.ready").count() == 1
-    assert phone.evaluate("notes") == 3
+    shown = phone.evaluate(
+        """["good", "slow", "good"].map((link) => (tell('autonomous', 'ready', link),
+          document.querySelector('teach-panel').classList.value.split(' ').sort().join(' ')))"""
+    )
+    assert shown == ["joy ready", "joy noticing", "joy ready"], "a notice only hides it"
+    phone.evaluate("(tell('train', 'ready'), tell('autonomous', 'ready'))")
+    assert phone.evaluate("notes") == 3, "it was told once"
     phone.evaluate("tell('autonomous', 'try')")
     phone.evaluate("document.querySelector('app-bar').page.preferences.set('sound', false)")
     phone.evaluate("tell('autonomous', 'ready')")

@@ -47,7 +47,7 @@ export class TeachPanel extends HTMLElement {
     const told = whatToSay(state);
     const text = isNoticed || !told ? '' : this.sentence(told);
     say(/** @type {Node} */ (this.advice), text);
-    this.celebrate(told?.key === 'advice.can' && !isNoticed);
+    this.celebrate(told?.key === 'advice.can' && !isNoticed, state.readiness?.stage !== 'ready');
   }
 
   /** @param {import('../advice.js').Told} told */
@@ -55,11 +55,17 @@ export class TeachPanel extends HTMLElement {
     return t(key, { moves: move ? t(`moves.${move}`) : '', ...(s === undefined ? {} : { left: minutes(s) }), ...values });
   }
 
-  /** Mark the moment at which it can drive alone. @param {boolean} isReady */
-  celebrate(isReady) {
-    if (this.classList.contains('ready') === isReady) return;
-    this.classList.toggle('ready', isReady);
-    if (isReady) celebrate(this, /** @type {import('../page.js').Page} */ (this.page).preferences);
+  /**
+   * Mark the moment at which it can drive alone, once: what is noticed in between hides it, no more.
+   * @param {boolean} isShown
+   * @param {boolean} isOver
+   */
+  celebrate(isShown, isOver) {
+    this.classList.toggle('ready', isShown);
+    if (isOver) this.isMarked = false;
+    if (!isShown || this.isMarked) return;
+    this.isMarked = true;
+    celebrate(this, /** @type {import('../page.js').Page} */ (this.page).preferences);
   }
 
   /** True if there is a notice. @param {import('../store.js').PageState} state */
