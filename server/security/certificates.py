@@ -138,9 +138,9 @@ def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509
     try:
         limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value
     except x509.ExtensionNotFound:  # somebody's own, put into the folder
-        return [_general_name(name) for name in names if name.isascii()]
+        return [*map(_general_name, filter(str.isascii, names))]
     permitted = [one.value for one in limits.permitted_subtrees or ()]
-    found = []
+    found: list[x509.GeneralName] = []
     for name in map(_general_name, filter(str.isascii, names)):
         if isinstance(name, x509.IPAddress):
             is_permitted = any(name.value in one for one in permitted if isinstance(one, Network))
