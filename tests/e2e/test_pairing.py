@@ -36,6 +36,13 @@ def test_scanning_the_code_pairs_the_browser(tmp_path: Path, chromium: Any) -> N
         assert "script" not in context.cookies()[0]["value"]
         assert context.cookies()[0]["httpOnly"] and context.cookies()[0]["sameSite"] == "Strict"
         assert [text for text in complaints if "Content Security Policy" in text] == []
+        other = context.new_page()
+        other.goto(server.address)
+        other.wait_for_selector("video-view[data-frames]", state="attached", timeout=40_000)
+        page.evaluate("fetch('api/unpair', { method: 'POST' })")
+        for tab in (other, page):
+            tab.bring_to_front()
+            tab.wait_for_url(server.address + "/pair")
         context.close()
 
 
