@@ -70,7 +70,6 @@ def _paired(context: Any, address: str, server: LiveServer, pairing: Pairing) ->
     page.goto(f"{address}/")
     assert page.url.startswith(f"{address}/pair"), "a stranger is led to the pairing page"
     page.goto(f"{address}/pair#{pairing.tokens[Role.PILOT]}")
-    page.reload()  # a new fragment alone loads nothing
     page.wait_for_url(f"{address}/")
     return page
 
