@@ -135,25 +135,24 @@ def _key_usage(*, signs_certificates: bool) -> x509.KeyUsage:
 
 def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509.GeneralName]:
     """Return those of the names that the authority's constraints permit."""
+    found = [_general_name(name) for name in names if name.isascii()]
     try:
         limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value
     except x509.ExtensionNotFound:  # somebody's own, put into the folder
-        return [*map(_general_name, filter(str.isascii, names))]
+        return found
     permitted = [one.value for one in limits.permitted_subtrees or ()]
-    found: list[x509.GeneralName] = []
-    for name in map(_general_name, filter(str.isascii, names)):
-        if isinstance(name, x509.IPAddress):
-            is_permitted = any(name.value in one for one in permitted if isinstance(one, Network))
-        else:
-            is_permitted = any(f".{name.value}".endswith(f".{one}") for one in permitted)
-        if is_permitted:
-            found.append(name)
-    return found
+    return [name for name in found if any(_is_within(name, one) for one in permitted)]
 
 
-def _general_name(name: str) -> x509.IPAddress | x509.DNSName:
+def _general_name(name: str) -> x509.GeneralName:
     address = as_address(name)
     return x509.DNSName(name) if address is None else x509.IPAddress(address)
+
+
+def _is_within(name: x509.GeneralName, permitted: str | Network) -> bool:
+    if isinstance(name, x509.IPAddress):
+        return isinstance(permitted, Network) and name.value in permitted
+    return f".{name.value}".endswith(f".{permitted}")
 
 
 def _pem(certificate: x509.Certificate) -> bytes:
