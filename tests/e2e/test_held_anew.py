@@ -135,6 +135,8 @@ def test_enter_holds_a_button_for_as_long_as_it_is_down(rovers_desktop: Any, rov
         rovers_desktop.wait_for_timeout(600)
         if not rovers_desktop.evaluate("isStopped"):  # a busy computer stops a robot, rightly
             break
+    else:
+        pytest.fail("it was stopped each time")
     assert held == ["left"]
     assert rovers_desktop.evaluate("changes") == ["left", None]
 
