@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal, get_args
 
@@ -103,22 +103,21 @@ async def change_settings(request: Request, body: SettingsChange) -> Changed:
     """Change settings; a new `max_nodes` or `moves` start an empty model, 409 if it drives."""
     services = services_of(request)
     loop = services.robot.loop
-    begins_anew = body.max_nodes is not None or body.moves is not None
-    if begins_anew:
-        require_no_session(request)
-    if body.speed is not None:
-        loop.speed_share = body.speed
     given = {"name": body.name, "colour": body.colour}
     named = {field: value for field, value in given.items() if value is not None}
-    if named:
-        now = await do(lambda: services.identity.change(**named))
-        services.hub.name = now.name
-        services.hub.announce("renamed", robot=now.name, colour=now.colour)
-    if begins_anew:
+    replace(services.identity.now, **named)  # what is refused is refused before anything changes
+    if body.max_nodes is not None or body.moves is not None:
+        require_no_session(request)
         kind, size = split_name(loop.state.learner)
         learner = f"{kind}-{body.max_nodes or size}"
         moves = loop.state.moves if body.moves is None else _choose(body.moves, request)
         await do(persistence_of(request).autosave.begin, None, learner, None, moves)
+    if named:
+        now = await do(lambda: services.identity.change(**named))
+        services.hub.name = now.name
+        services.hub.announce("renamed", robot=now.name, colour=now.colour)
+    if body.speed is not None:
+        loop.speed_share = body.speed
     return Changed(learner=loop.state.learner, speed=loop.speed_share)
 
 

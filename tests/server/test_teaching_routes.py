@@ -181,12 +181,29 @@ def test_another_size_begins_anew_and_keeps_the_old_model(taught: VirtualServer)
         ({"moves": ["forward"]}, 409),
         ({"moves": ["forward", "fly"]}, 409),
         ({"moves": "forward"}, 400),
+        ({"name": "a/b"}, 409),
+        ({"colour": "red"}, 409),
     ],
 )
-def test_a_bad_setting_is_refused(taught: VirtualServer, body: dict[str, Any], status: int) -> None:
-    answer = ask(taught, "PUT", "/api/settings", json=body)
-    assert answer.status_code == status
-    assert len(gallery(taught)) == 8
+def test_a_bad_setting_is_refused_and_no_other_changes_with_it(
+    taught: VirtualServer, body: dict[str, Any], status: int
+) -> None:
+    for others in ({}, {"speed": 0.5, "name": "Ada", "max_nodes": 64}):
+        answer = ask(taught, "PUT", "/api/settings", json={**others, **body})
+        assert answer.status_code == status
+        now = ask(taught, "GET", "/api/settings").json()
+        assert (now["speed"], now["name"], now["colour"]) == (1, "bench", "grey")
+        assert len(gallery(taught)) == 8
+
+
+def test_nothing_changes_where_the_robot_drives_and_cannot_begin_anew(
+    taught: VirtualServer,
+) -> None:
+    taught.set_mode(Mode.AUTONOMOUS)
+    body = {"speed": 0.5, "name": "Ada", "max_nodes": 64}
+    assert ask(taught, "PUT", "/api/settings", json=body).status_code == 409
+    now = ask(taught, "GET", "/api/settings").json()
+    assert (now["speed"], now["name"]) == (1, "bench")
 
 
 def test_readiness_says_what_is_missing(taught: VirtualServer) -> None:
