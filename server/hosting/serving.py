@@ -46,10 +46,11 @@ def open_socket(host: str, port: int) -> socket.socket:
             listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _DEAD_PEER_MS)
         listener.bind((host, port))
         listener.listen(_BACKLOG)
-    except OSError as error:
+    except (OSError, TypeError) as error:  # the latter where the text can be no name
         listener.close()
+        why = getattr(error, "strerror", None) or "there is no such host"
         raise ConfigurationError(
-            f"cannot serve on {host} port {port}: {error.strerror}; choose another with --port"
+            f"cannot serve on {host} port {port}: {why}; choose another with --host or --port"
         ) from error
     return listener
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from robot.errors import ConfigurationError
 from robot.testing import VirtualClock
 from server.config import Limits
 from server.hosting.serving import open_socket
@@ -32,6 +33,16 @@ async def _accept_all(listener: DoorListener) -> list[socket.socket]:
             accepted.append(listener.accept()[0])
         except BlockingIOError:
             return accepted
+
+
+@pytest.mark.parametrize("host", ["\u00fc" * 70, "a" * 64 + ".local", "", "-", "no host"])
+def test_an_address_to_serve_on_that_is_none_is_named(host: str) -> None:
+    try:
+        open_socket(host, 0).close()
+    except ConfigurationError as error:
+        assert f"cannot serve on {host} port 0" in str(error)
+    else:
+        assert host == "", "which is every address of this computer"
 
 
 @pytest.mark.realtime
