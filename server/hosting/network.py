@@ -9,7 +9,7 @@ import socket
 from collections.abc import Iterator
 
 from robot.errors import MissingExtraError
-from server.config import Config
+from server.config import Config, as_address
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +44,8 @@ def page_addresses(config: Config) -> list[str]:
     if public and not config.lan:
         return public
     hosts = [*lan_addresses(config), f"{config.hostname}.local"] if config.lan else [config.host]
+    if config.tls:  # no certificate of ours is for a public address: the name comes before it
+        hosts.sort(key=lambda host: not getattr(as_address(host), "is_private", True))
     scheme = "https" if config.tls else "http"
     own = [f"{scheme}://{f'[{h}]' if ':' in h else h}:{config.port}" for h in hosts]
     return public + own

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import ssl
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from cryptography import x509
@@ -13,7 +14,7 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from server.config import Config
-from server.hosting.network import host_names
+from server.hosting.network import host_names, lan_addresses, page_addresses
 from server.security.certificates import Certificates, make_certificates
 
 NOW = dt.datetime.now(dt.UTC)
@@ -64,6 +65,13 @@ def test_a_name_that_cannot_be_vouched_for_spoils_no_other(tmp_path: Path, other
     _shake_hands(made, "drivelesson.local")
     with pytest.raises((ssl.SSLError, ValueError)):
         _shake_hands(made, other)
+
+
+@pytest.mark.parametrize("own", ["131.220.6.5", "100.64.0.1", "2600::7", "192.168.1.7", "fd00::7"])
+def test_the_address_that_a_phone_scans_is_vouched_for(tmp_path: Path, own: str) -> None:
+    config = Config(host=own, lan=True, tls=True, data=tmp_path)
+    made = make_certificates(tmp_path, [*host_names(config), *lan_addresses(config)], NOW)
+    _shake_hands(made, urlsplit(page_addresses(config)[0]).hostname or "")
 
 
 def test_a_computer_may_be_renamed(tmp_path: Path) -> None:
