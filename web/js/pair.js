@@ -25,6 +25,7 @@ async function redeem(token) {
       method: 'POST',
       headers: { 'content-type': 'application/json' },
       body: JSON.stringify({ token }),
+      signal: AbortSignal.timeout(10_000),
     });
     if (answer.ok) {
       location.replace((await answer.json()).role === 'eye' ? 'eye' : './');
