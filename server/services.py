@@ -1,33 +1,40 @@
-"""All services of one robot's server, created once and passed to the routes."""
+"""All services of one robot's server, created once and passed to the routes.
+
+A house adds routes, options of `serve` and services of its own by an entry point of
+`drivelesson.services`. The core knows `Extension` alone, so a house can be taken away without a
+trace.
+"""
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import socket
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, cast
+from importlib.metadata import entry_points
+from typing import Any, ClassVar, TypeVar, cast
 
-from fastapi import HTTPException
+from fastapi import APIRouter, HTTPException
 from starlette.requests import HTTPConnection
 
 from robot.clock import Clock
 from robot.devices.rig import Rig
 from robot.policy.history import TrainingHistory
+from robot.types import StartStop
 from server.clients.hub import Hub
 from server.config import Config
-from server.extension import Extension, installed
 from server.identity import IdentityFile
 from server.persistence import Persistence
 from server.progress import Progress
 from server.retraining import Retraining
-from server.security.access import Role
+from server.security.access import Members, Role
 from server.security.door import Door
 from server.security.listener import DoorListener, connection_capacity
 from server.security.pairing import Pairing
 
-_E = TypeVar("_E", bound=Extension)
+_E = TypeVar("_E", bound="Extension")
 _T = TypeVar("_T")
 
 
@@ -72,6 +79,40 @@ class Services:
         if self.persistence is not None:
             await self.persistence.journal.written(history.changes)
         return made
+
+
+class Extension(StartStop):
+    """One house's part in a robot's server. Override what the house has.
+
+    Attributes:
+        routers: Routes; they get the extension by `services_of(request).extension(Kind)`.
+        members: Teachers and locks that the guard asks for, if the house has any.
+    """
+
+    routers: ClassVar[Sequence[APIRouter]] = ()
+    members: Members | None = None
+
+    def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
+        """Take what is needed of the server; `options` are those of `drivelesson serve`."""
+
+    @classmethod
+    def configure(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare options of `drivelesson serve`."""
+
+    def start(self) -> None:
+        """Begin; may wait for the loop and the disk."""
+
+    def stop(self) -> None:
+        """End; may wait for the loop and the disk."""
+
+    def require_free_model(self) -> None:
+        """Raise ConfigurationError while the model in use must not change."""
+
+
+def installed() -> list[type[Extension]]:
+    """Return the extensions that are installed, in the order of their names."""
+    points = sorted(entry_points(group="drivelesson.services"), key=lambda point: point.name)
+    return [point.load() for point in points]
 
 
 def make_services(

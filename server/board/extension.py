@@ -7,22 +7,18 @@ import hashlib
 import ssl
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request
 
 from robot.devices.outside import Outside, must_be, text
 from server.board.class_key import endpoint, read_class_key
 from server.board.classroom import LOCKS, Classroom
-from server.extension import Extension
 from server.routes.answers import Route
 from server.routes.bodies import Short, do
 from server.security.access import Role
 from server.security.guard import role_of
-from server.services import services_of
-
-if TYPE_CHECKING:
-    from server.services import Services
+from server.services import Extension, Services, services_of
 
 router = APIRouter(prefix="/api/class", route_class=Route)
 

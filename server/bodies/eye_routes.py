@@ -12,13 +12,12 @@ from robot.clock import Clock
 from server.bodies.eye import EyeClock, parse_frame, parse_text
 from server.clients.hub import Hub
 from server.clients.telemetry import describe_state
-from server.extension import Extension
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message
 from server.routes.sockets import converse, end_with_either
 from server.security.access import Role
 from server.security.guard import role_of
 from server.security.pace import Pace
-from server.services import services_of
+from server.services import Extension, services_of
 
 router = APIRouter()
 STATE_EVERY_S = 0.2

@@ -25,11 +25,11 @@ from robot.store.prepare import prepare
 from server.cli.parser import declare, host_name, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config, Limits, PublicAddress, read_networks
-from server.extension import installed
 from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address, show_page
 from server.hosting.logs import start_logging
 from server.hosting.network import host_names, lan_addresses, page_addresses
 from server.security.access import Role
+from server.services import installed
 
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig

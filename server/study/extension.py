@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
@@ -14,16 +14,12 @@ from robot.devices.outside import Outside, must_be, text, whole
 from robot.errors import ConfigurationError, NotFoundError
 from robot.study.builtin import paper_plan
 from robot.study.session import SessionStep
-from server.extension import Extension
 from server.routes.answers import Route, attachment, media
 from server.security.access import ONLY_PILOTS, Role
 from server.security.guard import role_of
-from server.services import persistence_of, services_of
+from server.services import Extension, Services, persistence_of, services_of
 from server.study.conductor import Conductor
 from server.study.folder import StudyFolder
-
-if TYPE_CHECKING:
-    from server.services import Services
 
 router = APIRouter(prefix="/api", route_class=Route)
 _RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")

@@ -29,9 +29,8 @@ _QUICK_WORLDS = ("Sidewalk", "ViZDoom")
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     """Plan every world, learner and way, in the quick form twice; the teacher once a world."""
     learners = settings.learners or (LEARNERS[:2] if settings.quick else LEARNERS)
-    ways = product(learners, WAYS[:1] if settings.quick else WAYS)
     worlds = settings.worlds or (_QUICK_WORLDS if settings.quick else tuple(WORLDS))
-    drivers = [(TEACHER, ""), *ways]
+    drivers = [(TEACHER, ""), *product(learners, WAYS[:1] if settings.quick else WAYS)]
     cases = (
         {
             "world": world,
