@@ -33,7 +33,7 @@ from robot.types import Action, Mode, PilotCommand
 from server.persistence import Persistence
 
 LONGEST_LIFE_S = 0.8
-MOMENTS = ("start", "loaded", "tick")
+MOMENTS = ("start", "loaded", "tick", "written")
 """What a life is counted from: on a busy machine a start alone would take longer than all of it."""
 UNDONE_S = 0.2
 
@@ -67,6 +67,17 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         if is_loaded and (tick.decision.mode is not Mode.STOPPED or tick.history_events):
             tell("tick", tick.now_s, rig.loop.history.n_examples, *taught)
 
+    def note_queued(tick: Tick) -> None:
+        nonlocal queued
+        queued += sum(isinstance(event, Taught) for event in tick.history_events)
+
+    def look() -> None:
+        """Tell that lessons are in the recording: those that waited before the disk's last turn."""
+        nonlocal waited
+        if waited:
+            tell("written")
+        waited = queued
+
     def undo() -> None:
         """Say what an undo leaves before it is done: the power may go before the next tick."""
         history = rig.loop.history
@@ -79,12 +90,14 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(folder), rig, name="bench")
     persistence.recorder.queue._config = RecorderConfig(spare_bytes=0)
-    is_loaded = False
+    is_loaded, queued, waited = False, 0, 0
     rig.loop.subscribe(note)  # first: what is on the disk at any moment has been told before
     with rig:
+        persistence._disk.add(look)
         persistence.start()
+        rig.loop.subscribe(note_queued)  # last: what it counts waits for the disk already
         persistence.autosave.load_last()
-        tell("loaded", rig.loop.submit(lambda: rig.loop.history.n_examples).result(5))
+        tell("loaded", rig.loop.submit(lambda: rig.loop.history.n_examples).result())
         is_loaded = True
         drive(rig, undo)
 
@@ -128,18 +141,18 @@ def cut(folder: Path, moment: str, life_s: float, wall_s: float) -> Life:
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         lines += file.readlines()
-    told = [line.rstrip("\n").split(maxsplit=1) for line in lines]
+    told = [line.rstrip("\n").partition(" ")[::2] for line in lines]
     return compare(folder, before, Life(life_s), told[1:])
 
 
-def compare(folder: Path, before: set[Path], life: Life, told: list[list[str]]) -> Life:
+def compare(folder: Path, before: set[Path], life: Life, told: list[tuple[str, str]]) -> Life:
     taught, last_s = set(), None
     for kind, rest in told:
         if kind == "failed":
             life.failure = rest
         elif kind == "loaded":
             life.loaded, life.reached = int(rest), "loaded"
-        else:
+        elif kind == "tick":
             at_s, lessons, *frame_ids = rest.split()
             last_s, life.reached = float(at_s), "driving"
             life.told.append((last_s, int(lessons)))
