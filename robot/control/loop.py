@@ -210,8 +210,8 @@ class ControlLoop:
 
     def _heed_button(self) -> None:
         """Obey a button on the robot itself: any stops it, the start button starts it again."""
-        button = self._driver.take_button()
-        if button is BodyButton.START and self._gate.mode is Mode.STOPPED:
+        button, stood = self._driver.take_button(), self.state.decision.mode is Mode.STOPPED
+        if button is BodyButton.START and stood and self._gate.mode is Mode.STOPPED:
             if not self.state.emergency:  # else it was pressed before the release
                 self._start(self._last_mode)
         elif button is not None:

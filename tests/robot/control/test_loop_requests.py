@@ -158,6 +158,25 @@ def test_a_start_button_that_was_pressed_before_the_release_starts_nothing() -> 
     assert pressed(robot, BodyButton.START).decision.mode is Mode.AUTONOMOUS
 
 
+@pytest.mark.parametrize("mode", MOVING)
+@pytest.mark.parametrize("stop", ["page", "gone", "held up", "emergency"])
+def test_a_button_that_meets_a_moving_robot_never_starts_it(stop: str, mode: Mode) -> None:
+    robot = started(mode)
+    robot.step(1, F)
+    if stop == "page":
+        robot.loop.set_mode(Mode.STOPPED)
+    elif stop == "gone":
+        leave(robot)
+    elif stop == "held up":
+        robot.clock.advance(1.0)
+    else:
+        latch(robot)
+        robot.loop.release_emergency()
+    assert pressed(robot, BodyButton.START).sent is Action.STOP
+    assert robot.tick().decision.mode is Mode.STOPPED
+    assert pressed(robot, BodyButton.START).decision.mode is mode
+
+
 def test_the_stop_button_of_a_robot_that_stands_does_nothing() -> None:
     robot = BenchRobot()
     assert pressed(robot, BodyButton.STOP).decision.stop_reason is None
