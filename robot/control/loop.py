@@ -245,11 +245,10 @@ class ControlLoop:
             return None
         if frame is None or not is_new:
             return None
-        self._timing.note(
-            frame.captured_s,
-            delivered_s,
-            is_moving=self._gate.mode is not Mode.STOPPED and not self._camera.world_waits,
-        )
+        may_move = self._gate.mode is not Mode.STOPPED
+        self._fault = None if may_move else self._fault  # of a picture; a stop keeps its own
+        is_moving = may_move and not self._camera.world_waits
+        self._timing.note(frame.captured_s, delivered_s, is_moving=is_moving)
         return frame
 
     def _sense(self, now_s: float) -> Sensors:

@@ -122,6 +122,25 @@ def test_a_picture_that_is_none_is_left_out_and_said() -> None:
     assert robot.loop.state.n_nodes == 0
 
 
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+def test_a_picture_that_is_none_is_no_fault_of_those_after_it(mode: Mode) -> None:
+    robot = BenchRobot()
+    robot.start(mode)
+    robot.step(1, F)
+    robot.camera.show_rubbish()
+    assert robot.tick().fault is not None
+    assert (robot.step(1, F).sent, robot.loop.state.fault) == (F, None)
+    for _ in range(6):
+        robot.clock.advance(0.05)
+        robot.camera.show_rubbish()
+        robot.hold(F)
+        robot.tick()
+    assert robot.loop.state.decision.stop_reason is StopReason.FRAME_STALE
+    assert robot.step(1, F).fault is not None, "it says why it stands"
+    robot.start(mode, scene=1)
+    assert robot.loop.state.fault is None
+
+
 def test_a_drive_that_fails_is_stopped_and_said() -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
