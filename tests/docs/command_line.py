@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from unittest.mock import patch
 
@@ -74,15 +74,19 @@ def _row(action: argparse.Action) -> tuple[str, str, str]:
     is_place = isinstance(default, Path) and default.is_absolute()  # of this machine alone
     told = "see storage.md" if is_place else str(default)
     text = (action.help or "").replace("%(default)s", told).replace("%%", "%")
-    return f"`{name.strip()}`", shown, _cell(text)
+    return f"`{name.strip()}`", shown, _cell(text, action.choices)
 
 
 def _plugin_row(option: Option) -> tuple[str, str, str]:
     default = "" if option.default in (None, "") else f"`{option.default}`"
-    return f"`{option.flag} {option.name.upper()}`", default, _cell(option.help)
+    return f"`{option.flag} {option.name.upper()}`", default, _cell(option.help, option.choices)
 
 
-def _cell(text: str) -> str:
+def _cell(text: str, choices: Iterable[object] | None = None) -> str:
+    """Return one cell: the text, and the possible values where it does not name all of them."""
+    values = [str(choice) for choice in choices or ()]
+    if not all(value in text for value in values):
+        text = "; ".join(filter(None, (text, f"one of {', '.join(values)}")))
     return " ".join(text.split()).replace("|", "\\|")
 
 
