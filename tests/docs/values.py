@@ -37,6 +37,7 @@ SOURCES: Mapping[str, object] = {
     "limits": Limits(),
     "learner": SimpleNamespace(default=f"default-{DEFAULT_NODES}", nodes=DEFAULT_NODES),
     "ros": import_module("robot.bodies.ros.bridge"),
+    "remote": import_module("robot.bodies.remote.driver"),
     "ev3_stock": import_module("robot.bodies.ev3.stock.lines"),
     "lego_education": import_module("robot.bodies.lego_education.driver"),
 }
