@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import importlib.metadata
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -85,6 +87,18 @@ def test_elsewhere_it_is_for_the_tool_that_installed_it(
     assert command.startswith(begins)
     assert command.replace('"', "'").removesuffix(" drivelesson").endswith(f" {quoted(wanted)}")
     assert command in str(MissingExtraError("driving", "ev3"))
+
+
+def test_the_extra_that_an_error_names_brings_the_library() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    text = "".join(
+        f.read_text("utf-8") for d in ("robot", "server") for f in (ROOT / d).rglob("*.py")
+    )
+    told = re.findall(r'need\("([\w.]+)", f?"[^"]*", "([\w-]+)"\)', text)
+    assert len(told) > 10
+    for library, extra in told:
+        brought = " ".join([*project["dependencies"], *project["optional-dependencies"][extra]])
+        assert library.split(".")[0].replace("cv2", "opencv") in brought, (library, extra)
 
 
 def test_beside_robot_framework_importing_ends_in_a_sentence(tmp_path: Path) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, ClassVar
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError, need, told_as
+from robot.errors import CameraError, told_as
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
@@ -43,7 +44,9 @@ class Picamera2Camera(WatchedCamera):
 
     def _begin(self) -> None:
         options = self.options
-        library = self._library or need("picamera2", "the camera 'picamera2'", "gpio")
+        do = "sudo apt install python3-picamera2, and an environment with --system-site-packages"
+        with told_as(CameraError, "there is no picamera2 for this Python", ImportError, do=do):
+            library = self._library or import_module("picamera2")
         n_cameras = len(library.Picamera2.global_camera_info())
         if options.camera_number >= n_cameras:
             raise CameraError(
