@@ -14,6 +14,7 @@ from fastapi import APIRouter, FastAPI, Response
 from fastapi.routing import APIRoute
 from numpy.typing import NDArray
 
+from robot import __version__
 from robot.devices.png import encode_png
 
 _T = TypeVar("_T")
@@ -81,7 +82,7 @@ def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any
     """Return `/openapi.json`: of each route its values, its answer and its errors."""
     content = {"application/json": {"schema": {"$ref": "#/components/schemas/Refusal"}}}
     errors: Any = {code: {"description": why, "content": content} for code, why in _WHY.items()}
-    twin = FastAPI(title=app.title)
+    twin = FastAPI(title=app.title, version=__version__)
     for route in (route for router in routers for route in router.routes):
         if isinstance(route, Route):
             route = route.described(responses={**route.responses, **errors})

@@ -75,8 +75,7 @@ def list_models(request: Request) -> ModelList:
 @router.post("", dependencies=[NO_SESSION], status_code=201)
 def begin_model(request: Request, body: NewModel = _NEW) -> dict[str, str]:
     """Save the model in use and start an empty one."""
-    begin = persistence_of(request).autosave.begin
-    return {"name": begin(body.name, body.learner, body.place)}
+    return {"name": persistence_of(request).autosave.begin(body.name, body.learner, body.place)}
 
 
 @router.post("/save")

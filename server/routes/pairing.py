@@ -38,8 +38,7 @@ async def pair(request: Request, body: PairingToken) -> JSONResponse:
     pairing, now_s = _require_pairing(request), services_of(request).robot.clock.now_s()
     result = pairing.redeem(body.token, now_s, person_of(request), _secret(request))
     if isinstance(result, Refusal):
-        told = {"error": result.reason, "detail": result.sentence}
-        return JSONResponse(told, result.status)
+        return JSONResponse({"error": result.reason, "detail": result.sentence}, result.status)
     if result.secret != _secret(request):
         _end_sockets(request)
     response = JSONResponse({"role": result.role.value})

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import httpx
 
+from robot import __version__
+
 from .virtual_server import VirtualServer
 
 
@@ -41,3 +43,8 @@ def test_a_body_that_says_it_is_told_what_is_wrong_in_it(server: VirtualServer) 
     for value, wanted in (([1], "a JSON object"), ({"seconds": 99}, "'seconds' must be")):
         answer = httpx.post(address, json=value)
         assert (answer.status_code, wanted in answer.json()["detail"]) == (400, True), answer.text
+
+
+def test_what_is_described_is_this_version(server: VirtualServer) -> None:
+    described = httpx.get(f"{server.address}/openapi.json").json()
+    assert described["info"]["version"] == __version__
