@@ -14,6 +14,7 @@ import numpy as np
 from robot.errors import RecordingError
 from robot.lab.task import Result
 from robot.learner.base import Vector
+from robot.policy.features import Features
 from robot.policy.image import to_rgb
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
@@ -23,8 +24,8 @@ from robot.types import Action, Encoding, Frame, Point
 if TYPE_CHECKING:
     from robot.exchange.drive import Drive
 
-Vectors = dict[tuple[str, str, float], list[Vector]]
-"""Features by their name, the drive's name and light: extracted once for all learners."""
+Vectors = dict[tuple[type[Features], str, str, float], list[Vector]]
+"""By what extracted them, the drive's name and light: once for all learners that see alike."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
 """A drive to a learner: each frame's features, its label, and the label by degrees."""
 
@@ -97,7 +98,9 @@ def evaluate(
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
     """Return a drive with the policy's features, in so much of its light."""
-    key = (policy.features.name, drive.name, light)
+    features = policy.features
+    whose = policy.name if getattr(features, "__dict__", True) else ""  # set up for it alone
+    key = (type(features), whose, drive.name, light)
     if key not in known:
         frames = (shot.frame(0, 0.0) for shot in drive.shots)
         known[key] = [policy.extract(darkened(frame, light)) for frame in frames]

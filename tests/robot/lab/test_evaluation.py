@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import os
 import statistics
+from functools import partial
 from pathlib import Path
 from unittest import mock
 
@@ -13,9 +14,10 @@ import pytest
 from robot.errors import RecordingError
 from robot.exchange.npz import load_recording
 from robot.lab import evaluation
+from robot.policy.features import GradientFeatures
 from robot.policy.image import to_grey
-from robot.policy.registry import make_policy
-from robot.types import Action
+from robot.policy.registry import Design, make_policy
+from robot.types import DEFAULT_MOVES, Action
 from server.__main__ import main
 
 FOUND = os.environ.get(
@@ -114,6 +116,33 @@ def test_the_command_writes_both_directions(tmp_path, capsys):
     assert {p["learner"] for p in pairs} == {"published-8", "default-8", "knn-3"}
     assert all(p["correct"] == round(p["accuracy"] * p["frames"]) for p in pairs)
     assert "published-8" in capsys.readouterr().out
+
+
+class Darkened(GradientFeatures):
+    """Another's features, which have the name of those that they are made of."""
+
+    def extract(self, frame):
+        return super().extract(frame) // 2
+
+
+class Divided(GradientFeatures):
+    def __init__(self, number):
+        self.number = number
+
+    def extract(self, frame):
+        return super().extract(frame) // self.number
+
+
+def test_each_learner_sees_with_its_own_features(tmp_path):
+    write_recording(tmp_path / "hall_A.npz")
+    drive, known = load_recording(tmp_path / "hall_A.npz"), {}
+    frame = drive.shots[0].frame(0, 0.0)
+    kinds = [GradientFeatures, Darkened, partial(Divided, 3), partial(Divided, 4)]
+    for number, features in enumerate([*kinds, GradientFeatures], start=1):
+        policy = Design(features=features).make(4, f"mine-{number}", DEFAULT_MOVES, False)
+        seen = evaluation.seen_by(policy, drive, known)
+        assert np.array_equal(seen[0][0], features().extract(frame)), number
+    assert len(known) == len(kinds), "who sees alike is asked once"
 
 
 @pytest.mark.parametrize("words", [["evaluate", "nowhere"], ["evaluate", ".", "--learners", ","]])
