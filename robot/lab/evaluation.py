@@ -56,7 +56,7 @@ def recorded_pairs(folder: Path) -> list[tuple[Path, Path]]:
     such folder or recording."""
     if not folder.is_dir():
         raise RecordingError(f"there is no folder {folder}")
-    firsts = sorted(folder.glob("*_A.npz"))
+    firsts = sorted(folder.glob("[!.]*_A.npz"))
     if not firsts:
         raise RecordingError(
             f"{folder} has no recordings named PLACE_A.npz, PLACE_B.npz; write each with: "

@@ -118,6 +118,13 @@ def test_the_command_writes_both_directions(tmp_path, capsys):
     assert "published-8" in capsys.readouterr().out
 
 
+def test_files_that_a_mac_lays_beside_recordings_are_none(tmp_path):
+    for name in "AB":
+        write_recording(tmp_path / f"hall_{name}.npz")
+        (tmp_path / f"._hall_{name}.npz").write_bytes(b"\0\5\x16\7")
+    assert [pair.train.name for pair in evaluation.load_pairs(tmp_path)] == ["hall_A", "hall_B"]
+
+
 class Darkened(GradientFeatures):
     """Another's features, which have the name of those that they are made of."""
 
