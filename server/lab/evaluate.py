@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
 def _learners(names: str | None) -> list[str]:
     """Return the learners that were named, or ours and the baselines that can run here."""
     if names is not None:
-        learners = [name.strip() for name in names.split(",") if name.strip()]
+        learners = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
         if not learners:
             raise ConfigurationError("--learners names no learner")
         return learners

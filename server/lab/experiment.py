@@ -100,6 +100,8 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
     from robot.lab.ideas import make_learner, make_teacher
     from robot.types import DEFAULT_MOVES
 
+    args.learners = list(dict.fromkeys(args.learners))  # named twice, its runs would count twice
+    args.worlds = list(dict.fromkeys(args.worlds))
     for learner in args.learners:
         make_learner(learner, DEFAULT_MOVES)
     if args.teacher:

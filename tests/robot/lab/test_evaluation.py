@@ -118,6 +118,13 @@ def test_the_command_writes_both_directions(tmp_path, capsys):
     assert "published-8" in capsys.readouterr().out
 
 
+def test_a_learner_that_is_named_twice_is_one(tmp_path, capsys):
+    for name in "AB":
+        write_recording(tmp_path / f"hall_{name}.npz")
+    assert main(["evaluate", str(tmp_path), "--learners", "published-4, published-4"]) == 0
+    assert capsys.readouterr().out.count("published-4") == 3  # two directions and their mean
+
+
 def test_files_that_a_mac_lays_beside_recordings_are_none(tmp_path):
     for name in "AB":
         write_recording(tmp_path / f"hall_{name}.npz")

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
+from robot.lab.experiment import Experiment, seeded
+from robot.lab.task import Params, Result
 from server.cli.main import main
 
 WRONG = [
@@ -33,3 +36,32 @@ def test_two_learners_for_one_are_refused_before_anything_runs(
     assert main([*words, *two]) == 1
     assert "name one --learner, not default-16, published-16" in capsys.readouterr().err
     assert not (tmp_path / "runs").exists()
+
+
+def run_named(params: Params) -> Result:
+    return {"seed": params["seed"]}
+
+
+def test_what_is_named_twice_is_run_and_counted_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    experiment = Experiment(
+        title="named",
+        text="",
+        plan=lambda settings: seeded(
+            run_named,
+            ({"learner": name, "world": w} for name in settings.learners for w in settings.worlds),
+            settings,
+        ),
+        tables=lambda runs: [],
+    )
+    monkeypatch.setattr("server.lab.experiment.load_experiment", lambda name: experiment)
+    words = ["experiment", "ground", "--seeds", "2", "--jobs", "1", "--folder", str(tmp_path)]
+    twice = ["--learner", "default-8", "--world", "Sidewalk"] * 2
+    out = tmp_path / "out.json"
+    assert main([*words, *twice, "--learner", "knn-3", "--json", str(out)]) == 0
+    params = [run["params"] for run in json.loads(out.read_text())["ground"]]
+    assert [(own["learner"], own["seed"]) for own in params] == [
+        *(("default-8", 0), ("default-8", 1)),
+        *(("knn-3", 0), ("knn-3", 1)),
+    ]

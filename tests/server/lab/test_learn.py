@@ -127,3 +127,11 @@ def test_check_names_continue_and_saves_nothing_when_it_fails(
     assert not list(storage.models.iterdir())
     say(f"learn {second} --check --continue --out x", capsys)
     assert [path.name for path in storage.models.iterdir()] == ["x"]
+
+
+def test_a_recording_that_is_named_twice_is_learned_once(
+    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = EpisodeStore(Storage(data)).path(episode_id)
+    told = say(f"learn last {episode_id} {file} --check", capsys)
+    assert "60 examples" in told and "the same nodes as driving made" in told
