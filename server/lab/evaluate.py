@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from robot.errors import ConfigurationError, MissingExtraError
+from robot.errors import ConfigurationError, MissingExtraError, told_as
 from robot.lab import evaluation
 from server.cli.parser import number, progress, whole
 from server.lab.output import write_json
@@ -49,6 +49,9 @@ def run(args: argparse.Namespace) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     learners = _learners(args.learners)
     pairs = evaluation.load_pairs(args.folder)
+    if args.json is not None:  # said now, and not after the hours that it takes
+        with told_as(ConfigurationError, f"cannot write {args.json}"):
+            args.json.open("a").close()
     results = []
     with progress(len(pairs) * len(learners), "run", "evaluate", "evaluate") as bar:
         how = {"light": args.light, "examples": args.examples}

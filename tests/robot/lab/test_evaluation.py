@@ -118,6 +118,18 @@ def test_the_command_writes_both_directions(tmp_path, capsys):
     assert "published-8" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("out", ["nowhere/out.json", "."])
+def test_what_could_not_be_written_is_said_before_anything_is_learned(
+    tmp_path, monkeypatch, capsys, out
+):
+    for name in "AB":
+        write_recording(tmp_path / f"hall_{name}.npz")
+    monkeypatch.setattr(evaluation, "judge", lambda *_: pytest.fail("it learned"))
+    words = ["evaluate", str(tmp_path), "--learners", "published-4"]
+    assert main([*words, "--json", str(tmp_path / out)]) == 1
+    assert "cannot write" in capsys.readouterr().err
+
+
 def test_a_learner_that_is_named_twice_is_one(tmp_path, capsys):
     for name in "AB":
         write_recording(tmp_path / f"hall_{name}.npz")
