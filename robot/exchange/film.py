@@ -45,9 +45,8 @@ def write_film(
     """
     av = need(*AV)
     count, stream = 0, None
-    options = {"movflags": "faststart"}
     path.parent.mkdir(parents=True, exist_ok=True)
-    with av.open(str(path), "w", options=options) as container:
+    with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
         for picture in pictures:
             even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
             if not even.size:

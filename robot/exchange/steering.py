@@ -12,7 +12,6 @@ from robot.types import DEFAULT_MOVES, Action, Point
 DEFAULT_THRESHOLD = TURNS_BEYOND
 """Share of full lock from which on a car is said to turn."""
 
-
 ANGLES = ("angle", "steering", "user/angle", "steering_angle")
 THROTTLES = ("throttle", "user/throttle")
 """What other programs call them."""

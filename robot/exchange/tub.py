@@ -90,8 +90,7 @@ def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
 
 def _is_by_pilot(record: Record) -> bool:
     """True unless the record says that somebody else steered; old tubs do not say who did."""
-    mode = record.get(_MODE, "user")
-    return isinstance(mode, str) and mode.strip().lower() == "user"
+    return str(record.get(_MODE, "user")).strip().lower() == "user"
 
 
 def _meant(record: Record, threshold: float, moves: Sequence[str] | None) -> Meant:

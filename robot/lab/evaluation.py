@@ -98,9 +98,8 @@ def evaluate(
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
     """Return a drive with the policy's features, in so much of its light."""
-    features = policy.features
-    whose = policy.name if getattr(features, "__dict__", True) else ""  # set up for it alone
-    key = (type(features), whose, drive.name, light)
+    whose = policy.name if getattr(policy.features, "__dict__", True) else ""  # set up for it alone
+    key = (type(policy.features), whose, drive.name, light)
     if key not in known:
         frames = (shot.frame(0, 0.0) for shot in drive.shots)
         known[key] = [policy.extract(darkened(frame, light)) for frame in frames]
