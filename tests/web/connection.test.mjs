@@ -232,3 +232,25 @@ test('a video socket that hangs alone is given up for a new one, as long as ther
   live(20_000, (gone) => 20_000 + gone);
   assert.equal(videos().length, 3, 'not while nobody looks');
 });
+
+test('commands prove themselves by what came last: a picture that is drawn late came before the states since', () => {
+  const state = (nonce) => latest('/ws/drive').onmessage({ data: JSON.stringify({ type: 'state', nonce }) });
+  const draw = (nonce, arrivedMs) => connection.noteShown({ frame: nonce, capturedMs: 0, arrivedMs, nonce });
+  latest('/ws/drive').open();
+  time.forward(100);
+  draw(11, 90);
+  assert.equal(connection.nonce, 11);
+  state(12);
+  time.forward(400);
+  draw(13, 60);
+  assert.equal(connection.nonce, 12, 'it proves what is 440 ms old: the robot would take nothing with it, not even that all is let go of');
+  draw(14, 480);
+  assert.equal(connection.nonce, 14);
+  draw(15, 60_000);
+  state(16);
+  assert.equal(connection.nonce, 16, 'though the clock by which the picture arrived is ahead');
+  latest('/ws/drive').onclose();
+  time.forward(250);
+  draw(17, 490);
+  assert.equal(connection.nonce, null, 'nor does what another link has brought');
+});

@@ -50,6 +50,7 @@ export class Connection extends EventTarget {
     this.samples = [];
     /** @type {number | null} the newest nonce: commands carry it back */
     this.nonce = null;
+    this.nonceMs = -Infinity;
     /** @type {number | null} the picture on the screen */
     this.frame = null;
     this.showsPictures = true;
@@ -92,6 +93,7 @@ export class Connection extends EventTarget {
     this.seq = 0;
     this.samples = [];
     this.nonce = null;
+    this.nonceMs = this.env.nowMs();
     const drive = (this.drive = new this.env.WebSocket(`${this.base}/ws/drive`));
     drive.onopen = () => this.opened();
     drive.onmessage = ({ data }) => this.heard(data);
@@ -142,9 +144,16 @@ export class Connection extends EventTarget {
     };
   }
 
+  /** What came before the newest nonce, or on another link, proves less. @param {number | undefined} nonce  0 or none: there is none @param {number} [cameMs] */
+  learn(nonce, cameMs = this.env.nowMs()) {
+    if (!nonce || cameMs < this.nonceMs) return;
+    this.nonce = nonce;
+    this.nonceMs = Math.min(cameMs, this.env.nowMs()); // a worker's clock may be ahead
+  }
+
   /** A picture is on the screen. @param {import('./painter.js').Shown} shown */
   noteShown(shown) {
-    this.nonce = shown.nonce || this.nonce;
+    this.learn(shown.nonce, shown.arrivedMs);
     this.frame = shown.frame;
     this.cancel('picture');
     this.emit('shown', shown);
@@ -195,7 +204,7 @@ export class Connection extends EventTarget {
     video.binaryType = 'arraybuffer';
     video.onmessage = ({ data }) => {
       const picture = parsePicture(data);
-      this.nonce = picture.nonce || this.nonce;
+      this.learn(picture.nonce);
       this.emit('picture', picture);
     };
     video.onclose = () => this.video === video && this.videoClosed();
@@ -210,7 +219,7 @@ export class Connection extends EventTarget {
     this.expectWord(this.showsPictures ? SILENCE_MS : IDLE_SILENCE_MS);
     this.retryMs = FIRST_RETRY_MS;
     const words = parseWords(text);
-    this.nonce = words.nonce ?? this.nonce;
+    this.learn(words.nonce);
     if (words.type === 'pong') this.notePong(words.client_ms, words.server_ms);
     else this.emit('words', words);
     const isDue = words.type === 'state' && words.frame && words.frame !== this.frame && this.showsPictures;
