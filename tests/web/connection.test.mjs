@@ -254,3 +254,17 @@ test('commands prove themselves by what came last: a picture that is drawn late 
   draw(17, 490);
   assert.equal(connection.nonce, null, 'nor does what another link has brought');
 });
+
+test('what the last link was waited for brings no pictures to a screen that shows none', () => {
+  latest('/ws/drive').open();
+  latest('/ws/drive').onmessage({ data: '{"type":"state","frame":8}' });
+  latest('/ws/drive').onclose();
+  connection.showPictures(false);
+  time.forward(250);
+  latest('/ws/drive').open();
+  for (let i = 0; i < 80; i += 1) {
+    time.forward(100);
+    latest('/ws/drive').onmessage({ data: '{"type":"pong"}' });
+  }
+  assert.equal(FakeSocket.all.filter(({ url, readyState }) => url.endsWith('/ws/video') && readyState < 2).length, 0);
+});

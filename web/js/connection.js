@@ -249,14 +249,13 @@ export class Connection extends EventTarget {
   }
 
   dropSockets() {
-    for (const socket of [this.drive, this.video]) {
-      if (!socket) continue;
-      // A socket on a silent network takes long to close: forget it now.
-      socket.onopen = socket.onmessage = socket.onclose = socket.onerror = null;
-      socket.close();
-    }
-    this.drive = this.video = null;
-    this.worker?.postMessage({ close: true });
+    this.dropVideo();
+    const { drive } = this;
+    this.drive = null;
+    if (!drive) return;
+    // A socket on a silent network takes long to close: forget it now.
+    drive.onopen = drive.onmessage = drive.onclose = drive.onerror = null;
+    drive.close();
   }
 
   /** @param {number} ms */
