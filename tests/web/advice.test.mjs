@@ -79,6 +79,15 @@ test('one step at a time, from the first visit to the first drive', () => {
   assert.equal(advice({ mode: 'stopped' }, readiness({ stage: 'ready' })).key, 'advice.ready');
 });
 
+test('an emergency stop is released by who has the wheel; others are offered what the robot takes of them', () => {
+  const step = (changes, robot) => urgentAdvice(page(changes, { emergency: true, ...robot })).step;
+  assert.equal(step({}, {}), 'release');
+  assert.equal(step({}, { you_are_pilot: false, pilot: null }), 'take', 'else nobody could ever release it');
+  assert.equal(step({}, { you_are_pilot: false }), 'take');
+  assert.equal(step({ wheelWaiting: true }, { you_are_pilot: false }), undefined);
+  assert.equal(step({ role: 'viewer' }, { you_are_pilot: false, pilot: null }), undefined);
+});
+
 test('the most urgent is said first', () => {
   assert.equal(key(page({ link: 'connecting', robot: null })), 'connecting');
   assert.equal(key(page({ link: 'lost' }, { emergency: true })), 'out_of_reach');

@@ -39,8 +39,10 @@ export function urgentAdvice(page) {
     return { key: robot && !robot.you_are_pilot ? 'searching' : 'out_of_reach', level: 'info' };
   }
   if (robot.stopped_by_teacher) return { key: 'teacher_stop', level: 'stop' };
-  if (robot.emergency) return { key: 'emergency', step: 'release', level: 'stop' };
-  if (!robot.you_are_pilot) return wheelElsewhere(page);
+  const elsewhere = robot.you_are_pilot ? null : wheelElsewhere(page);
+  // Who has the wheel releases; of others the robot takes no release.
+  if (robot.emergency) return { key: 'emergency', step: elsewhere ? elsewhere.step : 'release', level: 'stop' };
+  if (elsewhere) return elsewhere;
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
   // Nothing is left to be driven: why the robot stands matters no more.
