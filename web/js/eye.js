@@ -1,6 +1,6 @@
 // The page of the phone that is the robot's eye: rear camera, screen stays on, a big STOP.
 
-import { STOPPING_MS, ask, socketBase } from './api.js';
+import { STOPPING_MS, ask, askWhy, socketBase } from './api.js';
 import { WakeLock } from './device.js';
 import { EyeLink } from './eye-link.js';
 import { Packer } from './eye-picture.js';
@@ -106,7 +106,10 @@ link.addEventListener('state', (event) => {
   else tell(t(state.driven_by === 'nobody' ? 'eye.stands' : 'eye.drives'));
   document.body.dataset.mode = state.mode;
 });
-link.addEventListener('lost', () => tell(t('out_of_reach'), true));
+link.addEventListener('lost', () => {
+  tell(t('out_of_reach'), true);
+  askWhy('eye');
+});
 link.addEventListener('closed', (event) => {
   const code = /** @type {CustomEvent} */ (event).detail;
   tell(t(code === 4001 ? 'eye.another' : code === 4003 ? 'eye.viewer' : 'eye.other_camera'), true);

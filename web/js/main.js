@@ -1,6 +1,6 @@
 // Wires the modules together.
 
-import { ask, socketBase } from './api.js';
+import { askWhy, socketBase } from './api.js';
 import './components/index.js';
 import { Connection } from './connection.js';
 import { Preferences, WakeLock } from './device.js';
@@ -15,8 +15,6 @@ import { Store } from './store.js';
 
 const MAP_MS = 1000;
 const AGAIN_MS = 1000;
-/** How long a lost link is asked why: no STOP by request waits behind these questions. */
-const WHY_MS = 2000;
 /** What stands in the document itself until the page is up: web/index.html. */
 const { first } = /** @type {any} */ (globalThis);
 
@@ -49,9 +47,7 @@ async function start() {
   const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
   listenToKeyboard(page.helm, reach);
   listenToGamepads(page.helm, reach);
-  // A websocket that is refused does not say why.
-  connection.addEventListener('lost', () => ask('GET', 'api/session', undefined, WHY_MS)
-    .catch(({ status }) => status === 401 && location.replace('pair')));
+  connection.addEventListener('lost', () => askWhy('api/session'));
   first?.up();
   connection.begin(/** @type {any} */ (document.querySelector('video-view')).ready);
   // A robot that does not know where it is has no map. Which one that is, its first picture tells.

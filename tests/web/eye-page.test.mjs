@@ -1,0 +1,85 @@
+// The eye's page as a whole, beside a camera, a worker and a robot that fail.
+import assert from 'node:assert/strict';
+import { mock, test } from 'node:test';
+
+const elements = {};
+class FakeElement extends EventTarget {
+  dataset = {};
+  textContent = '';
+  hidden = false;
+  srcObject = null;
+  videoWidth = 640;
+  videoHeight = 480;
+  get readyState() { return this.srcObject ? 4 : 0; }
+  async play() {}
+}
+const picture = async () => ({ arrayBuffer: async () => new ArrayBuffer(3) });
+class FakeCanvas {
+  getContext() { return { drawImage() {}, getImageData: () => ({ data: [200, 200, 200, 255] }) }; }
+  toBlob(done) { picture().then(done); }
+}
+class FakeSocket {
+  static all = [];
+  readyState = 1;
+  sent = [];
+  constructor() { FakeSocket.all.push(this); }
+  send(data) { this.sent.push(data); }
+  close() { this.readyState = 3; }
+}
+class FakeWorker extends EventTarget {
+  static last;
+  constructor() { super(); FakeWorker.last = this; }
+  postMessage(data) { this.asked = data; }
+}
+class FakeTrack {
+  isStopped = false;
+  stop() { this.isStopped = true; }
+}
+const tracks = [];
+const asked = [];
+let robot = async () => ({ ok: true, json: async () => ({}) });
+const place = { replaced: [], replace: (to) => place.replaced.push(to) };
+Object.defineProperty(globalThis, 'navigator', { configurable: true, value: { languages: ['en'], mediaDevices: {
+  getUserMedia: async () => { const track = new FakeTrack(); tracks.push(track); return { getTracks: () => [track] }; },
+} } });
+Object.assign(globalThis, {
+  window: globalThis, OffscreenCanvas: FakeCanvas, Worker: FakeWorker, WebSocket: FakeSocket, location: place,
+  createImageBitmap: async () => ({}),
+  document: {
+    baseURI: 'https://robot/eye', documentElement: {}, body: { dataset: {} }, visibilityState: 'visible', addEventListener() {},
+    getElementById: (id) => (elements[id] ??= new FakeElement()), createElement: () => new FakeCanvas(),
+  },
+  fetch: (path, { method }) => { asked.push(`${method} ${path}`); return robot(); },
+});
+
+mock.timers.enable({ apis: ['setTimeout', 'setInterval'] });
+test.after(() => mock.timers.reset());
+const soon = () => new Promise(setImmediate);
+async function pass(ms) {
+  for (let gone = 0; gone < ms; gone += 50) {
+    mock.timers.tick(50);
+    await soon();
+  }
+}
+const socket = () => FakeSocket.all.at(-1);
+const hear = (words) => socket().onmessage({ data: JSON.stringify(words) });
+const pictures = () => FakeSocket.all.flatMap(({ sent }) => sent).filter((one) => typeof one !== 'string').length;
+/** Acknowledge all that was sent, so that there is credit for more. */
+const acknowledge = () => socket().onmessage({ data: new Uint8Array([2, 0, 0, 0, socket().sent.length, 0, 0, 0]).buffer });
+
+await import('../../web/js/eye.js');
+await soon();
+
+test('an eye whose pairing has ended is led to the page that pairs it', async () => {
+  robot = async () => ({ ok: false, status: 403, json: async () => ({}) });
+  elements.begin.dispatchEvent(new Event('click'));
+  await soon();
+  socket().onclose({ code: 1006 });
+  await pass(100);
+  assert.deepEqual(place.replaced, []);
+  robot = async () => ({ ok: false, status: 401, json: async () => ({}) });
+  await pass(500);
+  socket().onclose({ code: 1006 });
+  await pass(100);
+  assert.deepEqual(place.replaced, ['pair']);
+});
