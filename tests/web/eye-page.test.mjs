@@ -70,6 +70,21 @@ const acknowledge = () => socket().onmessage({ data: new Uint8Array([2, 0, 0, 0,
 await import('../../web/js/eye.js');
 await soon();
 
+test('a STOP is asked for until the robot hears it, also where the line is another phone’s', async () => {
+  socket().onclose({ code: 4001 });
+  robot = async () => { throw new TypeError('away'); };
+  asked.length = 0;
+  for (const type of ['pointerdown', 'click']) elements.stop.dispatchEvent(new Event(type));
+  await pass(3000);
+  assert.ok(asked.length > 4 && asked.length < 20, `${asked.length} requests`);
+  robot = async () => ({ ok: true, json: async () => ({}) });
+  await pass(1000);
+  const heard = asked.length;
+  await pass(5000);
+  assert.equal(asked.length, heard, 'and then it is enough');
+  assert.deepEqual([...new Set(asked)], ['POST api/stop']);
+});
+
 test('an eye whose pairing has ended is led to the page that pairs it', async () => {
   robot = async () => ({ ok: false, status: 403, json: async () => ({}) });
   elements.begin.dispatchEvent(new Event('click'));

@@ -7,6 +7,7 @@ import { Packer } from './eye-picture.js';
 import { has, loadLanguage, t } from './i18n.js';
 
 const LATE_MS = 1000; // a stamp that claims to be older is not believed
+const STOP_MS = 300;
 
 /** @template {Element} T @param {string} id @returns {T} */
 const find = (id) => /** @type {T} */ (/** @type {unknown} */ (document.getElementById(id)));
@@ -120,10 +121,21 @@ setInterval(() => {
   document.body.dataset.sent = String(Number(document.body.dataset.sent ?? 0) + sent);
   sent = 0;
 }, 1000);
-/** Also by a request of its own: the line may be dead without knowing it, or another phone's. */
-function stopRobot() {
+
+let presses = 0;
+/** Also by requests, until the robot hears one: the line may be dead without knowing it, or another phone's. */
+async function stopRobot() {
+  const press = (presses += 1);
   link.stop();
-  ask('POST', 'api/stop', undefined, STOPPING_MS).then(() => (link.owesStop = false)).catch(() => {});
+  while (link.owesStop && press === presses) {
+    try {
+      await ask('POST', 'api/stop', undefined, STOPPING_MS);
+      link.owesStop = false;
+    } catch (refused) {
+      if (/** @type {any} */ (refused).status < 500) return;
+      await new Promise((again) => setTimeout(again, STOP_MS));
+    }
+  }
 }
 stop.addEventListener('pointerdown', stopRobot);
 stop.addEventListener('click', stopRobot);
