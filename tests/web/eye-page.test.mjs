@@ -70,6 +70,48 @@ const acknowledge = () => socket().onmessage({ data: new Uint8Array([2, 0, 0, 0,
 await import('../../web/js/eye.js');
 await soon();
 
+test('a worker that cannot pack leaves it to the page', async () => {
+  hear({ type: 'hello', width: 320, height: 240, rate_hz: 15 });
+  await pass(200);
+  assert.ok(FakeWorker.last.asked.bitmap, 'it was asked');
+  assert.equal(pictures(), 0);
+  FakeWorker.last.onmessage({ data: null });
+  await pass(200);
+  assert.ok(pictures() > 0, 'else this eye would see nothing more');
+});
+
+test('the worker says so when it cannot', async () => {
+  const [heard, said] = [[], []];
+  Object.assign(globalThis, { addEventListener: (_, act) => heard.push(act), postMessage: (data) => said.push(data) });
+  FakeCanvas.prototype.convertToBlob = async () => { throw new Error('EncodingError'); };
+  await import('../../web/js/eye-worker.js');
+  await heard[0]({ data: { bitmap: { width: 4, height: 3, close() {} }, to: { width: 4, height: 3 } } });
+  delete FakeCanvas.prototype.convertToBlob;
+  assert.deepEqual(said, [null]);
+});
+
+test('a camera that is lost sends no picture more, its last one neither, and one that is back is one', async () => {
+  acknowledge();
+  await pass(200);
+  const before = pictures();
+  tracks.at(-1).onended();
+  for (let i = 0; i < 5; i += 1) {
+    acknowledge();
+    await pass(100);
+  }
+  assert.equal(pictures(), before);
+  assert.ok(tracks[0].isStopped && !elements.begin.hidden);
+  const timers = mock.method(globalThis, 'setTimeout');
+  await pass(1000);
+  const once = timers.mock.callCount();
+  elements.begin.dispatchEvent(new Event('click'));
+  await soon();
+  timers.mock.resetCalls();
+  await pass(1000);
+  assert.ok(timers.mock.callCount() < 1.5 * once + 10, 'it is looked at as often as before');
+  timers.mock.restore();
+});
+
 test('a STOP is asked for until the robot hears it, also where the line is another phone’s', async () => {
   socket().onclose({ code: 4001 });
   robot = async () => { throw new TypeError('away'); };

@@ -8,6 +8,7 @@ import { has, loadLanguage, t } from './i18n.js';
 
 const LATE_MS = 1000; // a stamp that claims to be older is not believed
 const STOP_MS = 300;
+const HAS_PICTURE = 2; // of a video's `readyState`
 
 /** @template {Element} T @param {string} id @returns {T} */
 const find = (id) => /** @type {T} */ (/** @type {unknown} */ (document.getElementById(id)));
@@ -29,6 +30,7 @@ const makePacker = () => new Packer((width, height) => Object.assign(document.cr
 let packer = worker ? null : makePacker();
 let wanted = { width: 320, height: 240, rate_hz: 15 };
 let dueMs = -Infinity;
+let waiting = 0;
 let isPacking = false;
 let sent = 0;
 worker?.addEventListener('error', () => {
@@ -58,35 +60,44 @@ async function open() {
   next();
 }
 
-/** Its permission was taken back, or another program took the camera. */
+/** Its permission was taken back, or another program took the camera: its last picture is none any more. */
 function lose() {
+  for (const track of /** @type {MediaStream | null} */ (seen.srcObject)?.getTracks() ?? []) track.stop();
+  seen.srcObject = null;
   begin.hidden = false;
   tell(t('eye.refused'), true);
 }
 
+/** Wait for a picture; only once, however often the camera was begun. */
 function next() {
   const video = /** @type {any} */ (seen);
-  if (video.requestVideoFrameCallback) video.requestVideoFrameCallback(look);
-  else setTimeout(() => look(performance.now(), {}), 1000 / wanted.rate_hz);
+  if (video.requestVideoFrameCallback) {
+    video.cancelVideoFrameCallback(waiting);
+    waiting = video.requestVideoFrameCallback(look);
+  } else {
+    clearTimeout(waiting);
+    waiting = /** @type {any} */ (setTimeout(() => look(performance.now(), {}), 1000 / wanted.rate_hz));
+  }
 }
 
 /** One picture of the camera is there. @param {number} nowMs @param {{captureTime?: number}} about */
 async function look(nowMs, about) {
   next();
-  if (isPacking || !link.hasCredit || nowMs < dueMs) return;
+  if (isPacking || !link.hasCredit || nowMs < dueMs || seen.readyState < HAS_PICTURE) return;
   const everyMs = 1000 / wanted.rate_hz;
   dueMs = Math.max(dueMs, nowMs - everyMs) + everyMs; // a late picture does not delay the next
   const taken = about.captureTime ?? nowMs;
   isPacking = true;
   try {
-    const { jpeg, covered } = await pack();
-    if (link.show(new Uint8Array(jpeg), nowMs - taken > LATE_MS ? nowMs : taken, covered)) sent += 1;
+    const packed = await pack();
+    if (!packed) packer ??= makePacker();
+    else if (link.show(new Uint8Array(packed.jpeg), nowMs - taken > LATE_MS ? nowMs : taken, packed.covered)) sent += 1;
   } finally {
     isPacking = false;
   }
 }
 
-/** @returns {Promise<{jpeg: ArrayBuffer, covered: boolean}>} */
+/** @returns {Promise<{jpeg: ArrayBuffer, covered: boolean} | null>} null: the worker cannot */
 async function pack() {
   const to = { width: wanted.width, height: wanted.height };
   if (packer) return packer.pack(seen, seen.videoWidth, seen.videoHeight, to);
