@@ -5,14 +5,14 @@ import { test } from 'node:test';
 const SOURCE = readFileSync(new URL('../../web/sw.js', import.meta.url), 'utf8');
 const HOME = 'https://robot/room/';
 
-/** Ask the service worker for a file, with a storage and a robot. */
-function ask(file, storage, robot) {
+/** Ask the service worker for a file, with a storage and a robot; `later` is what it does besides. */
+function ask(file, storage, robot, later = []) {
   const listeners = {};
   const self = { addEventListener: (type, act) => (listeners[type] = act) };
   new Function('self', 'caches', 'fetch', 'location', SOURCE)(self, storage, robot, new URL(`${HOME}sw.js`));
   const request = { url: HOME + file, method: 'GET', mode: file ? 'no-cors' : 'navigate' };
   let answer;
-  listeners.fetch({ request, respondWith: (given) => (answer = given), waitUntil() {} });
+  listeners.fetch({ request, respondWith: (given) => (answer = given), waitUntil: (act) => later.push(act) });
   return answer;
 }
 
@@ -36,4 +36,51 @@ for (const [what, storage] of Object.entries(STORAGES)) {
 test('a page that was kept opens without the robot', async () => {
   const storage = { open: async () => ({ ...holding(new Response('kept')), put: fails }) };
   assert.equal(await (await ask('', storage, fails)).text(), 'kept');
+});
+
+/** A phone that has kept the page of before, and a robot with a newer one. */
+function updated(partComes) {
+  const page = (etag) => new Response(`page ${etag}`, { headers: { etag } });
+  const files = new Map([[HOME, page('old')]]);
+  const kept = {
+    match: async ({ url }) => files.get(url)?.clone(), put: async ({ url }, answer) => void files.set(url, answer), keys: async () => [],
+    delete: async () => {}, addAll: async (names) => {
+      if (!partComes()) throw new TypeError('a part did not come'); // and then none is kept
+      for (const name of names) files.set(new URL(name, HOME).href, name === './' ? page('new') : new Response(name));
+    },
+  };
+  const robot = async (asked) => (asked === 'shell.json' ? Response.json(['./', 'js/0123456789-new.js']) : page('new'));
+  return { files, robot, storage: { open: async () => kept } };
+}
+
+test('a newer page is kept with all its parts, or not at all', async () => {
+  let comes = false;
+  const { files, robot, storage } = updated(() => comes);
+  for (const age of ['old', 'new']) {
+    const later = [];
+    assert.equal(await (await ask('', storage, robot, later)).text(), 'page new');
+    await Promise.all(later);
+    assert.equal(await files.get(HOME).clone().text(), `page ${age}`);
+    comes = true; // the next visit tries again
+  }
+  assert.ok(files.has(`${HOME}js/0123456789-new.js`));
+});
+
+test('a newer page that comes too late for a visit is kept for the next', async (t) => {
+  t.mock.timers.enable({ apis: ['setTimeout'] });
+  const { files, robot, storage } = updated(() => true);
+  let answer;
+  const late = new Promise((come) => (answer = come));
+  const later = [];
+  const shown = ask('', storage, async (asked) => (asked === 'shell.json' ? robot(asked) : late), later);
+  for (let i = 0; i < 30; i += 1) {
+    await new Promise(setImmediate);
+    t.mock.timers.tick(100);
+  }
+  assert.equal(await (await shown).text(), 'page old');
+  assert.equal(later.length, 1, 'or the browser ends the worker before the robot has answered');
+  answer(await robot(''));
+  await later[0];
+  await Promise.all(later);
+  assert.equal(await files.get(HOME).clone().text(), 'page new');
 });
