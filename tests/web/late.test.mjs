@@ -20,14 +20,14 @@ class FakeSign extends FakeElement { setAttribute() {} addEventListener() {} }
 
 const load = (name) => import(`../../web/js/components/${name}.js`);
 const soon = () => new Promise(setImmediate);
-/** @type {{path: string, words: any, answer: (said: object) => void}[]} */
+/** @type {{path: string, words: any, fail: () => void, answer: (said: object) => void}[]} */
 let asked;
 
 beforeEach(() => {
   mock.timers.enable({ apis: ['setTimeout'] }); // what is never answered here is waited for by nobody
   asked = [];
-  globalThis.fetch = (path, { body }) => new Promise((answer) => asked.push({
-    path, words: body && JSON.parse(body), answer: (said) => answer({ ok: true, json: async () => said }),
+  globalThis.fetch = (path, { body }) => new Promise((answer, fail) => asked.push({
+    path, words: body && JSON.parse(body), fail, answer: (said) => answer({ ok: true, json: async () => said }),
   }));
 });
 test.afterEach(() => {
@@ -66,6 +66,21 @@ test('the settings are as they were changed last', async () => {
   const settings = Object.assign(new SettingsScreen(), { renderRobot: (one) => (shown = one) });
   await twice(() => settings.refresh(), (_, age) => age);
   assert.equal(shown, 'new');
+});
+
+test('what was chosen last is what the robot is asked for last, though an earlier change is answered late or refused', async () => {
+  const { SettingsScreen } = await load('settings-screen');
+  const settings = Object.assign(new SettingsScreen(), { renderRobot() {}, page: { toast() {} } });
+  for (const max_nodes of [4, 8, 16]) settings.begin({ max_nodes });
+  const wishes = () => asked.filter(({ words }) => words);
+  await soon();
+  assert.deepEqual(wishes().map(({ words }) => words.max_nodes), [4]);
+  wishes()[0].fail();
+  await soon();
+  assert.deepEqual(wishes().map(({ words }) => words.max_nodes), [4, 8]);
+  wishes()[1].answer({});
+  await soon();
+  assert.deepEqual(wishes().map(({ words }) => words.max_nodes), [4, 8, 16]);
 });
 
 test('what is forgotten is what was shown, though more was chosen and is not answered yet', async () => {

@@ -15,6 +15,14 @@ export class SettingsScreen extends Screen {
     return this.refresh();
   }
 
+  /** What was asked for last: a change waits for the one before, or a late one would undo a newer one. @type {Promise<any>} */
+  putting = Promise.resolve();
+
+  /** @param {string} path @param {object} words */
+  put(path, words) {
+    return (this.putting = this.putting.then(() => this.attempt(() => ask('PUT', path, words))));
+  }
+
   async refresh() {
     const answers = await this.inOrder(this.attempt(() => Promise.all([askLong('api/settings'), ask('GET', 'api/world')])));
     if (answers) this.renderRobot(answers[0], answers[1]);
@@ -28,7 +36,7 @@ export class SettingsScreen extends Screen {
 
   /** @param {any} settings */
   identity({ name, colour, colours }) {
-    const change = (/** @type {object} */ words) => this.attempt(() => ask('PUT', 'api/settings', words)).then(() => this.refresh());
+    const change = (/** @type {object} */ words) => this.put('api/settings', words).then(() => this.refresh());
     const field = h('input', { value: name, maxlength: 24, 'aria-label': t('home.name'), onchange: () => change({ name: field.value.trim() }) });
     const choice = h('select', { 'aria-label': t('settings.colour'), onchange: () => change({ colour: choice.value }) },
       ...colours.map((/** @type {string} */ c) => h('option', { value: c, selected: c === colour }, t(`colour.${c}`))));
@@ -39,7 +47,7 @@ export class SettingsScreen extends Screen {
   place({ world, worlds }) {
     if (!world || worlds.length < 2) return null;
     const name = (/** @type {string} */ place) => (has(`world.${place}`) ? t(`world.${place}`) : place);
-    const choice = h('select', { 'aria-label': t('settings.world'), onchange: () => this.attempt(() => ask('PUT', 'api/world', { name: choice.value })).then(() => this.refresh()) },
+    const choice = h('select', { 'aria-label': t('settings.world'), onchange: () => this.put('api/world', { name: choice.value }).then(() => this.refresh()) },
       ...worlds.map((place) => h('option', { value: place, selected: place === world.name }, name(place))));
     const [left, bottom, right, top] = bounds([], world);
     const map = svg('svg', { viewBox: `${left} ${-top} ${right - left} ${top - bottom}`, class: 'above', 'aria-hidden': 'true' }, svg('g', { transform: 'scale(1 -1)' }, ...room(world)));
@@ -73,7 +81,7 @@ export class SettingsScreen extends Screen {
     const slider = h('input', {
       type: 'range', min: 30, max: 100, step: 5, value: Math.round(speed * 100), 'aria-label': t('settings.speed'),
       oninput: () => (shown.textContent = percent(Number(slider.value) / 100)),
-      onchange: () => this.attempt(() => ask('PUT', 'api/settings', { speed: Number(slider.value) / 100 })).then((done) => done || this.refresh()),
+      onchange: () => this.put('api/settings', { speed: Number(slider.value) / 100 }).then((done) => done || this.refresh()),
     });
     return group(t('settings.speed'), '', h('div', { class: 'slider' }, slider, shown));
   }
@@ -92,7 +100,7 @@ export class SettingsScreen extends Screen {
 
   /** A model of another kind starts empty; the one before is saved. @param {object} change */
   async begin(change) {
-    const done = await this.attempt(() => ask('PUT', 'api/settings', change));
+    const done = await this.put('api/settings', change);
     if (done) this.page?.toast(t('settings.begun'));
     await this.refresh();
   }
