@@ -91,6 +91,20 @@ test('a tilt sensor that falls silent drives no further', (context) => {
   assert.deepEqual(listeners, {});
 });
 
+test('a phone that tells how it is turned by its older name alone is tilted as any', () => {
+  for (const [screen, orientation] of [[{ orientation: { angle: 90 } }, undefined], [{ orientation: { angle: 270 } }, undefined], [{}, 90], [{}, -90]]) {
+    Object.assign(globalThis, { addEventListener() {}, removeEventListener() {}, screen, orientation });
+    const done = [];
+    const tilt = new Tilt({ grasp() {}, press: (_, move) => done.push(move), release() {} });
+    tilt.hold();
+    tilt.follow({ beta: 40, gamma: 0 });
+    tilt.follow({ beta: 20, gamma: 0 });
+    assert.deepEqual(done, [(screen.orientation?.angle ?? orientation) === 90 ? 'left' : 'right']);
+    tilt.letGo();
+  }
+  delete globalThis.orientation;
+});
+
 for (const [what, come] of Object.entries({
   'a menu of the browser': (fire) => fire('contextmenu'),
   'something that is dragged': (fire) => fire('dragstart'),

@@ -100,7 +100,8 @@ export class Tilt {
     const { helm } = this;
     this.silence = setTimeout(() => (helm.takesPoints ? helm.steer('tilt', null) : helm.release('tilt')), SILENT_MS);
     this.zero ??= { beta, gamma };
-    const angle = screen.orientation?.angle ?? 0;
+    // Safari before 16.4 has the angle by its older name alone, from -90 to 180.
+    const angle = screen.orientation?.angle ?? ((globalThis.orientation ?? 0) + 360) % 360;
     if (helm.takesPoints) {
       helm.steer('tilt', readTiltStick({ beta, gamma }, this.zero, angle, helm.reach));
       return;
