@@ -64,7 +64,7 @@ export function makeStick(page, side) {
   for (const type of /** @type {const} */ (['pointerup', 'pointercancel', 'lostpointercapture'])) {
     stick.addEventListener(type, (event) => event.pointerId === finger && letGo());
   }
-  helm.addEventListener('held', () => helm.holds.has(source) || letGo());
+  helm.addEventListener('freed', letGo);
   addEventListener('resize', letGo);
   return stick;
 }
