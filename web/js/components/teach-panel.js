@@ -46,6 +46,9 @@ export class TeachPanel extends HTMLElement {
     // One thing at a time; and what was said is kept, so that nothing is read out twice.
     const told = whatToSay(state);
     const text = isNoticed || !told ? '' : this.sentence(told);
+    // A clock is not read out each second.
+    const live = told?.left_s === undefined ? 'polite' : 'off';
+    if (this.advice?.getAttribute('aria-live') !== live) this.advice?.setAttribute('aria-live', live);
     say(/** @type {Node} */ (this.advice), text);
     this.celebrate(told?.key === 'advice.can' && !isNoticed, state.readiness?.stage !== 'ready');
   }
