@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from statistics import mode
 from typing import Any, TypeVar
 
 import numpy as np
 
 from robot.clock import RealClock
 from robot.devices.pictures import Picture
-from robot.driver import CLASSIC, Move
+from robot.driver import CLASSIC, Move, point_of
 from robot.errors import RecordingError
 from robot.exchange.timeline import make_timeline
 from robot.policy.history import Taught
@@ -77,6 +78,8 @@ class Shot:
     label: Action | None
     point: Point | None = None
     """The label by degrees, if it was meant so."""
+    does: Point | None = None
+    """What the label does on the body that drove, as far as its source says so."""
     is_intervention: bool = False
     is_others: bool = False
     """Not driven by the pilot, as far as is known: so no example."""
@@ -126,7 +129,8 @@ def drive_of(
     if others := sum(shot.is_others for shot in shots):
         report.remark(f"not driven by the pilot, so no examples: {others} pictures")
     moves = _moves_with(shot.label for shot in shots)
-    return Drive(shots=shots, report=report, **{"moves": moves, **about})
+    known = {"moves": moves, "declared_moves": _declared(shots)}
+    return Drive(shots=shots, report=report, **{**known, **about})
 
 
 def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lambda: None) -> int:
@@ -187,6 +191,20 @@ def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
     if not found or not found.keys().isdisjoint(DEFAULT_MOVES):
         found |= dict.fromkeys(DEFAULT_MOVES)
     return (*(m for m in CLASSIC if m in found), *(m for m in found if m not in CLASSIC))
+
+
+def _declared(shots: Iterable[Shot]) -> tuple[Move, ...]:
+    """Return the moves that did on that body what they are not known for, by most of its shots."""
+    said: dict[Action, list[Point]] = {}
+    for shot in shots:
+        if shot.label is not None and shot.does is not None:
+            said.setdefault(shot.label, []).append(shot.does)
+    usual = ((label, mode(points), points) for label, points in said.items())
+    return tuple(
+        Move(label, steering=at.steering, throttle=at.throttle)
+        for label, at, points in usual
+        if 2 * points.count(at) > len(points) and at != point_of(label)
+    )
 
 
 def _shown(text: str) -> str:

@@ -22,14 +22,16 @@ from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
 from robot.exchange.files import parse, read_picture_file, read_text
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
-from robot.exchange.steering import ANGLES, THROTTLES, Meant, read_meant, read_point
-from robot.types import Action
+from robot.exchange.steering import ANGLES, THROTTLES, point_said, read_meant, read_point
+from robot.types import Action, Point
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
 """Where nothing else says who drove, the pilot is believed to have driven these alone."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]
+_Said = tuple[Action | None, Point | None, Point | None]
+"""A label, the same by degrees where it was meant so, and what it does where that is known."""
 
 
 class _Info(Outside):
@@ -109,12 +111,13 @@ class LerobotDataset:
             is_pilots = said_by is None or _flat(record.get(said_by))[:1] not in ([-1], [0], [])
             if said_by == PILOT:
                 is_pilots = _flat(record.get(PILOT)) != [-1]
-            label, point = meant(record) if is_pilots else (None, None)
+            label, point, does = meant(record) if is_pilots else (None, None, None)
             return Shot(
                 place=place,
                 t_s=self._seconds(record),
                 label=label,
                 point=point,
+                does=does,
                 picture=picture_of(record),
                 is_intervention=any(_flat(record.get(n))[:1] == [1] for n in _INTERVENTIONS),
                 is_others=not is_pilots,
@@ -188,7 +191,7 @@ class LerobotDataset:
             return stamp_s
         return index / self._info.fps if isinstance(index, int) and 0 <= index < _MOST_S else None
 
-    def _meant(self, threshold: float, report: ImportReport) -> Callable[[Record], Meant]:
+    def _meant(self, threshold: float, report: ImportReport) -> Callable[[Record], _Said]:
         """Return what tells a frame's label, by what the action's elements are called."""
         features = self._info.features
         names = _names(features.get("action", {}).get("names"))
@@ -202,19 +205,20 @@ class LerobotDataset:
         own = _info_of(features.get(PILOT, {})).get("moves")
         if isinstance(own, list) and all(isinstance(move, str) for move in own):
 
-            def own_meant(record: Record) -> Meant:
+            def own_meant(record: Record) -> _Said:
                 label = Action(own[_one(record.get(PILOT), range(len(own)))])
-                is_by_degrees = _flat(record.get(DEGREES))[:1] == [True]
-                return label, read_point(steered(record)) if is_by_degrees else None
+                if _flat(record.get(DEGREES))[:1] == [True]:
+                    return label, read_point(steered(record)), None
+                return label, None, point_said(steered(record))
 
             return own_meant
         if angle is not None:
-            return lambda record: read_meant(steered(record), threshold)
+            return lambda record: (*read_meant(steered(record), threshold), None)
         if names and set(names) <= {str(move) for move in CLASSIC}:
-            return lambda record: (_one_hot(record, names), None)
+            return lambda record: (_one_hot(record, names), None, None)
         told = ", ".join(names)[:80] or "without names"
         report.skip("action", f"is neither steering nor moves ({told}): nothing is an example")
-        return lambda record: (None, None)
+        return lambda record: (None, None, None)
 
 
 def _info_of(feature: Record) -> Record:

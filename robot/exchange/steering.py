@@ -44,6 +44,13 @@ def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Po
     return Point(*map(read_share, written, names))
 
 
+def point_said(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point | None:
+    """Return the same, or None where nothing that can be believed was written."""
+    with contextlib.suppress(ValueError):
+        return read_point(written, names)
+    return None
+
+
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
     """Return what was right at a picture, the pilot's label or else what was sent, and its point.
 

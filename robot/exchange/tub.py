@@ -8,18 +8,16 @@ with one JSON record a line, a `.catalog_manifest` with the lengths of these lin
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from robot.driver import CLASSIC, Move, point_of
+from robot.driver import point_of
 from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
 from robot.exchange.files import read_picture_file, write_picture
-from robot.exchange.steering import Meant, done_at, read_meant, read_point
+from robot.exchange.steering import Meant, done_at, point_said, read_meant, read_point
 from robot.exchange.tub_records import (
     IMAGE,
     MOVES,
@@ -31,7 +29,7 @@ from robot.exchange.tub_records import (
 from robot.store.episodes.editing import moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
-from robot.types import Action, Point
+from robot.types import Action
 
 _ANGLE, _THROTTLE, _MODE = "user/angle", "user/throttle", "user/mode"
 _STEERED = _ANGLE, _THROTTLE
@@ -59,24 +57,24 @@ def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
     """
     is_first = any(folder.glob("record_*.json")) and not (folder / "manifest.json").is_file()
     found, moves = (read_first(folder, report), None) if is_first else read_second(folder, report)
-    declared: dict[Action, Move] = {}
     pictures = folder if is_first else folder / "images"
 
     def read(place: str, record: Record) -> Shot:
         label, point = _meant(record, threshold, moves)
         stamp_ms = record.get("_timestamp_ms")
-        _declare(record, label, declared)
+        is_move = _LABEL in record and record.get(_DEGREES) is not True
         return Shot(
             place=place,
             t_s=_seconds(record.get("milliseconds") if stamp_ms is None else stamp_ms),
             label=label,
             point=point,
+            does=point_said(list(map(record.get, _STEERED))) if is_move else None,
             picture=partial(read_picture_file, pictures, own_name(record[IMAGE])),
             is_intervention=record.get(_CORRECTION) is True,
             is_others=_LABEL not in record and not _is_by_pilot(record),
         )
 
-    drive = drive_of(
+    return drive_of(
         found,
         read,
         f"the tub {folder} has no records",
@@ -85,7 +83,6 @@ def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
         started_at_s=_seconds(found[0][1].get("_timestamp_ms")) or 0.0 if found else 0.0,
         report=report,
     )
-    return replace(drive, declared_moves=tuple(declared.values()))  # known when all is read
 
 
 def _is_by_pilot(record: Record) -> bool:
@@ -100,23 +97,12 @@ def _meant(record: Record, threshold: float, moves: Sequence[str] | None) -> Mea
         if not isinstance(text, str) or (text and moves is not None and text not in moves):
             raise ValueError(f"{_LABEL} is {str(text)[:40]!r}")
         label = Action(text) if text else None
-        return label, _point(record) if label and record.get(_DEGREES) is True else None
+        written = [record.get(name) for name in _STEERED]
+        is_by_degrees = label is not None and record.get(_DEGREES) is True
+        return label, read_point(written, _STEERED) if is_by_degrees else None
     written = [record.get(name) for name in _STEERED if name in record or name == _ANGLE]
     meant = read_meant(written, threshold, _STEERED)
     return meant if _is_by_pilot(record) else (None, None)
-
-
-def _point(record: Record) -> Point:
-    return read_point([record.get(name) for name in _STEERED], _STEERED)
-
-
-def _declare(record: Record, label: Action | None, declared: dict[Action, Move]) -> None:
-    """Note steering and throttle of a move of the driver's own, as in a tub that we wrote."""
-    is_moves = _LABEL in record and record.get(_DEGREES) is not True
-    if is_moves and label is not None and label not in CLASSIC | declared:
-        with contextlib.suppress(ValueError):
-            steering, throttle = _point(record)
-            declared[label] = Move(label, steering=steering, throttle=throttle)
 
 
 def _seconds(stamp_ms: Any) -> float | None:

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from robot.devices.pictures import Picture
-from robot.driver import Move, names, point_of
+from robot.driver import Move, describe, names, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, Shot, write_episode
 from robot.exchange.folder import write_folder
@@ -26,6 +26,17 @@ STEERED = tuple(
     Move(Action(f"steer_{place}"), steering=(place - 2) / 2, throttle=0.3) for place in range(5)
 )
 PLAIN = tuple(Move(Action(name), name.title()) for name in ("fast", "slow", "push"))
+
+
+CURVED = (
+    Move(Action.LEFT, steering=-0.5, throttle=0.25),
+    Move(Action("drift"), steering=0.75, throttle=1.0),
+    *describe([Action.FORWARD]),
+)
+
+
+def write_dataset(episode: Episode, notes: Notes, folder: Path) -> int:
+    return write_lerobot([(episode, notes)], folder, fps=10)
 
 
 def drive(folder: Path, declared: tuple[Move, ...], labels: list[Action | None]) -> Episode:
@@ -80,6 +91,35 @@ def test_a_tub_carries_the_numbers_there_and_back(tmp_path: Path) -> None:
     write_episode(drive_at(tmp_path / "tub"), tmp_path / "back.mcap")
     back = open_episode(tmp_path / "back.mcap").declared_moves
     assert {move.name: move.point for move in back} == {m.name: m.point for m in STEERED}
+
+
+@pytest.mark.parametrize("write", [write_tub, write_folder, write_dataset])
+def test_what_moves_do_on_that_body_comes_back(tmp_path: Path, write) -> None:  # type: ignore[no-untyped-def]
+    labels = all_labels(CURVED)
+    write(drive(tmp_path, CURVED, labels), Notes(), tmp_path / "out")
+    write_episode(drive_at(tmp_path / "out"), tmp_path / "back.mcap")
+    back = open_episode(tmp_path / "back.mcap")
+    assert list(taught_labels(back).values()) == [label for label in labels if label]
+    for move in CURVED:
+        assert point_of(move.name, back.declared_moves) == move.point
+
+
+@pytest.mark.parametrize("n_edited", [1, 3])
+def test_an_edited_tub_says_of_a_move_what_most_of_its_records_say(
+    tmp_path: Path, n_edited: int
+) -> None:
+    write_tub(drive(tmp_path, CURVED, all_labels(CURVED)), Notes(), tmp_path / "tub")
+    catalog = tmp_path / "tub/catalog_0.catalog"
+    records = [json.loads(line) for line in catalog.read_text().splitlines()]
+    lefts = [record for record in records if record["drivelesson/label"] == "left"]
+    for number, record in enumerate(lefts[:n_edited]):
+        record["user/angle"] = number / 10
+    catalog.write_text("".join(json.dumps(record) + "\n" for record in records))
+    back = drive_at(tmp_path / "tub")
+    left = CURVED[0].point if n_edited == 1 else point_of(Action.LEFT)
+    assert point_of(Action.LEFT, back.declared_moves) == left
+    assert point_of(CURVED[1].name, back.declared_moves) == CURVED[1].point
+    assert all(shot.label for shot in back.shots) and len(back.shots) == len(records)
 
 
 def test_a_tub_of_moves_without_points_claims_no_angle(tmp_path: Path) -> None:
