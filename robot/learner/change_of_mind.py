@@ -49,8 +49,8 @@ class ChangeOfMind(Stateful):
     """Weighs for each two labels whether the second took the first one's place.
 
     Labels are columns 0, 1, ...; times are counts of examples. Of the images, each of shape (n,):
-    `distances` are squared, `owners` are the labels that they vote for most, and `taught` is when
-    each last got an example.
+    `distances` are squared, `owners` are the labels that they vote for most (-1: none), and
+    `taught` is when each last got an example.
     """
 
     fields = (
@@ -119,7 +119,8 @@ class ChangeOfMind(Stateful):
         usual = int(self._taken_up.argmax())
         nearest = {
             label: int(np.where(owners == label, distances, np.inf).argmin())
-            for label in np.unique(owners[owners != usual]).tolist()
+            for label in np.flatnonzero(np.bincount(owners + 1)[1:]).tolist()
+            if label != usual
         }
         after = shares.copy()
         for old, image in nearest.items():

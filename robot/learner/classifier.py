@@ -148,7 +148,7 @@ class BSOCClassifier(Stateful, Learner):
         self._know(y)
         if self._mind is not None:  # as it was before any merge
             distances, taught = cluster.last_distances_, cluster.last_touched_
-            owners = self._histograms[: len(distances)].argmax(axis=1)
+            owners = _owners(self._histograms[: len(distances)])
             self._mind.note(column, distances, owners, taught, cluster.n_trained_)
         if cluster.last_merge_ is not None:
             kept, removed = cluster.last_merge_
@@ -186,10 +186,9 @@ class BSOCClassifier(Stateful, Learner):
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
         cluster, linear, mind = self.cluster, self.linear, self._mind
-        n_nodes = cluster.n_nodes_
-        if n_nodes == 0:
+        if cluster.n_nodes_ == 0:
             raise NotFittedError("nothing was learned yet")
-        distances, histograms = cluster.distances(x), self._histograms[:n_nodes]
+        distances, histograms = cluster.distances(x), self._histograms[: cluster.n_nodes_]
         shares = votes.nearest_nodes(distances, histograms, self.n_voters)
         if linear is not None:
             is_known = context is not None and linear.knows_contexts
@@ -199,8 +198,7 @@ class BSOCClassifier(Stateful, Learner):
         if self.balance:
             shares = shares * votes.rarity(histograms.sum(axis=0), self.balance)
         if mind is not None:
-            owners = histograms.argmax(axis=1)
-            shares = mind.applied(shares, distances, owners, cluster.touched_)
+            shares = mind.applied(shares, distances, _owners(histograms), cluster.touched_)
         shares = votes.shares(shares)
         node = int(distances.argmin())
         listed, best = shares.tolist(), int(shares.argmax())
@@ -317,6 +315,12 @@ class BSOCClassifier(Stateful, Learner):
         if found.size == 0:
             raise LookupError(f"there is no node {node_id}")
         return int(found[0])
+
+
+def _owners(histograms: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return which label has most votes of each node, shape (n_nodes,); -1 without votes."""
+    has_votes = histograms @ np.ones(histograms.shape[1]) > 0
+    return np.where(has_votes, histograms.argmax(axis=1), -1)
 
 
 def _check(label: Label, angle: float) -> None:

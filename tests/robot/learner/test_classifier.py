@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robot.learner.base import Learner, NotFittedError
+from robot.learner.change_of_mind import ENOUGH, LATER
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import ContextRidge, RecursiveRidge
 from tests.robot.learner import paper
@@ -106,6 +107,22 @@ def test_what_was_taught_again_and_again_is_known(integer):
             evidence = learner.explain_one(views[int(label)])
             assert evidence.label == label
             assert evidence.angle == pytest.approx(int(label) / 8, abs=0.05)
+
+
+def test_what_has_no_votes_of_its_own_changes_no_mind():
+    """Of images that are the same one has all the votes; the others speak for no label."""
+    rng = np.random.default_rng(0)
+    learner, view = BSOCClassifier(1024), rng.random(20)
+    for label in ("left", "forward", "left", "forward", "left", "forward"):
+        learner.learn_one(rng.random(20), label)
+    learner.learn_one(view, "right")
+    for _ in range(LATER + 1):
+        learner.learn_one(rng.random(20), "forward")
+    for _ in range(2 * int(ENOUGH)):
+        learner.learn_one(rng.random(20), "forward")
+        learner.learn_one(view, "right")
+        assert learner.predict_one(view) == "right"
+    assert learner.get_state().arrays["contradicted"].max() <= 1.0, "the first time it was new"
 
 
 @pytest.mark.parametrize(("label", "angle"), [("", 0.0), ("left", np.nan), ("left", -2.0)])
