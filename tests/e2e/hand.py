@@ -142,7 +142,7 @@ def press_until(
     press: Callable[[], object],
     let_go: Callable[[], object],
     done: Callable[[], bool],
-    within_s: float = 30.0,
+    within_s: float = 100.0,
 ) -> None:
     """Hold something until something is so, and go on holding; again after each stop.
 
@@ -171,7 +171,7 @@ def _held(page: Any) -> str | None:
 
 
 def hold_until(
-    world: World, fingers: Fingers, move: str, done: Callable[[], bool], within_s: float = 30.0
+    world: World, fingers: Fingers, move: str, done: Callable[[], bool], within_s: float = 100.0
 ) -> None:
     """Hold a direction, as `press_until` does."""
     press_until(fingers.page, world, lambda: fingers.press(pad(move)), fingers.lift, done, within_s)
