@@ -48,6 +48,8 @@ class Life:
     """Lessons that the learner had at the start."""
     told: list[tuple[float, int]] = field(default_factory=list)
     """Seconds, and the lessons that the learner had then, after each tick."""
+    kept: int = 0
+    """So many of these were in the journal."""
     taught: int = 0
     taught_on_disk: int = 0
     lost_s: float = 0.0
@@ -58,8 +60,11 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     """Be a robot until the power goes. Each line written is something that had happened by then."""
 
     def tell(kind: str, *values: object) -> None:
+        nonlocal n_told
+        n_told += kind == "tick"
         os.write(out, (" ".join([kind, *map(str, values)]) + "\n").encode())
 
+    n_told = n_queued = lessons_queued = 0
     tell("start")
 
     def note(tick: Tick) -> None:
@@ -68,15 +73,21 @@ def live(folder: Path, out: int, wall_s: float) -> None:
             tell("tick", tick.now_s, rig.loop.history.n_examples, *taught)
 
     def note_queued(tick: Tick) -> None:
-        nonlocal queued
-        queued += sum(isinstance(event, Taught) for event in tick.history_events)
+        nonlocal n_queued, lessons_queued
+        n_queued = n_told
+        lessons_queued += sum(isinstance(event, Taught) for event in tick.history_events)
 
-    def look() -> None:
-        """Tell that lessons are in the recording: those that waited before the disk's last turn."""
-        nonlocal waited
-        if waited:
-            tell("written")
-        waited = queued
+    def turns_told(kind: str, count: Callable[[], int]) -> Callable[[], None]:
+        """Return the last turn of a disk's thread: it tells what waited before the other turns."""
+        waited = 0
+
+        def turn() -> None:
+            nonlocal waited
+            if waited:
+                tell(kind, waited)
+            waited = count()
+
+        return turn
 
     def undo() -> None:
         """Say what an undo leaves before it is done: the power may go before the next tick."""
@@ -90,10 +101,11 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(folder), rig, name="bench")
     persistence.recorder.queue._config = RecorderConfig(spare_bytes=0)
-    is_loaded, queued, waited = False, 0, 0
+    is_loaded = False
     rig.loop.subscribe(note)  # first: what is on the disk at any moment has been told before
     with rig:
-        persistence._disk.add(look)
+        persistence._disk.add(turns_told("written", lambda: lessons_queued))
+        persistence.journal._thread.add(turns_told("kept", lambda: n_queued))
         persistence.start()
         rig.loop.subscribe(note_queued)  # last: what it counts waits for the disk already
         persistence.autosave.load_last()
@@ -152,6 +164,8 @@ def compare(folder: Path, before: set[Path], life: Life, told: list[tuple[str, s
             life.failure = rest
         elif kind == "loaded":
             life.loaded, life.reached = int(rest), "loaded"
+        elif kind == "kept":
+            life.kept = int(rest)
         elif kind == "tick":
             at_s, lessons, *frame_ids = rest.split()
             last_s, life.reached = float(at_s), "driving"
