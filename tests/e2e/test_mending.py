@@ -56,11 +56,14 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     assert phone.locator(".timeline path.robot").get_attribute("d").startswith("M")
 
     def press(text: str, edits: int) -> None:
+        """Press, and wait until the page has drawn the recording with so many edits."""
         phone.get_by_role("button", name=text).tap()
-        deadline = time.monotonic() + 20
-        while len(persistence.episodes.notes(episode_id).edits) != edits:
-            assert time.monotonic() < deadline, f"{text}: nothing happened"
-            time.sleep(0.05)
+        back = phone.get_by_role("button", name="Take back the last")
+        if edits:
+            back.filter(has_text=f" {edits} ").wait_for()
+        else:
+            back.wait_for(state="detached")
+        assert len(persistence.episodes.notes(episode_id).edits) == edits
         settle(phone)
 
     def slide(label: str, to: int) -> None:

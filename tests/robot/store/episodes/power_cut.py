@@ -70,7 +70,10 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     def note(tick: Tick) -> None:
         taught = [e.example.frame_id for e in tick.history_events if isinstance(e, Taught)]
         if is_loaded and (tick.decision.mode is not Mode.STOPPED or tick.history_events):
-            tell("tick", tick.now_s, rig.loop.history.n_examples, *taught)
+            n_examples = rig.loop.history.n_examples
+            for left in range(len(taught) - 1, 0, -1):  # each is a record of its own
+                tell("tick", tick.now_s, n_examples - left)
+            tell("tick", tick.now_s, n_examples, *taught)
 
     def note_queued(tick: Tick) -> None:
         nonlocal n_queued, lessons_queued
