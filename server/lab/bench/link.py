@@ -38,9 +38,9 @@ def run(args: argparse.Namespace) -> int:
 async def _measure_all(counts: Sequence[int], seconds: float, rate_hz: float) -> dict[str, Any]:
     result: dict[str, Any] = {"rate_hz": rate_hz, "viewers": []}
     for count in counts:
-        print(f"measuring: {count} viewers", file=sys.stderr, flush=True)
+        _progress(f"{count} viewers")
         result["viewers"].append(await _measure_viewers(count, seconds, rate_hz))
-    print("measuring: commands", file=sys.stderr, flush=True)
+    _progress("commands")
     result["commands"] = await _measure_commands(max(counts), rate_hz)
     return result
 
@@ -175,6 +175,10 @@ async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[W
         for ended in await asyncio.gather(*tasks, return_exceptions=True):
             if isinstance(ended, Exception):
                 print(f"a viewer failed: {ended!r}", file=sys.stderr)
+
+
+def _progress(what: str) -> None:
+    print(f"measuring: {what}", file=sys.stderr, flush=True)
 
 
 def _table(result: dict[str, Any]) -> Table:
