@@ -29,7 +29,7 @@ from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_
 from server.hosting.logs import start_logging
 from server.hosting.network import host_names, lan_addresses, page_addresses
 from server.security.access import Role
-from server.services import installed
+from server.services import installed, make_services
 
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
@@ -113,7 +113,6 @@ def run(args: argparse.Namespace) -> int:
     from server.hosting.serving import end_by_signals, open_socket, serve
     from server.identity import IdentityFile
     from server.persistence import Persistence
-    from server.services import make_services
 
     start_logging(verbose=args.verbose)
     config = _make_config(args)
