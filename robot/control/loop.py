@@ -246,7 +246,8 @@ class ControlLoop:
         if frame is None or not is_new:
             return None
         may_move = self._gate.mode is not Mode.STOPPED
-        self._fault = None if may_move else self._fault  # of a picture; a stop keeps its own
+        if may_move:
+            self._fault = None  # of a picture before; a stop keeps its own
         is_moving = may_move and not self._camera.world_waits
         self._timing.note(frame.captured_s, delivered_s, is_moving=is_moving)
         return frame
