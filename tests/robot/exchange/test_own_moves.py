@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -94,7 +95,7 @@ def test_a_tub_carries_the_numbers_there_and_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("write", [write_tub, write_folder, write_dataset])
-def test_what_moves_do_on_that_body_comes_back(tmp_path: Path, write) -> None:  # type: ignore[no-untyped-def]
+def test_what_moves_do_on_that_body_comes_back(tmp_path: Path, write: Callable[..., int]) -> None:
     labels = all_labels(CURVED)
     write(drive(tmp_path, CURVED, labels), Notes(), tmp_path / "out")
     write_episode(drive_at(tmp_path / "out"), tmp_path / "back.mcap")
