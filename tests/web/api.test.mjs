@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { beforeEach, mock, test } from 'node:test';
 
-import { LONG_MS, Refused, STOPPING_MS, ask, askLong, inOrder } from '../../web/js/api.js';
+import { LONG_MS, Refused, STOPPING_MS, ask, askLong, askToStop, inOrder } from '../../web/js/api.js';
 
 beforeEach(() => mock.timers.enable({ apis: ['setTimeout'] }));
 test.afterEach(() => {
@@ -49,6 +49,33 @@ test('what the robot refuses comes with its sentence, or with what there is', as
     globalThis.fetch = async () => ({ ok: false, status: 502, statusText: 'Bad Gateway', json });
     await assert.rejects(ask('GET', 'api/models'), (error) => error instanceof Refused && error.status === 502 && error.message === sentence);
   }
+});
+
+test('a stop is asked for, one request at a time, until the robot hears it, refuses it, or it is owed no more', async () => {
+  const silent = ({ signal }) => silence(signal);
+  const away = async () => { throw new TypeError('away'); };
+  const says = (status) => async () => ({ ok: status < 300, status, json: async () => ({}) });
+  /** How it ends at a robot that answers one after the other of `answers`, while `owed` requests are owed; and how many were sent. */
+  const end = async (answers, owed = Infinity) => {
+    let [sent, open, most] = [0, 0, 0];
+    globalThis.fetch = async (path, about) => {
+      assert.deepEqual([path, about.method], ['api/stop', 'POST']);
+      most = Math.max(most, (open += 1));
+      return answers[sent++ % answers.length](about).finally(() => (open -= 1));
+    };
+    let said;
+    askToStop(() => sent < owed).then((isHeard) => (said = isHeard));
+    for (let ms = 0; ms < 60_000 && said === undefined; ms += 50) {
+      await new Promise(setImmediate);
+      mock.timers.tick(50);
+    }
+    assert.equal(most, 1);
+    return [said, sent];
+  };
+  assert.deepEqual(await end([says(200)]), [true, 1]);
+  assert.deepEqual(await end([away, silent, says(502), says(503), says(200)]), [true, 5]);
+  assert.deepEqual(await end([away, says(403), says(200)]), [false, 2], 'a page that is not paired');
+  assert.deepEqual(await end([away, silent], 3), [false, 3]);
 });
 
 test('an answer that comes after the answer to a newer question is dropped, and a question that fails takes none away', async () => {

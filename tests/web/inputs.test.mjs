@@ -148,6 +148,25 @@ test('a finger that holds a direction is none of a menu’s, nor is a long press
   assert.equal(helm.held, 'forward', 'the pad’s own');
 });
 
+test('space is the stop for who has lost the link of a robot that may move, whatever button has the focus', () => {
+  const listeners = {};
+  Object.assign(globalThis, { addEventListener: (type, act) => (listeners[type] = act), HTMLElement: class {}, document: { body: {} } });
+  const helm = new Helm({ send: () => true, nextSeq: () => 1 }, () => ({ frame: 1 }));
+  let [stops, kept] = [0, 0];
+  listenToKeyboard(helm, { stop: () => (stops += 1), isDriving: () => true });
+  const press = () => listeners.keydown({ key: ' ', code: 'Space', target: {}, preventDefault: () => (kept += 1) });
+  for (const mode of ['train', 'autonomous']) {
+    helm.follow({ mode, you_are_pilot: true }, ['forward']);
+    helm.lose();
+    assert.ok(!helm.mayMove);
+    press();
+  }
+  assert.deepEqual([stops, kept], [2, 2]);
+  helm.follow({ mode: 'stopped', you_are_pilot: true }, ['forward']);
+  press();
+  assert.deepEqual([stops, kept], [2, 2], 'a robot that stands still: the button is pressed');
+});
+
 test('a phone that gives no tilt on this visit is asked for it as the finger comes up', async () => {
   let asked = 0;
   Object.assign(globalThis, {

@@ -19,6 +19,8 @@ const ANSWER_MS = 15_000;
 export const LONG_MS = 180_000;
 /** A stop by request is so long under way at most: it could latch the stop again that is released meanwhile. */
 export const STOPPING_MS = 3000;
+/** How long a websocket has to show a stop, and how long after a failed request the next one follows. */
+export const STOP_MS = 300;
 
 /**
  * Refused if the robot says no; TypeError if no answer came, or only a part of one.
@@ -47,6 +49,24 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
   } finally {
     clearTimeout(timer);
   }
+}
+
+/**
+ * Stop the robot by requests, one after the other, until it hears one, refuses (a page that is not paired), or the stop is owed no more.
+ * @param {() => boolean} isOwed
+ * @returns {Promise<boolean>} whether the robot heard it
+ */
+export async function askToStop(isOwed) {
+  while (isOwed()) {
+    try {
+      await ask('POST', 'api/stop', undefined, STOPPING_MS);
+      return true;
+    } catch (refused) {
+      if (/** @type {any} */ (refused).status < 500) return false;
+      await new Promise((again) => setTimeout(again, STOP_MS));
+    }
+  }
+  return false;
 }
 
 /** How long a lost link is asked why: no STOP by request waits behind these questions. */

@@ -1,13 +1,12 @@
 // The page of the phone that is the robot's eye: rear camera, screen stays on, a big STOP.
 
-import { STOPPING_MS, ask, askWhy, socketBase } from './api.js';
+import { askToStop, askWhy, socketBase } from './api.js';
 import { WakeLock } from './device.js';
 import { EyeLink } from './eye-link.js';
 import { Packer } from './eye-picture.js';
 import { has, loadLanguage, t } from './i18n.js';
 
 const LATE_MS = 1000; // a stamp that claims to be older is not believed
-const STOP_MS = 300;
 const HAS_PICTURE = 2; // of a video's `readyState`
 
 /** @template {Element} T @param {string} id @returns {T} */
@@ -138,15 +137,7 @@ let presses = 0;
 async function stopRobot() {
   const press = (presses += 1);
   link.stop();
-  while (link.owesStop && press === presses) {
-    try {
-      await ask('POST', 'api/stop', undefined, STOPPING_MS);
-      link.owesStop = false;
-    } catch (refused) {
-      if (/** @type {any} */ (refused).status < 500) return;
-      await new Promise((again) => setTimeout(again, STOP_MS));
-    }
-  }
+  if (await askToStop(() => link.owesStop && press === presses)) link.owesStop = false;
 }
 stop.addEventListener('pointerdown', stopRobot);
 stop.addEventListener('click', stopRobot);

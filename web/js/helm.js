@@ -148,7 +148,6 @@ export class Helm extends EventTarget {
   /** The link is gone: so is the wheel. */
   lose() {
     this.hasWheel = false;
-    this.mode = 'stopped';
     this.start.forget();
     this.releaseAll();
   }

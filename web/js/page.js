@@ -1,6 +1,6 @@
 // Actions of the user, and messages of the robot.
 
-import { STOPPING_MS, ask, inOrder } from './api.js';
+import { STOP_MS, ask, askToStop, inOrder } from './api.js';
 import { Helm } from './helm.js';
 import { hintNow } from './hints.js';
 import { t } from './i18n.js';
@@ -13,7 +13,6 @@ const TOAST_MS = 8000;
 const HINT_MS = 20_000;
 const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow phone
 const SLOW_STATE_MS = 300;
-const STOP_MS = 300;
 const SESSION_MS = 1000;
 /** @type {Record<string, string>} events that are a sentence */
 const TOLD = { model_not_saved: 'not_saved', set_aside: 'set_aside', nothing_kept: 'nothing_kept', recording_off: 'recording_off' };
@@ -42,8 +41,9 @@ export class Page {
     this.era = Math.round(performance.timeOrigin);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
-    /** @type {Promise<void>} the last stop by request */
+    /** @type {Promise<unknown>} the last stop by request; how often one was begun tells an earlier one that it ends */
     this.stopping = Promise.resolve();
+    this.presses = 0;
     /** A STOP was pressed, and nothing has shown yet that the robot obeyed. */
     this.isStopping = false;
     this.isReleasing = false;
@@ -277,11 +277,8 @@ export class Page {
   stopElsewhere() {
     clearTimeout(this.stopTimer);
     this.stopTimer = undefined;
-    const asked = ask('POST', 'api/stop', undefined, STOPPING_MS).then(() => this.endStop(), ({ status }) => {
-      const isRefused = status < 500;
-      if (this.isStopping && this.stopping === asked && !isRefused) this.stopTimer = setTimeout(() => this.stopElsewhere(), STOP_MS);
-    });
-    this.stopping = asked;
+    const press = (this.presses += 1);
+    this.stopping = askToStop(() => this.isStopping && press === this.presses).then((isHeard) => isHeard && this.endStop());
   }
 
   /** Release the emergency stop once no request of ours is left that would latch it again, and if no STOP came meanwhile. */
