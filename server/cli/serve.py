@@ -85,7 +85,7 @@ def _add_network(add: Callable[..., Any], shown: str) -> None:
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
     """Declare the options of the chosen robot and camera as well, and fill in the settings."""
-    first = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    first = argparse.ArgumentParser(add_help=False)
     for flag in ("--robot", "--camera", "--config"):
         first.add_argument(flag)
     chosen, _ = first.parse_known_args(list(words))

@@ -121,6 +121,13 @@ def test_an_empty_folder_is_the_usual_one_and_not_where_one_stands(
     assert (args.data, args.config) == (default_root(), None) and args.data.is_absolute()
 
 
+@pytest.mark.parametrize("words", ["--robot gpio", "--robot=gpio", "--rob gpio", "--ro=gpio"])
+def test_a_robot_brings_its_options_however_short_its_flag_is(words: str) -> None:
+    given = [*words.split(), "--servo-pin", "13"]
+    args = make_parser("serve", given).parse_args(given)
+    assert (args.robot, args.servo_pin) == ("gpio", "13")
+
+
 @pytest.mark.parametrize("name", ["robot", "camera"])
 @pytest.mark.parametrize("value", ["5", "true", "['sim']", "1979-05-27"])
 def test_a_robot_that_is_no_name_is_refused_in_a_line(
