@@ -123,16 +123,22 @@ def test_a_robot_that_goes_away_and_comes_back_is_found_again(
     context.close()
 
 
+@pytest.mark.parametrize("by", ["finger", "space bar"])
 def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
-    chromium: Any, world: World, proxy: Proxy
+    chromium: Any, world: World, proxy: Proxy, by: str
 ) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, proxy.address)
+    choose(page, world, Mode.TRAIN)
     context.set_offline(True)
     proxy.fall_silent()
     page.locator(".notice", has_text="out of reach").wait_for(timeout=40_000)
     with page.expect_event("requestfailed", lambda request: request.url.endswith("/api/stop")):
-        page.locator("drive-pad .stop").tap()
+        if by == "finger":
+            page.locator("drive-pad .stop").tap()
+        else:
+            page.locator("[data-mode=autonomous]").focus()
+            page.keyboard.press("Space")
     context.set_offline(False)
     proxy.speak_again()
     wait_for(lambda: world.rig.loop.state.emergency, "it is asked for until it is heard")
