@@ -76,6 +76,9 @@ test('a stop is asked for, one request at a time, until the robot hears it, refu
   assert.deepEqual(await end([away, silent, says(502), says(503), says(200)]), [true, 5]);
   assert.deepEqual(await end([away, says(403), says(200)]), [false, 2], 'a page that is not paired');
   assert.deepEqual(await end([away, silent], 3), [false, 3]);
+  const [earlier, later] = [askToStop(() => true), end([away, silent, says(200)])];
+  assert.deepEqual(await later, [true, 3]);
+  assert.equal(await earlier, false, 'it was asked for anew');
 });
 
 test('an answer that comes after the answer to a newer question is dropped, and a question that fails takes none away', async () => {

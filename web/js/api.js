@@ -51,13 +51,15 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
   }
 }
 
+let stopsAsked = 0;
 /**
- * Stop the robot by requests, one after the other, until it hears one, refuses (a page that is not paired), or the stop is owed no more.
+ * Stop the robot by requests, one after the other, until it hears one, refuses (a page that is not paired), the stop is owed no more, or is asked for anew.
  * @param {() => boolean} isOwed
  * @returns {Promise<boolean>} whether the robot heard it
  */
 export async function askToStop(isOwed) {
-  while (isOwed()) {
+  const own = (stopsAsked += 1);
+  while (own === stopsAsked && isOwed()) {
     try {
       await ask('POST', 'api/stop', undefined, STOPPING_MS);
       return true;

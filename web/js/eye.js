@@ -132,12 +132,10 @@ setInterval(() => {
   sent = 0;
 }, 1000);
 
-let presses = 0;
 /** Also by requests, until the robot hears one: the line may be dead without knowing it, or another phone's. */
 async function stopRobot() {
-  const press = (presses += 1);
   link.stop();
-  if (await askToStop(() => link.owesStop && press === presses)) link.owesStop = false;
+  if (await askToStop(() => link.owesStop)) link.owesStop = false;
 }
 stop.addEventListener('pointerdown', stopRobot);
 stop.addEventListener('click', stopRobot);

@@ -41,9 +41,8 @@ export class Page {
     this.era = Math.round(performance.timeOrigin);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
-    /** @type {Promise<unknown>} the last stop by request; how often one was begun tells an earlier one that it ends */
+    /** @type {Promise<unknown>} the last stop by request */
     this.stopping = Promise.resolve();
-    this.presses = 0;
     /** A STOP was pressed, and nothing has shown yet that the robot obeyed. */
     this.isStopping = false;
     this.isReleasing = false;
@@ -277,8 +276,7 @@ export class Page {
   stopElsewhere() {
     clearTimeout(this.stopTimer);
     this.stopTimer = undefined;
-    const press = (this.presses += 1);
-    this.stopping = askToStop(() => this.isStopping && press === this.presses).then((isHeard) => isHeard && this.endStop());
+    this.stopping = askToStop(() => this.isStopping).then((isHeard) => isHeard && this.endStop());
   }
 
   /** Release the emergency stop once no request of ours is left that would latch it again, and if no STOP came meanwhile. */
