@@ -22,16 +22,14 @@ from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
 from robot.exchange.files import parse, read_picture_file, read_text
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
-from robot.exchange.steering import ANGLES, THROTTLES, point_said, read_meant, read_point
-from robot.types import Action, Point
+from robot.exchange.steering import ANGLES, THROTTLES, Said, point_said, read_meant, read_point
+from robot.types import Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
 """Where nothing else says who drove, the pilot is believed to have driven these alone."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]
-_Said = tuple[Action | None, Point | None, Point | None]
-"""A label, the same by degrees where it was meant so, and what it does where that is known."""
 
 
 class _Info(Outside):
@@ -191,7 +189,7 @@ class LerobotDataset:
             return stamp_s
         return index / self._info.fps if isinstance(index, int) and 0 <= index < _MOST_S else None
 
-    def _meant(self, threshold: float, report: ImportReport) -> Callable[[Record], _Said]:
+    def _meant(self, threshold: float, report: ImportReport) -> Callable[[Record], Said]:
         """Return what tells a frame's label, by what the action's elements are called."""
         features = self._info.features
         names = _names(features.get("action", {}).get("names"))
@@ -205,7 +203,7 @@ class LerobotDataset:
         own = _info_of(features.get(PILOT, {})).get("moves")
         if isinstance(own, list) and all(isinstance(move, str) for move in own):
 
-            def own_meant(record: Record) -> _Said:
+            def own_meant(record: Record) -> Said:
                 label = Action(own[_one(record.get(PILOT), range(len(own)))])
                 if _flat(record.get(DEGREES))[:1] == [True]:
                     return label, read_point(steered(record)), None

@@ -18,6 +18,8 @@ THROTTLES = ("throttle", "user/throttle")
 _STEERED = "the angle", "the throttle"
 Meant = tuple[Action | None, Point | None]
 """A label, and the same by degrees where it is known."""
+Said = tuple[Action | None, Point | None, Point | None]
+"""A label, the same by degrees where it was meant so, and what it does where that is known."""
 
 
 def read_meant(

@@ -17,7 +17,7 @@ from typing import Any
 from robot.driver import point_of
 from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
 from robot.exchange.files import read_picture_file, write_picture
-from robot.exchange.steering import Meant, done_at, point_said, read_meant, read_point
+from robot.exchange.steering import Said, done_at, point_said, read_meant, read_point
 from robot.exchange.tub_records import (
     IMAGE,
     MOVES,
@@ -60,15 +60,14 @@ def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
     pictures = folder if is_first else folder / "images"
 
     def read(place: str, record: Record) -> Shot:
-        label, point = _meant(record, threshold, moves)
+        label, point, does = _said(record, threshold, moves)
         stamp_ms = record.get("_timestamp_ms")
-        is_move = _LABEL in record and record.get(_DEGREES) is not True
         return Shot(
             place=place,
             t_s=_seconds(record.get("milliseconds") if stamp_ms is None else stamp_ms),
             label=label,
             point=point,
-            does=point_said(list(map(record.get, _STEERED))) if is_move else None,
+            does=does,
             picture=partial(read_picture_file, pictures, own_name(record[IMAGE])),
             is_intervention=record.get(_CORRECTION) is True,
             is_others=_LABEL not in record and not _is_by_pilot(record),
@@ -90,19 +89,19 @@ def _is_by_pilot(record: Record) -> bool:
     return str(record.get(_MODE, "user")).strip().lower() == "user"
 
 
-def _meant(record: Record, threshold: float, moves: Sequence[str] | None) -> Meant:
+def _said(record: Record, threshold: float, moves: Sequence[str] | None) -> Said:
     """Return the label of a record; raises ValueError if it has none that can be believed."""
     if _LABEL in record:  # a tub of ours
         text = record[_LABEL]
         if not isinstance(text, str) or (text and moves is not None and text not in moves):
             raise ValueError(f"{_LABEL} is {str(text)[:40]!r}")
-        label = Action(text) if text else None
         written = [record.get(name) for name in _STEERED]
-        is_by_degrees = label is not None and record.get(_DEGREES) is True
-        return label, read_point(written, _STEERED) if is_by_degrees else None
+        if not text or record.get(_DEGREES) is not True:
+            return Action(text) if text else None, None, point_said(written)
+        return Action(text), read_point(written, _STEERED), None
     written = [record.get(name) for name in _STEERED if name in record or name == _ANGLE]
     meant = read_meant(written, threshold, _STEERED)
-    return meant if _is_by_pilot(record) else (None, None)
+    return (*meant, None) if _is_by_pilot(record) else (None, None, None)
 
 
 def _seconds(stamp_ms: Any) -> float | None:
