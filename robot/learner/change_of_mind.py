@@ -119,7 +119,7 @@ class ChangeOfMind(Stateful):
         usual = int(self._taken_up.argmax())
         nearest = {
             label: int(np.where(owners == label, distances, np.inf).argmin())
-            for label in np.flatnonzero(np.bincount(owners + 1)[1:]).tolist()
+            for label in np.flatnonzero(np.bincount(owners + 1)[1:]).tolist()  # unique() sorts
             if label != usual
         }
         after = shares.copy()

