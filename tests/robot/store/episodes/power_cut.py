@@ -46,8 +46,8 @@ class Life:
     reached: str = "starting"
     loaded: int | None = None
     """Lessons that the learner had at the start."""
-    told: list[tuple[float, int]] = field(default_factory=list)
-    """Seconds, and the lessons that the learner had then, after each tick."""
+    told: list[int] = field(default_factory=list)
+    """The lessons that the learner had after each tick."""
     kept: int = 0
     """So many of these were in the journal."""
     taught: int = 0
@@ -172,7 +172,7 @@ def compare(folder: Path, before: set[Path], life: Life, told: list[tuple[str, s
         elif kind == "tick":
             at_s, lessons, *frame_ids = rest.split()
             last_s, life.reached = float(at_s), "driving"
-            life.told.append((last_s, int(lessons)))
+            life.told.append(int(lessons))
             taught.update(map(int, frame_ids))
     try:
         look_at_episodes(folder, before, life, taught, last_s)

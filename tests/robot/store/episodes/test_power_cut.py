@@ -60,7 +60,7 @@ def check_what_is_known(lives: list[Life]) -> None:
         if life.loaded is not None:
             assert life.loaded in possible, "lost, or an undo came undone"
             possible = {life.loaded}
-        since = {lessons for _, lessons in life.told[max(0, life.kept - 1) :]}
+        since = set(life.told[max(0, life.kept - 1) :])
         possible = since if life.kept else possible | since
 
 
