@@ -9,9 +9,6 @@ from collections import defaultdict
 from pathlib import Path
 
 PACKAGES = ("robot", "server")
-LONGEST = 350
-REASON = "One file because"
-"""A module longer than that says so in its docstring."""
 
 
 def modules(root: Path) -> list[Path]:
@@ -55,13 +52,3 @@ def contracted_floors(root: Path, package: str) -> list[set[str]]:
         if contract.get("containers") == [package]
     ]
     return [set(layer.split(" | ")) for layer in layers]
-
-
-def too_long(root: Path) -> list[str]:
-    """Return modules that are longer than they may be and do not say why."""
-    return [
-        f"{file.relative_to(root)}: {text.count(chr(10))} lines"
-        for file in modules(root)
-        if (text := file.read_text("utf-8")).count("\n") > LONGEST
-        and REASON not in (ast.get_docstring(ast.parse(text)) or "")
-    ]

@@ -1,4 +1,4 @@
-"""The files at the root: short, and of the version that they speak of."""
+"""The files at the root speak of the current version."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 CHANGES = (ROOT / "CHANGELOG.md").read_text("utf-8")
 GROUPS = ["Added", "Changed", "Fixed", "Removed"]
-SCREEN_LINES, SCREEN_COLUMNS = 45, 230
 
 
 def _versions() -> list[tuple[str, str]]:
@@ -34,10 +33,9 @@ def test_what_is_not_released_stands_on_top_and_the_rest_is_dated() -> None:
 
 
 @pytest.mark.parametrize(("version", "text"), _versions())
-def test_a_version_takes_one_screen_in_four_groups(version: str, text: str) -> None:
-    lines = text.strip().splitlines()
-    assert len(lines) <= SCREEN_LINES and max(map(len, lines)) <= SCREEN_COLUMNS
-    heads = [line.removeprefix("### ") for line in lines if line.startswith("#")]
+def test_a_version_lists_its_changes_in_four_groups(version: str, text: str) -> None:
+    heads = re.findall(r"^### (.+)$", text, flags=re.MULTILINE)
+    assert heads, version
     assert heads == sorted(set(heads), key=GROUPS.index)
 
 

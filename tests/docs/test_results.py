@@ -1,9 +1,8 @@
-"""The page of results is short, and what its JSON files say."""
+"""The page of results is what its JSON files say."""
 
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -16,18 +15,10 @@ from tests.docs import results
 
 SCHEMA = json.loads((results.FOLDER / "schema.json").read_text("utf-8"))
 QUESTIONS = results.questions()
-MOST_LINES = 90
 
 
 def test_the_page_is_made_from_the_files() -> None:
     assert results.PAGE.read_text("utf-8") == results.render(), "run: make docs"
-
-
-def test_the_page_is_short_and_no_logbook() -> None:
-    text = results.PAGE.read_text("utf-8")
-    assert len(text.splitlines()) <= MOST_LINES
-    assert max(map(len, text.splitlines())) <= 500
-    assert len(re.findall(r"\b(?:before|until)\b", text.lower())) <= 5, "that is for docs/lab"
 
 
 @pytest.mark.parametrize("file", QUESTIONS, ids=lambda file: file.stem)
