@@ -31,7 +31,7 @@ PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s
 class Trial(StartStop):
     """A simulated robot, its loop and its pilot, on a clock that runs as fast as the machine can.
 
-    Use it as a context manager: it holds a renderer, which belongs to this thread.
+    Use it as a context manager: it holds a renderer.
 
     Args:
         rate_hz: Frames, ticks and heartbeats a second.

@@ -1,13 +1,15 @@
 """What the simulated camera sees: Panda3D's software renderer, without display or GPU.
 
-A renderer must be used only on the thread that made it.
+A process has one engine, which draws for one renderer at a time: any thread may use any renderer.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,81 +32,120 @@ _FLOOR_PX = 512
 _CYLINDER_SIDES = 16
 
 
+_LOCK = threading.RLock()
+"""Held during every call of Panda3D: it lets other threads run while it draws, and what threads
+draw at once disturbs each other by single grey levels."""
+_OWN_SETTINGS = """
+notify-level error
+audio-library-name null
+garbage-collect-states 0
+"""
+"""Each pose makes new transform states, and Panda3D leaves their collection to a task of its usual
+application object, which we do without: they are freed as soon as nothing refers to them."""
+
+
+class _Window:
+    """Pixels of one size, drawn through any camera; `size` is width and height."""
+
+    def __init__(self, core: Any, engine: Any, pipe: Any, size: tuple[int, int]) -> None:
+        properties = core.FrameBufferProperties()
+        properties.setRgbColor(True)
+        properties.setDepthBits(16)
+        refuse = core.GraphicsPipe.BFRefuseWindow
+        self._engine, self._size = engine, size
+        self._buffer = engine.makeOutput(
+            pipe, f"{size[0]} px", 0, properties, core.WindowProperties.size(*size), refuse
+        )
+        self._texture = core.Texture()
+        self._buffer.addRenderTexture(self._texture, core.GraphicsOutput.RTMCopyRam)
+        self._region = self._buffer.makeDisplayRegion()
+        engine.renderFrame()  # the first frame of a new window is empty
+        self._buffer.setActive(False)
+
+    def draw(self, camera: Any) -> NDArray[np.uint8]:
+        """Return what the camera sees, shape (height, width, 3), RGB, rows from the top."""
+        self._region.setCamera(camera)
+        self._buffer.setActive(True)
+        self._engine.renderFrame()
+        self._buffer.setActive(False)
+        width_px, height_px = self._size
+        data = self._texture.getRamImageAs("RGB")
+        return np.frombuffer(data, np.uint8).reshape(height_px, width_px, 3)[::-1].copy()
+
+    def forget(self, camera: Any) -> None:
+        """Let go of a camera, and with it of its world."""
+        self._region.setCamera(camera)
+
+
+class _Engine:
+    """Panda3D as this process uses it: its module, and a window for each size of picture."""
+
+    def __init__(self) -> None:
+        self.core = need("panda3d.core", "the simulator", "sim")
+        self.core.loadPrcFileData("", _OWN_SETTINGS)
+        pipes = self.core.GraphicsPipeSelection.getGlobalPtr()
+        pipe = pipes.makePipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
+        engine = self.core.GraphicsEngine(pipe)
+        self.nowhere = self.core.NodePath()
+        self.small = _Window(self.core, engine, pipe, (WIDTH_PX, HEIGHT_PX))
+        self.large = _Window(self.core, engine, pipe, (LARGE_WIDTH_PX, LARGE_HEIGHT_PX))
+
+
+_engine = cache(_Engine)
+
+
 class Renderer:
-    """Renders one world from any pose; the seed decides the floor's pattern."""
+    """Renders one world from any pose; the seed decides the floor's pattern. For any thread."""
 
     def __init__(self, world: World, seed: int = 0) -> None:
-        core = need("panda3d.core", "the simulator", "sim")
-        core.loadPrcFileData("", "notify-level error\naudio-library-name null\n")
-        self._core = core
-        pipes = core.GraphicsPipeSelection.getGlobalPtr()
-        self._pipe = pipes.makePipe("TinyOffscreenGraphicsPipe", "p3tinydisplay")
-        self._engine = core.GraphicsEngine(self._pipe)
-        self._root = core.NodePath("world")
-        self._n_quads = 0
-        lens = core.PerspectiveLens()
-        lens.setFov(*FIELD_OF_VIEW_DEG)
-        lens.setNearFar(0.01, 20.0)
-        self._camera = self._root.attachNewNode(core.Camera("camera", lens))
-        self._window, self._texture = self._open_window("camera", WIDTH_PX, HEIGHT_PX)
-        self._large: tuple[Any, Any] | None = None
-        self._add_floor(world, np.random.default_rng(seed))
-        for corners, colour in _walls(world):
-            self._add_quad(corners, colour)
-        self._things = {obstacle.name: self._add_thing(obstacle) for obstacle in world.obstacles}
-        self._engine.renderFrame()  # the first frame of a new window is empty
+        with _LOCK:
+            self._engine = _engine()
+            core = self._core = self._engine.core
+            self._root = core.NodePath("world")
+            self._n_shapes = 0
+            lens = core.PerspectiveLens()
+            lens.setFov(*FIELD_OF_VIEW_DEG)
+            lens.setNearFar(0.01, 20.0)
+            self._camera = self._root.attachNewNode(core.Camera("camera", lens))
+            self._add_floor(world, np.random.default_rng(seed))
+            self._add_shape(self._root, _walls(world))
+            self._things = {one.name: self._add_thing(one) for one in world.obstacles}
 
     def render(self, pose: Pose, obstacles: Sequence[Obstacle] = ()) -> NDArray[np.uint8]:
         """Return what the camera sees from `pose`, shape (120, 160, 3), RGB, rows from the top."""
-        for obstacle in obstacles:
-            if obstacle.is_movable or obstacle.path:
-                node = self._things[obstacle.name]
-                node.setPos(obstacle.x_m, obstacle.y_m, 0.0)
-                node.setH(math.degrees(obstacle.heading_rad))
-        self._camera.setPos(
-            pose.x_m + CAMERA_FORWARD_M * math.cos(pose.heading_rad),
-            pose.y_m + CAMERA_FORWARD_M * math.sin(pose.heading_rad),
-            CAMERA_HEIGHT_M,
-        )
-        # Panda3D's cameras look along y, so straight ahead is a quarter turn less.
-        self._camera.setHpr(math.degrees(pose.heading_rad) - 90.0, CAMERA_PITCH_DEG, 0.0)
-        self._engine.renderFrame()
-        return _pixels(self._texture, WIDTH_PX, HEIGHT_PX)
+        with _LOCK:
+            for obstacle in obstacles:
+                if obstacle.is_movable or obstacle.path:
+                    node = self._things[obstacle.name]
+                    node.setPos(obstacle.x_m, obstacle.y_m, 0.0)
+                    node.setH(math.degrees(obstacle.heading_rad))
+            # Panda3D's cameras look along y, so straight ahead is a quarter turn less.
+            self._camera.setPosHpr(
+                pose.x_m + CAMERA_FORWARD_M * math.cos(pose.heading_rad),
+                pose.y_m + CAMERA_FORWARD_M * math.sin(pose.heading_rad),
+                CAMERA_HEIGHT_M,
+                math.degrees(pose.heading_rad) - 90.0,
+                CAMERA_PITCH_DEG,
+                0.0,
+            )
+            return self._engine.small.draw(self._camera)
 
     def render_large(self) -> NDArray[np.uint8]:
         """Return what the last `render` showed at twice its size, shape (240, 320, 3), for the eye.
 
-        It has a window of its own, which sleeps while the other draws and the other way round:
-        what `render` returns does not depend on it.
+        It has a window of its own: what `render` returns does not depend on it.
         """
-        is_new = self._large is None
-        if self._large is None:
-            self._large = self._open_window("large", LARGE_WIDTH_PX, LARGE_HEIGHT_PX)
-        window, texture = self._large
-        self._window.setActive(False)
-        window.setActive(True)
-        for _ in range(1 + is_new):  # the first frame of a new window is empty
-            self._engine.renderFrame()
-        window.setActive(False)
-        self._window.setActive(True)
-        return _pixels(texture, LARGE_WIDTH_PX, LARGE_HEIGHT_PX)
+        with _LOCK:
+            return self._engine.large.draw(self._camera)
 
     def close(self) -> None:
-        self._engine.removeAllWindows()
-
-    def _open_window(self, name: str, width_px: int, height_px: int) -> tuple[Any, Any]:
-        """Return a new window that the camera looks through, and the texture that it fills."""
-        core = self._core
-        properties = core.FrameBufferProperties()
-        properties.setRgbColor(True)
-        properties.setDepthBits(16)
-        size = core.WindowProperties.size(width_px, height_px)
-        refuse = core.GraphicsPipe.BFRefuseWindow
-        window = self._engine.makeOutput(self._pipe, name, 0, properties, size, refuse)
-        texture = core.Texture()
-        window.addRenderTexture(texture, core.GraphicsOutput.RTMCopyRam)
-        window.makeDisplayRegion().setCamera(self._camera)
-        return window, texture
+        """Free the world's pictures and shapes; idempotent."""
+        with _LOCK:
+            for window in (self._engine.small, self._engine.large):
+                window.forget(self._engine.nowhere)
+            self._things.clear()
+            self._camera.removeNode()
+            self._root.removeNode()
 
     def _add_floor(self, world: World, rng: np.random.Generator) -> None:
         core = self._core
@@ -114,7 +155,7 @@ class Renderer:
         texture.setRamImageAs(pixels.tobytes(), "RGB")
         width_m, depth_m = world.width_m, world.depth_m
         floor = ((0, 0, 0), (width_m, 0, 0), (width_m, depth_m, 0), (0, depth_m, 0))
-        node = self._add_quad(floor, (255, 255, 255), texture_corners=True)
+        node = self._add_shape(self._root, [(floor, (255, 255, 255))])
         node.setTexture(texture)
 
     def _add_thing(self, obstacle: Obstacle) -> Any:
@@ -123,48 +164,39 @@ class Renderer:
         own = replace(obstacle, x_m=0.0, y_m=0.0, heading_rad=0.0)
         if not (obstacle.is_movable or obstacle.path):
             own = obstacle
-        for corners, colour in _obstacle_sides(own):
-            self._add_quad(corners, colour, parent=node)
+        self._add_shape(node, _obstacle_sides(own))
         return node
 
-    def _add_quad(
-        self,
-        corners: tuple[Any, ...],
-        colour: Colour,
-        *,
-        texture_corners: bool = False,
-        parent: Any = None,
-    ) -> Any:
+    def _add_shape(self, parent: Any, quads: Iterable[_Quad]) -> Any:
+        """Add quads as one shape, drawn in their order; a texture spans each from corner to corner.
+
+        A shape for each quad would take a fifth longer.
+        """
         core = self._core
         vertices = core.GeomVertexData(
-            "quad", core.GeomVertexFormat.getV3c4t2(), core.Geom.UHStatic
+            "shape", core.GeomVertexFormat.getV3c4t2(), core.Geom.UHStatic
         )
         position = core.GeomVertexWriter(vertices, "vertex")
         tint = core.GeomVertexWriter(vertices, "color")
         texture = core.GeomVertexWriter(vertices, "texcoord")
-        for corner, uv in zip(corners, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
-            position.addData3(*corner)
-            tint.addData4(*(part / 255 for part in colour), 1.0)
-            texture.addData2(*(uv if texture_corners else (0, 0)))
         triangles = core.GeomTriangles(core.Geom.UHStatic)
-        triangles.addVertices(0, 1, 2)
-        triangles.addVertices(0, 2, 3)
+        for n, (corners, colour) in enumerate(quads):
+            for corner, uv in zip(corners, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
+                position.addData3(*corner)
+                tint.addData4(*(part / 255 for part in colour), 1.0)
+                texture.addData2(*uv)
+            triangles.addVertices(4 * n, 4 * n + 1, 4 * n + 2)
+            triangles.addVertices(4 * n, 4 * n + 2, 4 * n + 3)
         geometry = core.Geom(vertices)
         geometry.addPrimitive(triangles)
-        node = core.GeomNode("quad")
+        node = core.GeomNode("shape")
         node.addGeom(geometry)
-        path = (parent or self._root).attachNewNode(node)
+        path = parent.attachNewNode(node)
         path.setTwoSided(True)
         # Where two edges meet, whoever is drawn last wins: keep to one order, run after run.
-        self._n_quads += 1
-        path.setBin("fixed", self._n_quads)
+        self._n_shapes += 1
+        path.setBin("fixed", self._n_shapes)
         return path
-
-
-def _pixels(texture: Any, width_px: int, height_px: int) -> NDArray[np.uint8]:
-    """Return what a window drew, rows from the top."""
-    data = texture.getRamImageAs("RGB")
-    return np.frombuffer(data, np.uint8).reshape(height_px, width_px, 3)[::-1].copy()
 
 
 def _walls(world: World) -> Iterator[_Quad]:

@@ -117,7 +117,7 @@ class Simulation:
         return bool(self._contacts_rad)
 
     def render(self) -> NDArray[np.uint8]:
-        """Return the camera's picture, shape (120, 160, 3), RGB; always on the same thread."""
+        """Return the camera's picture, shape (120, 160, 3), RGB."""
         if self._renderer is None:
             self._renderer = Renderer(self.world, self._seed)
         picture = self._renderer.render(self.pose, self.world.obstacles)
@@ -135,7 +135,7 @@ class Simulation:
         return self._renderer.render_large()
 
     def close(self) -> None:
-        """Close the renderer; call it on the thread that rendered."""
+        """Free what the renderer holds; the next picture opens it again."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
