@@ -209,7 +209,11 @@ def _brightness_stats(counts: NDArray[np.int64], n_pictures: int) -> dict[str, l
     total = below[:, -1:]
     mean = (counts * shares).sum(axis=1, keepdims=True) / total
     deviations = counts * (shares - mean) ** 2
-    ranks = {"min": 1, "max": total, **{name: q * total for name, q in _QUANTILES.items()}}
+    ranks: dict[str, NDArray[np.integer | np.floating]] = {
+        "min": np.ones_like(total),
+        "max": total,
+        **{name: q * total for name, q in _QUANTILES.items()},
+    }
     found = {name: shares[(below < rank).sum(axis=1)] for name, rank in ranks.items()}
     found |= {"mean": mean, "std": np.sqrt(deviations.sum(axis=1, keepdims=True) / total)}
     plain = {name: np.reshape(of, (3, 1, 1)).tolist() for name, of in found.items()}

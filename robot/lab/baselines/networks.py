@@ -166,5 +166,6 @@ class ConvolutionalNetwork:
             values = np.maximum(outputs, 0.0)
         if not self._has_softmax:
             return layers, outputs
-        powers = np.exp(outputs - outputs.max(axis=1, keepdims=True))
-        return layers, powers / powers.sum(axis=1, keepdims=True)
+        powers: Floats = np.exp(outputs - outputs.max(axis=1, keepdims=True))
+        powers /= powers.sum(axis=1, keepdims=True)
+        return layers, powers

@@ -96,7 +96,8 @@ def _filter(
 ) -> str:
     """Add a convolution with its normalisation, and ReLU6 if it `bends`; returns its output."""
     kernels = weights[f"{name}.weight"]
-    scale = weights[f"{norm}.weight"] / np.sqrt(weights[f"{norm}.running_var"] + _EPSILON)
+    spread: Floats = np.sqrt(weights[f"{norm}.running_var"] + np.float32(_EPSILON))
+    scale = weights[f"{norm}.weight"] / spread
     offset = weights[f"{norm}.bias"] - weights[f"{norm}.running_mean"] * scale
     size = kernels.shape[-1]
     # As TensorFlow pads an even side ("same"): the odd pixel at the right and at the bottom.
