@@ -32,7 +32,11 @@ pytestmark = pytest.mark.realtime
 
 MESSAGES = int(os.environ.get("DRIVELESSON_FUZZ", "4000"))
 BATCH = 100
-MOST_MB = 300
+BODY_MB = 40
+"""The largest body that the server takes."""
+COPIES = 4
+"""How many copies of that body all hostile requests together may add to a server that has started.
+Two are there while one is read; allocators and Python versions keep up to one more."""
 
 TYPES = ("drive", "mode", "stop", "release", "take", "yield", "ping")
 KNOWN = {
@@ -147,7 +151,7 @@ def hostile_values_and_malformed_models_leave_memory_small(
             for what, data in malformed(learner, every=15):
                 answers.append(page.put("/api/models/x/file", content=data).status_code)
                 assert answers[-1] == 422, what
-        answers.append(page.put("/api/models/x/file", content=bytes(40_000_000)).status_code)
+        answers.append(page.put("/api/models/x/file", content=bytes(BODY_MB * 10**6)).status_code)
         for (method, path, field), value in itertools.product(BODIES, VALUES):
             body = f'{{"{field}": {value}}}'.encode()
             answers.append(page.request(method, path, content=body).status_code)
@@ -159,7 +163,7 @@ def hostile_values_and_malformed_models_leave_memory_small(
         print(f"\n{len(answers)} hostile requests: {begun_mb:.0f} MB, at most {most_mb:.0f} MB")
     assert len(answers) > 300 and max(answers) < 500
     assert httpx.codes.TOO_MANY_REQUESTS not in answers, "turned away before anything was read"
-    assert most_mb < MOST_MB
+    assert most_mb < begun_mb + COPIES * BODY_MB
 
 
 @contextlib.contextmanager

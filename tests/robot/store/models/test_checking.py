@@ -274,12 +274,18 @@ def test_what_is_refused_is_refused_before_it_is_unpacked(tmp_path: Path) -> Non
 def test_an_upload_takes_no_more_than_its_trial_needs(tmp_path: Path, learner: str) -> None:
     store = ModelStore(Storage(tmp_path))
     data = good(learner, 50)
-    try_model(decode_model(data))  # what all of this kind have in common
-    tracemalloc.start()
-    store.add_file("x", data)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak <= 3 * len(data)  # beside the file: a learner made of it, which drives and learns
+    try_model(decode_model(data))  # imports and caches of this kind of model
+
+    def peak_of(task: Callable[[], object]) -> int:
+        tracemalloc.start()
+        task()
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return peak
+
+    # The trial itself is the base: NumPy 2.5 takes one more matrix to check a factorisation.
+    trial = peak_of(lambda: try_model(decode_model(data)))
+    assert peak_of(lambda: store.add_file("x", data)) <= 1.1 * trial
 
 
 def test_a_model_that_is_let_in_drives_and_learns(tmp_path: Path) -> None:
