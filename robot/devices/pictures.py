@@ -7,7 +7,7 @@ import struct
 from dataclasses import dataclass, field
 
 from robot.errors import RecordingError, need
-from robot.policy.image import decode
+from robot.policy.image import decode, swap_red_and_blue
 from robot.types import Encoding
 
 MAX_SIDE_PX = 4096
@@ -52,9 +52,8 @@ def read_picture(data: bytes, name: str) -> Picture:
         raise RecordingError(f"{name} is a damaged picture")
     if data.startswith(_JPEG):
         return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)
-    return Picture(
-        encoding=Encoding.RGB, width=width, height=height, data=pixels[:, :, ::-1].tobytes()
-    )
+    rgb = swap_red_and_blue(pixels)
+    return Picture(encoding=Encoding.RGB, width=width, height=height, data=rgb.tobytes())
 
 
 def _size(data: bytes) -> tuple[int, int] | None:

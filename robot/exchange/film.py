@@ -14,7 +14,7 @@ import numpy as np
 from robot.devices.pictures import MAX_SIDE_PX, Picture
 from robot.errors import ConfigurationError, RecordingError, need
 from robot.exchange.timeline import make_timeline
-from robot.policy.image import Pixels, to_rgb
+from robot.policy.image import Pixels, swap_red_and_blue, to_rgb
 from robot.store.episodes.editing import EpisodeFrame, moments
 from robot.store.episodes.edits import Notes
 from robot.store.episodes.episode import Episode
@@ -91,7 +91,7 @@ def to_jpeg(pixels: Pixels) -> Picture:
     height, width = pixels.shape[:2]
     if max(height, width) > MAX_SIDE_PX:
         raise RecordingError(f"a picture of {width}x{height} pixels is too large")
-    done, data = cv2.imencode(".jpg", pixels[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 95])
+    done, data = cv2.imencode(".jpg", swap_red_and_blue(pixels), [cv2.IMWRITE_JPEG_QUALITY, 95])
     assert done
     return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data.tobytes())
 

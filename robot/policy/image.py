@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ from robot.errors import CameraError, need
 from robot.types import Encoding, Frame
 
 Pixels = NDArray[np.uint8]
+Encode = Callable[[Pixels], bytes]
 
 
 def to_rgb(frame: Frame) -> Pixels:
@@ -19,8 +22,7 @@ def to_rgb(frame: Frame) -> Pixels:
         MissingExtraError: If a JPEG is to be read and OpenCV is not installed.
     """
     if frame.encoding is Encoding.JPEG:
-        colour = _decode_jpeg(frame, colour=True)
-        return np.ascontiguousarray(colour[:, :, ::-1])
+        return swap_red_and_blue(_decode_jpeg(frame, colour=True))
     if frame.encoding is Encoding.RGB:
         return _packed(frame, 3)
     return _yuyv_to_rgb(_packed(frame, 2))
@@ -154,6 +156,32 @@ def decode(data: bytes, *, colour: bool = True) -> Pixels | None:
     except cv2.error:
         return None
     return decoded
+
+
+def jpeg_encoder(quality: int, feature: str = "JPEG from a camera of another format") -> Encode:
+    """Return what makes a JPEG of pixels, shape (height, width, 3), red first.
+
+    Its tables are the standard ones: tables of its own would save 12 % of the bytes and take as
+    long again as the whole encoding.
+
+    Raises:
+        MissingExtraError: If OpenCV is not installed.
+    """
+    cv2 = need("cv2", feature, "camera")
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality]
+
+    def encode(rgb: Pixels) -> bytes:
+        _, jpeg = cv2.imencode(".jpg", swap_red_and_blue(rgb), options)
+        return bytes(jpeg)
+
+    return encode
+
+
+def swap_red_and_blue(pixels: Pixels) -> Pixels:
+    """Return a copy with red and blue changed over; OpenCV wants blue first."""
+    cv2 = need("cv2", "reading pictures", "camera")
+    swapped: Pixels = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR)
+    return swapped
 
 
 def _yuyv_to_rgb(yuyv: Pixels) -> Pixels:

@@ -11,7 +11,7 @@ from functools import cached_property
 
 from robot.clock import Clock
 from robot.errors import MissingExtraError
-from robot.policy.image import Pixels, to_rgb
+from robot.policy.image import Encode, jpeg_encoder, to_rgb
 from robot.types import Encoding, Frame
 from server.clients.flow_control import PictureSize, VideoWindow
 from server.protocol import encode_picture
@@ -47,11 +47,12 @@ class Encoder:
         self._quality = jpeg_quality
 
     @cached_property
-    def _compress(self) -> Callable[[Pixels], bytes] | None:
+    def _compress(self) -> Encode | None:
         """Import OpenCV when it is first needed; on an EV3 it never is."""
-        from robot.devices.simulation.camera import make_compressor
-
-        return make_compressor(self._quality)
+        try:
+            return jpeg_encoder(self._quality)
+        except MissingExtraError:
+            return None
 
     def encode(self, frame: Frame) -> Frame:
         if frame.encoding is Encoding.RGB and self._compress is not None:

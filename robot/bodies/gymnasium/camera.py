@@ -8,8 +8,9 @@ from typing import Any, ClassVar
 from robot.bodies.gymnasium.driver import GymnasiumDriver
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.devices.simulation.camera import WorldCamera, make_compressor
+from robot.devices.simulation.camera import WorldCamera
 from robot.driver import ACTION_TIMEOUT_S
+from robot.policy.image import jpeg_encoder
 from robot.types import Encoding, Frame
 
 _JPEG_QUALITY = 90
@@ -40,7 +41,7 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
     ) -> None:
         super().__init__(body, options, clock)
         self._period_s = 1.0 / options.env_rate_hz
-        self._compress = make_compressor(_JPEG_QUALITY)
+        self._compress = jpeg_encoder(_JPEG_QUALITY, "the camera of a simulated world")
 
     def _let_go(self) -> None:
         self._body.acted.set()

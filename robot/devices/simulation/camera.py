@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import threading
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, Self, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
@@ -17,7 +13,8 @@ from robot.devices.simulation.driver import SimDriver
 from robot.devices.simulation.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
 from robot.devices.watched_camera import ThreadedCamera
 from robot.driver import Driver
-from robot.errors import CameraError, ConfigurationError, RobotError, need
+from robot.errors import CameraError, ConfigurationError, RobotError
+from robot.policy.image import jpeg_encoder
 from robot.types import Encoding, Frame
 
 _LONGEST_GAP_S = 0.25
@@ -118,7 +115,7 @@ class SimCamera(WorldCamera[SimDriver]):
 
     def __init__(self, body: SimDriver, options: SimCameraOptions, clock: Clock) -> None:
         super().__init__(body, options, clock)
-        self._compress = make_compressor(options.jpeg_quality)
+        self._compress = jpeg_encoder(options.jpeg_quality, "the camera of a simulated world")
         self._period_s = 1.0 / options.frame_rate_hz
         self._asked_id = -_ASKED_FRAMES
         self._large: Frame | None = None
@@ -170,15 +167,3 @@ class SimCamera(WorldCamera[SimDriver]):
             takes_s += (self.clock.now_s() - due_s - takes_s) / _USUAL_FRAMES
             period_s = max(self._period_s, min(2 * takes_s, _LONGEST_PERIOD_S))
             due_s = max(due_s + period_s, now_s)
-
-
-def make_compressor(quality: int) -> Callable[[NDArray[np.uint8]], bytes]:
-    """Return what makes a JPEG of pixels, shape (height, width, 3)."""
-    cv2 = need("cv2", "the camera of a simulated world", "camera")
-    options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
-
-    def compress(rgb: NDArray[np.uint8]) -> bytes:
-        _, jpeg = cv2.imencode(".jpg", np.ascontiguousarray(rgb[:, :, ::-1]), options)
-        return bytes(jpeg)
-
-    return compress

@@ -72,3 +72,12 @@ def test_the_fast_shrink_rounds_halves_to_even_too(times):
     assert np.array_equal(image.shrink(grey, 40, 30), exact)
     colour = np.repeat(grey[:, :, None], 3, axis=2)
     assert np.array_equal(image.shrink(colour, 40, 30)[:, :, 1], exact)
+
+
+def test_jpeg_is_the_same_to_the_pixel_as_with_tables_of_its_own(smooth):
+    options = [cv2.IMWRITE_JPEG_QUALITY, 75, cv2.IMWRITE_JPEG_OPTIMIZE, 1]
+    _, optimised = cv2.imencode(".jpg", np.ascontiguousarray(smooth[:, :, ::-1]), options)
+
+    plain = image.jpeg_encoder(75)(smooth)
+
+    assert np.array_equal(image.decode(plain), image.decode(optimised.tobytes()))
