@@ -45,7 +45,7 @@ export class Preferences {
   constructor(storage = memory) {
     this.storage = storage;
     /** @type {Record<string, any>} */
-    this.values = { vibrate: true, sound: true, tilt: false, sticks: [], hintsShown: [], ...read(storage) };
+    this.values = { vibrate: true, sound: true, tilt: false, sticks: [], pads: {}, hintsShown: [], ...read(storage) };
   }
 
   get vibrate() {
@@ -69,6 +69,16 @@ export class Preferences {
   chooseStick(robot, isWanted) {
     const others = this.values.sticks.filter((/** @type {string} */ name) => name !== robot);
     this.set('sticks', isWanted ? [...others, robot] : others);
+  }
+
+  /** The directions of a game pad, as somebody has shown them. @param {string} id @returns {import('./inputs/pad-rest.js').Choice | null} */
+  padOf(id) {
+    return this.values.pads[id] ?? null;
+  }
+
+  /** @param {string} id @param {import('./inputs/pad-rest.js').Choice} choice */
+  choosePad(id, choice) {
+    this.set('pads', { ...this.values.pads, [id]: choice });
   }
 
   /** @returns {string[]} hints of the first visit that were shown */

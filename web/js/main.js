@@ -7,6 +7,7 @@ import { Preferences, WakeLock } from './device.js';
 import { HEARTBEAT_MS } from './helm.js';
 import { loadLanguage } from './i18n.js';
 import { listenToGamepads } from './inputs/gamepad.js';
+import { padDesk } from './inputs/pad-desk.js';
 import { listenToKeyboard } from './inputs/keyboard.js';
 import { Page } from './page.js';
 import { followReadiness } from './readiness.js';
@@ -46,7 +47,7 @@ async function start() {
   followReadiness(store);
   const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
   listenToKeyboard(page.helm, reach);
-  listenToGamepads(page.helm, reach);
+  listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });
   connection.addEventListener('lost', () => askWhy('api/session'));
   first?.up();
   connection.begin(/** @type {any} */ (document.querySelector('video-view')).ready);

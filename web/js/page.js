@@ -234,11 +234,11 @@ export class Page {
     this.noticeTimer = setTimeout(() => this.store.set({ notice: null }), NOTICE_MS);
   }
 
-  /** Show a notice on any screen, with one action. @param {string} text @param {{label: string, act: () => void} | null} [step] */
-  toast(text, step = null) {
+  /** Show a notice on any screen, with one action. @param {string} text @param {{label: string, act: () => void} | null} [step] @param {number} [ms]  Infinity: until the next one */
+  toast(text, step = null, ms = TOAST_MS) {
     clearTimeout(this.toastTimer);
     this.store.set({ toast: { text, step } });
-    this.toastTimer = setTimeout(() => this.store.set({ toast: null }), TOAST_MS);
+    if (ms < Infinity) this.toastTimer = setTimeout(() => this.store.set({ toast: null }), ms);
   }
 
   // What a person does ---------------------------------------------------------------------------

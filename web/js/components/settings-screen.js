@@ -123,8 +123,16 @@ export class SettingsScreen extends Screen {
       h('label', { class: 'choice' }, vibrate, h('span', {}, t('settings.vibrate'))),
       h('label', { class: 'choice' }, sound, h('span', {}, t('settings.sound'))),
       h('label', { class: 'choice' }, h('span', {}, t('settings.language')), languages),
-      hints), group(t('settings.keys'), t('settings.keys_hint')),
+      hints), group(t('settings.keys'), t('settings.keys_hint'), ...this.pads()),
       group(t('settings.studies'), t('settings.studies_hint'), h('a', { class: 'button', href: '#study' }, t('screen.study'))));
+  }
+
+  /** Directions of game pads are shown anew at the next touch. */
+  pads() {
+    const { preferences } = /** @type {import('../page.js').Page} */ (this.page);
+    if (!Object.keys(preferences.values.pads).length) return [];
+    const forget = h('button', { type: 'button', onclick: () => { preferences.set('pads', {}); forget.remove(); } }, t('settings.pads'));
+    return [forget];
   }
 }
 

@@ -1,13 +1,15 @@
 // A game controller: the cross or the left stick drives, the second button (B, circle) stops. Where
 // the robot takes degrees, the stick steers by them, and the triggers, if one is pulled, are the throttle.
+// A pad whose layout the browser does not know drives once a person has shown its directions. Of several
+// pads, the one that was touched last drives.
 
 import { REST, beyond, fromStick } from '../points.js';
+import { DIRECTIONS, PULLED, PadChoice, RestedPad, valuesOf } from './pad-rest.js';
 
 const ON = 0.6;
 const OFF = 0.4;
 const AHEAD = 7;
 const BACK = 6;
-const PULLED = 0.05;
 const CROSS = { 12: 'forward', 13: 'backward', 14: 'left', 15: 'right' };
 
 /**
@@ -39,19 +41,46 @@ export function readStick({ buttons, axes: [x = 0, y = 0] }, reach) {
   return throttle ? { steering: beyond(x, REST), throttle } : null;
 }
 
-/** @param {import('../helm.js').Helm} helm @param {{stop: () => void, isDriving: () => boolean}} page */
-export function listenToGamepads(helm, { stop, isDriving }) {
-  /** @type {Map<number, {move: string | null, isPushed: boolean, stop: boolean}>} */
-  const last = new Map();
+/** The browser does not know where this pad's sticks and buttons lie. @param {{mapping?: string}} pad */
+const isUnknown = ({ mapping }) => mapping === '';
+/** How long a stick may lie off its middle from the start before the page says so, in milliseconds. */
+export const UNRESTED_MS = 2000;
+
+/** A pad's name for people: without the numbers that browsers put before or behind it. @param {string} id */
+export const padName = (id = '') => id.replace(/\s*\([^()]*(?:Vendor|STANDARD)[^()]*\)|^[\da-f]{1,4}-[\da-f]{1,4}-/gi, '').trim().slice(0, 40) || 'Gamepad';
+
+/**
+ * What the page does for pads: keeps choices, and speaks.
+ * @typedef {object} PadDesk
+ * @property {(id: string) => import('./pad-rest.js').Choice | null} choiceOf
+ * @property {(id: string, choice: import('./pad-rest.js').Choice) => void} keep
+ * @property {(name: string, begin: () => void) => void} offer  a pad of an unknown layout was touched
+ * @property {(name: string, direction: string | undefined, skip: () => void) => void} ask  `rest`: let go of all; undefined: all are known
+ * @property {(key: 'pad.used' | 'pad.unrested', name: string) => void} tell
+ */
+
+/** @typedef {{id: string, reading: RestedPad, move: string | null, isPushed: boolean, stop: boolean, sinceMs: number, first: readonly number[] | null, choosing: PadChoice | null}} Followed */
+
+/** @param {import('../helm.js').Helm} helm @param {{stop: () => void, isDriving: () => boolean, desk: PadDesk}} page */
+export function listenToGamepads(helm, { stop, isDriving, desk }) {
+  /** @type {Map<number, Followed>} */
+  const followed = new Map();
   let polling = false;
+  /** @type {number | null} the pad that was touched last */
+  let inUse = null;
+
+  /** @param {number} index */
+  const letGo = (index) => {
+    helm.release(`gamepad ${index}`);
+    helm.release(`gamepad ${index} stick`);
+  };
 
   const poll = () => {
     const pads = navigator.getGamepads().filter((pad) => pad?.connected);
-    for (const [index] of last) {
-      if (!pads.some((pad) => pad?.index === index)) {
-        last.delete(index);
-        helm.release(`gamepad ${index}`);
-        helm.release(`gamepad ${index} stick`);
+    for (const [index, { id }] of followed) {
+      if (!pads.some((pad) => pad?.index === index && pad.id === id)) {
+        followed.delete(index);
+        letGo(index);
       }
     }
     for (const pad of pads) if (pad) follow(pad);
@@ -59,23 +88,76 @@ export function listenToGamepads(helm, { stop, isDriving }) {
     if (polling) requestAnimationFrame(poll);
   };
 
+  /** @param {Gamepad} pad @returns {Followed} */
+  const meet = (pad) => {
+    return { id: pad.id, reading: new RestedPad(), move: null, isPushed: false, stop: false, sinceMs: performance.now(), first: null, choosing: null };
+  };
+
+  /** Of a pad with an unknown layout only the stop counts, until its directions are known. @param {Gamepad} pad @param {Followed} state */
+  const findLayout = (pad, state) => {
+    const values = valuesOf(pad);
+    state.first ??= values;
+    const { first, choosing } = state;
+    if (!choosing) {
+      if (!values.some((value, i) => Math.abs(value - (first[i] ?? value)) > OFF)) return;
+      state.first = null;
+      desk.offer(padName(pad.id), () => {
+        state.choosing = new PadChoice(DIRECTIONS.filter((name) => helm.moves.includes(name)));
+        askNext(state);
+      });
+      return;
+    }
+    const { asked } = choosing;
+    choosing.watch(pad, performance.now());
+    if (choosing.asked !== asked) askNext(state);
+  };
+
+  /** @param {Followed} state */
+  const askNext = (state) => {
+    const { id, choosing } = state;
+    desk.ask(padName(id), choosing?.asked, () => {
+      choosing?.skip();
+      askNext(state);
+    });
+    if (!choosing || choosing.asked) return;
+    state.choosing = null;
+    if (Object.keys(choosing.choice).length) desk.keep(id, choosing.choice);
+  };
+
   /** @param {Gamepad} pad */
   const follow = (pad) => {
-    const before = last.get(pad.index) ?? { move: null, isPushed: false, stop: false };
-    const source = `gamepad ${pad.index}`;
+    const { index } = pad;
+    const state = followed.get(index) ?? meet(pad);
+    followed.set(index, state);
+    const choice = isUnknown(pad) ? desk.choiceOf(pad.id) : null;
+    if (choice !== state.reading.choice) state.reading = new RestedPad(choice);
+    const isKnown = !isUnknown(pad) || choice !== null;
+    if (!isKnown) findLayout(pad, state);
+    const { axes: ways, buttons } = isKnown ? state.reading.read(pad) : { axes: [], buttons: pad.buttons.map(({ pressed }, i) => ({ value: 0, pressed: pressed && i === 1 && !state.choosing })) };
+    if (isKnown && performance.now() - state.sinceMs > UNRESTED_MS) {
+      state.sinceMs = Infinity; // said once
+      if ([...state.reading.waiting].some((name) => !name.startsWith('button'))) desk.tell('pad.unrested', padName(pad.id));
+    }
+    const source = `gamepad ${index}`;
     const stick = `${source} stick`;
-    const { buttons } = pad;
-    const axes = helm.takesPoints ? [] : pad.axes;
-    const point = isDriving() && helm.takesPoints ? readStick(pad, helm.reach) : null;
-    const now = { move: isDriving() ? readGamepad({ buttons, axes }, before.move) : null, isPushed: point !== null, stop: Boolean(buttons[1]?.pressed) };
-    last.set(pad.index, now);
-    if (now.stop && !before.stop) stop();
+    const before = { ...state };
+    const point = isDriving() && helm.takesPoints ? readStick({ buttons, axes: ways }, helm.reach) : null;
+    state.move = isDriving() ? readGamepad({ buttons, axes: helm.takesPoints ? [] : ways }, before.move) : null;
+    state.isPushed = point !== null;
+    state.stop = Boolean(buttons[1]?.pressed);
+    const isTouched = (state.move && !before.move) || (point && !before.isPushed);
+    if (isTouched && index !== inUse) {
+      for (const other of followed.keys()) if (other !== index) letGo(other);
+      if (followed.size > 1) desk.tell('pad.used', padName(pad.id));
+      inUse = index;
+    }
+    if (state.stop && !before.stop) stop();
     if (point && !before.isPushed) helm.grasp(stick);
     if (point) helm.steer(stick, point);
     else if (before.isPushed) helm.release(stick);
-    if (now.move === before.move) return;
-    if (now.move) helm.press(source, now.move);
-    if (!now.move || !helm.moves.includes(now.move)) helm.release(source);
+    if (state.move === before.move || (index !== inUse && before.move && state.move)) return;
+    if (state.move) helm.press(source, state.move);
+    if (!state.move || !helm.moves.includes(state.move)) helm.release(source);
   };
 
   addEventListener('gamepadconnected', () => {

@@ -1,0 +1,158 @@
+// What of a game pad counts. An axis, a trigger or a button is used once it was seen at rest: a pedal
+// that rests at one end, a worn stick or a throttle that nobody touches moves nothing. Pure.
+
+import { REST } from '../points.js';
+
+/** Within this share of its way an input is at rest: nothing drives by less of it. */
+const NEAR_AXIS = REST / Math.SQRT2;
+export const PULLED = 0.05;
+const STOP = 1;
+/** What a pad of an unknown layout is asked for, in this order. */
+export const DIRECTIONS = ['left', 'right', 'forward', 'backward'];
+/** A push that counts in a choice: more than half of an axis' way from its middle. */
+const PUSHED = 0.5;
+const STILL = 0.05;
+/** How long an input that was let go of must keep still to count as at rest, in milliseconds. */
+export const STILL_MS = 250;
+/** How long a whole pad must keep still before it is asked for its directions, in milliseconds. */
+export const LET_GO_MS = 600;
+
+/** @typedef {{kind: 'axes' | 'buttons', index: number, rest: number, full: number}} Input  where it rests, and where it is pushed to */
+/** @typedef {Record<string, Input>} Choice  the input of each direction */
+/** @typedef {{axes: readonly number[], buttons: readonly {pressed: boolean, value?: number}[], mapping?: string, id?: string}} Pad */
+
+/** @param {{pressed: boolean, value?: number} | undefined} button */
+const valueOf = (button) => button?.value ?? Number(button?.pressed ?? false);
+/** Where all of a pad's axes, and then its buttons, are. @param {Pad} pad */
+export const valuesOf = (pad) => [...pad.axes, ...pad.buttons.map(valueOf)];
+/** @param {Pad} pad @param {Input} input */
+const wayOf = (pad, { kind, index, rest, full }) => ((kind === 'axes' ? pad.axes[index] ?? rest : valueOf(pad.buttons[index])) - rest) / (full - rest);
+
+/** One pad, from its connection on: as a pad of the standard layout on which nothing is pushed that was never seen at rest. */
+export class RestedPad {
+  /** @param {Choice | null} [choice]  null: the pad has the standard layout */
+  constructor(choice = null) {
+    this.choice = choice;
+    /** @type {Set<string>} inputs that were seen at rest */
+    this.rested = new Set();
+    /** @type {Set<string>} and those that were not, yet */
+    this.waiting = new Set();
+  }
+
+  /** @param {string} name @param {number} way  from -1 to 1; 0 is its rest */
+  used(name, way) {
+    if (Math.abs(way) <= (name.startsWith('button') ? PULLED : NEAR_AXIS)) this.rested.add(name);
+    const isUsed = this.rested.has(name);
+    if (isUsed) this.waiting.delete(name);
+    else this.waiting.add(name);
+    return isUsed ? way : 0;
+  }
+
+  /** @param {Pad} pad @returns {{axes: number[], buttons: {pressed: boolean, value: number}[]}} */
+  read(pad) {
+    const { choice } = this;
+    if (!choice) {
+      return {
+        axes: pad.axes.slice(0, 2).map((way, i) => this.used(`axis ${i}`, way)),
+        buttons: pad.buttons.map((button, i) => {
+          const value = this.used(`button ${i}`, valueOf(button));
+          return { value, pressed: button.pressed && (i === STOP || this.rested.has(`button ${i}`)) };
+        }),
+      };
+    }
+    const [left = 0, right = 0, ahead = 0, back = 0] = DIRECTIONS.map((name) =>
+      choice[name] ? Math.min(1, Math.max(0, this.used(name, wayOf(pad, choice[name])))) : 0);
+    const isDirection = Object.values(choice).some(({ kind, index }) => kind === 'buttons' && index === STOP);
+    const stop = { value: 0, pressed: !isDirection && Boolean(pad.buttons[STOP]?.pressed) };
+    return { axes: [right - left, back - ahead], buttons: [{ value: 0, pressed: false }, stop] };
+  }
+}
+
+/**
+ * Finds out which input of a pad is which direction: a person pushes each and lets go of it. Where an
+ * input comes to lie then is its rest; what a browser said before its first report is not believed.
+ */
+export class PadChoice {
+  /** @type {number | null} the input that moves, by its place among the values */
+  moving = null;
+  full = 0;
+  before = 0;
+  stillMs = 0;
+
+  /** @param {readonly string[]} directions  those to ask for */
+  constructor(directions) {
+    this.open = [...directions];
+    /** @type {Choice} */
+    this.choice = {};
+    /** Nothing is asked before the pad was let go of: where it lies then is its rest. @type {number[] | null} */
+    this.lying = null;
+    this.lyingMs = 0;
+    this.isReady = false;
+    this.begin();
+  }
+
+  /** @param {number[]} values @param {number} nowMs */
+  waitForRest(values, nowMs) {
+    const { lying } = this;
+    if (lying?.length !== values.length || values.some((value, at) => Math.abs(value - lying[at]) > STILL)) {
+      this.lying = values;
+      this.lyingMs = nowMs;
+    }
+    this.isReady = nowMs - this.lyingMs >= LET_GO_MS;
+  }
+
+  begin() {
+    /** @type {number[] | null} */
+    this.base = null;
+    this.moving = null;
+    this.full = 0;
+    this.before = 0;
+    this.stillMs = 0;
+  }
+
+  /** The direction that is asked for; `rest`: to let go of all; undefined once all are known. */
+  get asked() {
+    return this.isReady || !this.open.length ? this.open[0] : 'rest';
+  }
+
+  /** This pad has no such direction. */
+  skip() {
+    this.open.shift();
+    this.begin();
+  }
+
+  /** @param {Pad} pad @param {number} nowMs */
+  watch(pad, nowMs) {
+    const values = valuesOf(pad);
+    if (!this.isReady) this.waitForRest(values, nowMs);
+    const { base } = this;
+    if (!this.isReady || !this.open.length || !base || base.length !== values.length) {
+      this.base = values;
+      return;
+    }
+    if (this.moving === null) {
+      const far = values.map((value, at) => Math.abs(value - base[at]));
+      const most = far.indexOf(Math.max(...far));
+      if (!(far[most] >= PUSHED)) return;
+      this.moving = most;
+      this.full = this.before = values[most];
+    }
+    const at = this.moving;
+    const now = values[at];
+    if (Math.abs(now - base[at]) > Math.abs(this.full - base[at])) this.full = now;
+    if (Math.abs(now - this.before) > STILL || Math.abs(now - this.full) < PUSHED) {
+      this.before = now;
+      this.stillMs = nowMs;
+      return;
+    }
+    if (nowMs - this.stillMs >= STILL_MS) this.take(at < pad.axes.length ? 'axes' : 'buttons', at < pad.axes.length ? at : at - pad.axes.length, now);
+  }
+
+  /** An input was pushed, and lies still again. @param {'axes' | 'buttons'} kind @param {number} index @param {number} rest */
+  take(kind, index, rest) {
+    const { full, choice } = this;
+    const isTaken = Object.values(choice).some((one) => one.kind === kind && one.index === index && (one.full - one.rest) * (full - rest) > 0);
+    if (!isTaken) choice[this.open.shift() ?? ''] = { kind, index, rest, full };
+    this.begin();
+  }
+}
