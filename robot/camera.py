@@ -78,6 +78,14 @@ class Camera(StartStop):
         """Return the newest frame, or None before the first. Never blocks."""
         return self._latest
 
+    def world_s(self, at_s: float) -> float:
+        """Return what the world's own clock showed when `self.clock` showed `at_s`.
+
+        The two are the same unless `world_waits`. Then the world's clock stands while the world is
+        computed or waits for the loop: a pilot who was silent meanwhile was not silent for long.
+        """
+        return at_s
+
     def for_the_eye(self, frame: Frame) -> Frame:
         """Return a larger picture of the moment of `frame` if this camera has one, else `frame`.
 

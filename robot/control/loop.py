@@ -84,6 +84,8 @@ class ControlLoop:
         self._dead_reckoning = DeadReckoning(driver)
         self._mailbox = Mailbox()
         self.submit, self.wake = self._mailbox.put, self._mailbox.wake
+        self._world_s = camera.world_s
+        """The gate and the link governor are told times of the world's clock, and no others."""
         self._commands: _Commands = []
         self._fault: str | None = None
         self._last_mode = Mode.TRAIN
@@ -115,7 +117,8 @@ class ControlLoop:
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
             return longest_s
-        stands_s, slack_s = self.clock.now_s() + _STANDS_S, self._timing.state.sight_slack_s
+        stands_s = self._world_s(self.clock.now_s()) + _STANDS_S
+        slack_s = self._timing.state.sight_slack_s
         return min(longest_s, max(_SHORTEST_WAIT_S, self._link.blind_in_s(stands_s, slack_s)))
 
     def note_lateness(self, late_s: float) -> None:
@@ -163,18 +166,18 @@ class ControlLoop:
 
     def tick(self, now_s: float) -> Tick:
         """Run one tick. Never raises: an error stops the robot and is reported in `state`."""
-        started_s = self.clock.now_s()
+        started_s, world_s = self.clock.now_s(), self._world_s(now_s)
         frame, sensors, link = None, Sensors(), self.state.link
         taken, refused = _Commands(), _Commands()
         try:
             self._is_held_up(now_s - self.state.now_s)
             self._mailbox.serve()
             self._heed_button()
-            link = self._link.state(now_s + _STANDS_S, self._timing.state.sight_slack_s)
-            taken, refused = self._receive(link, now_s)
+            link = self._link.state(world_s + _STANDS_S, self._timing.state.sight_slack_s)
+            taken, refused = self._receive(link, world_s)
             frame = self._look(now_s)
             sensors = self._sense(now_s)
-            decision, sent = self._drive(self._decide(link, now_s), started_s)
+            decision, sent = self._drive(self._decide(link, world_s), started_s)
             if self._gate.mode is not Mode.STOPPED:  # a stopped robot does not learn
                 self.learning.learn(
                     taken,
@@ -217,14 +220,14 @@ class ControlLoop:
         elif button is not None:
             self._gate.trip(StopReason.BUTTON)
 
-    def _receive(self, link: LinkState, now_s: float) -> tuple[_Commands, _Commands]:
+    def _receive(self, link: LinkState, world_s: float) -> tuple[_Commands, _Commands]:
         """Obey the pilot's commands; return those that count, and those that were refused."""
         commands, self._commands = self._commands, []
         if link.must_stop:
             self._gate.trip(StopReason.LINK_SLOW)
         if self._gate.mode is Mode.STOPPED:
             return [], []
-        taken = [command for command in commands if self._gate.receive(command, now_s)]
+        taken = [one for one in commands if self._gate.receive(self._in_world(one), world_s)]
         return taken, [command for command in commands if command not in taken]
 
     def _look(self, now_s: float) -> Frame | None:
@@ -249,7 +252,9 @@ class ControlLoop:
         if may_move:
             self._fault = None  # of a picture before; a stop keeps its own
         is_moving = may_move and not self._camera.world_waits
-        self._timing.note(frame.captured_s, delivered_s, is_moving=is_moving)
+        self._timing.note(
+            self._world_s(frame.captured_s), self._world_s(delivered_s), is_moving=is_moving
+        )
         return frame
 
     def _sense(self, now_s: float) -> Sensors:
@@ -259,13 +264,13 @@ class ControlLoop:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return Sensors()
 
-    def _decide(self, link: LinkState, now_s: float) -> Decision:
+    def _decide(self, link: LinkState, world_s: float) -> Decision:
         """Choose who drives, and how fast: the slowest of all who have a say."""
         frame, waits = self.learning.frame, self._camera.world_waits
         decision = self._gate.select(
-            now_s,
+            world_s,
             self.learning.prediction,
-            math.inf if frame is None else 0.0 if waits else now_s - frame.captured_s,
+            math.inf if frame is None else 0.0 if waits else world_s - frame.captured_s,
             self._timing.state.timeout_s,
             camera_fault=self._camera.fault is not None,
         )
@@ -308,19 +313,30 @@ class ControlLoop:
         """Take in a command; even one that comes too late is a measurement of the link."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         if times is not None:
-            self._link.judge(command, *times, self._timing.state, self.clock.now_s())
+            (captured_s, delivered_s), seen_s = times
+            named_s = self._world_s(captured_s), self._world_s(delivered_s)
+            seen_s, now_s = self._world_s(seen_s), self._world_s(self.clock.now_s())
+            command_there = self._in_world(command)
+            self._link.judge(command_there, named_s, seen_s, self._timing.state, now_s)
         self._commands.append(command)
+
+    def _in_world(self, command: PilotCommand) -> PilotCommand:
+        """Return the command with its times as the world's clock showed them."""
+        proven_s = command.received_s if command.proven_s is None else command.proven_s
+        received_s = self._world_s(command.received_s)
+        return replace(command, received_s=received_s, proven_s=self._world_s(proven_s))
 
     def _start(
         self, mode: Mode, proven_s: float | None = None, frame_id: int | None = None
     ) -> bool:
-        now_s = self.clock.now_s()
+        now_s = self._world_s(self.clock.now_s())
+        proven_s = None if proven_s is None else self._world_s(proven_s)
         is_taken = self._gate.start(mode, now_s, proven_s)
         if is_taken and mode is not Mode.STOPPED:
             self._forget_drive()
             self._fault, self._last_mode = None, mode
             times = self.learning.times_of(frame_id)
-            self._link.note_seen(times[1] if times else now_s)
+            self._link.note_seen(self._world_s(times[1]) if times else now_s)
         return is_taken
 
     def _change_pilot(self) -> None:

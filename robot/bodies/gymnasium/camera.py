@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -14,6 +15,8 @@ from robot.policy.image import jpeg_encoder
 from robot.types import Encoding, Frame
 
 _JPEG_QUALITY = 90
+_REMEMBERED_FRAMES = 128
+"""How many frames back `world_s` is exact: twice what the loop remembers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +30,8 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
     """Sees what the environment gives to see.
 
     The environment waits for the loop: it goes on only after the loop has acted on the picture
-    before. A slow computer makes it slower, and misses nothing.
+    before. A slow computer makes it slower, and misses nothing. Its clock goes on between a picture
+    and the next step, for one period at most, and stands during the step.
     """
 
     name: ClassVar[str] = "gymnasium"
@@ -42,6 +46,15 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
         super().__init__(body, options, clock)
         self._period_s = 1.0 / options.env_rate_hz
         self._compress = jpeg_encoder(_JPEG_QUALITY, "the camera of a simulated world")
+        self._shown_s: deque[tuple[float, float]] = deque(maxlen=_REMEMBERED_FRAMES)
+        """When each picture was shown, and what the world's clock showed then."""
+
+    def world_s(self, at_s: float) -> float:
+        shown = tuple(self._shown_s)
+        if not shown:
+            return at_s
+        since_s, world_s = next((one for one in reversed(shown) if one[0] <= at_s), shown[0])
+        return world_s + min(at_s - since_s, self._period_s)
 
     def _let_go(self) -> None:
         self._body.acted.set()
@@ -58,11 +71,10 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
     def _take(self) -> Frame:
         pixels = self._body.picture()
         height, width = pixels.shape[:2]
+        jpeg = self._compress(pixels)
         self._body.acted.clear()
+        now_s = self.clock.now_s()
+        self._shown_s.append((now_s, self.world_s(now_s)))
         return self._publish(
-            self._compress(pixels),
-            width=width,
-            height=height,
-            encoding=Encoding.JPEG,
-            captured_s=self.clock.now_s(),
+            jpeg, width=width, height=height, encoding=Encoding.JPEG, captured_s=now_s
         )

@@ -15,11 +15,14 @@ from robot.bodies.gymnasium.camera import GymnasiumCamera, GymnasiumCameraOption
 from robot.bodies.gymnasium.driver import OVER_S, GymnasiumDriver, GymnasiumOptions
 from robot.bodies.gymnasium.environment import read_options
 from robot.control.loop import ControlLoop
+from robot.devices.rig import Rig
 from robot.errors import CameraError, ConfigurationError
 from robot.policy.image import to_rgb
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.types import Action, Mode, PilotCommand, Point, Sensors
+from tests.server.virtual_server import VirtualServer
+from tests.standins.gymnasium_line import Line
 
 LINE = "tests.standins.gymnasium_line:Line"
 
@@ -198,6 +201,33 @@ def test_a_slow_computer_stops_nobody_and_misses_no_step(pilot: Pilot) -> None:
     steps = np.diff(places)
     assert len(places) > 5 and (steps > 0).all()
     assert steps.max() <= 5, "one step of four pixels at a time: none was missed"
+
+
+@pytest.mark.parametrize("takes_s", [0.02, 0.7, 3.0])
+def test_a_slow_world_stops_nobody(takes_s: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step of .7 s was counted as the age of the pilot's picture: 185 of 234 samples stopped."""
+    clock = VirtualClock(100.0)
+    body = driver(env_options="width=2001")
+    camera = GymnasiumCamera(body, GymnasiumCameraOptions(), clock)
+    policy = make_policy("knn-1", body.moves)
+    monkeypatch.setattr(Line, "compute", lambda _: clock.sleep(takes_s))
+    with VirtualServer(rig=Rig(body, camera, policy, clock)) as server:
+        pilot = server.pilot()
+        pilot.mode("train")
+        pilot.hold("right")
+        server.forward(20 * (takes_s + 0.1))
+        state = server.rig.loop.state
+        assert state.stops == {} and state.decision.mode is Mode.TRAIN
+        assert state.taught[Action.RIGHT] >= 15
+        pilot.hold(None)
+        pilot.mode("autonomous")
+        server.forward(20 * (takes_s + 0.1))
+        state = server.rig.loop.state
+        assert state.stops == {} and state.sent is Action.RIGHT
+        pilot.is_silent = True
+        steps = state.frame_id or 0
+        server.wait_until(lambda: server.rig.loop.state.sent is Action.STOP, 99.0)
+        assert (server.rig.loop.state.frame_id or 0) - steps <= 6, "without a pilot it stands"
 
 
 def test_a_game_is_recorded_and_told_to_the_page() -> None:
