@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import os
 import sys
 import threading
 import webbrowser
 from collections.abc import Mapping, Sequence
 
-from robot.errors import install_command
+from server.hosting.terminal_code import draw_qr
 from server.security.access import Role
 
 
@@ -45,17 +44,6 @@ def greet_next(address: str, role: Role, token: str) -> str:
 def pairing_address(address: str, token: str) -> str:
     """Return the address that pairs; the part after the `#` stays in the browser."""
     return f"{address}/pair#{token}"
-
-
-def draw_qr(text: str) -> str:
-    """Draw a QR code in half blocks; a hint in its place where segno is not installed."""
-    try:
-        import segno
-    except ImportError:
-        return f"(a QR code needs drivelesson[lan]: {install_command('lan')})"
-    out = io.StringIO()
-    segno.make(text, error="l", micro=False).terminal(out, compact=True)
-    return out.getvalue()
 
 
 def has_screen(system: str, environment: Mapping[str, str]) -> bool:

@@ -18,9 +18,10 @@ from server.board.discovery import browsing
 from server.board.transport import RobotAddress
 from server.cli.serve import _open_pairing
 from server.config import Config
-from server.hosting.banner import draw_qr, greet_phones
+from server.hosting.banner import greet_phones
 from server.hosting.logs import OneLine, start_logging
 from server.hosting.network import announced
+from server.hosting.terminal_code import draw_qr
 from server.security.access import Role
 from server.security.pairing import Paired
 
