@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from typing import Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, HTTPException, Request
-from fastapi.responses import FileResponse, JSONResponse, Response
+from fastapi.responses import FileResponse, JSONResponse, RedirectResponse, Response
 
 from robot.devices.outside import Outside, text
 from server.routes.answers import Route
 from server.security.access import Refusal
 from server.security.guard import person_of
-from server.security.pairing import Pairing, cookie_name
+from server.security.pairing import LONGEST_TEXT, Pairing, cookie_name
 from server.security.proxies import PREFIX
 from server.services import services_of
 
@@ -20,9 +21,9 @@ _YEAR_S = 365 * 24 * 3600
 
 
 class PairingToken(Outside):
-    """The token of a pairing address."""
+    """The token of a pairing address, or the whole address."""
 
-    token: str = text()
+    token: str = text(most=LONGEST_TEXT)
 
 
 @router.get("/pair", include_in_schema=False)
@@ -30,6 +31,12 @@ async def pair_page(request: Request) -> Response:
     """Return the page that redeems the token behind the `#` of its address."""
     _require_pairing(request)
     return FileResponse(services_of(request).config.web / "pair.html")
+
+
+@router.get("/pair#{token}", include_in_schema=False)
+async def encoded_pair_page(token: str) -> Response:
+    """Send a browser to the page whose address had its `#` encoded by an app."""
+    return RedirectResponse(f"pair#{quote(token)}", 303)
 
 
 @router.post("/api/pair")

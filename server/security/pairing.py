@@ -13,10 +13,12 @@ import logging
 import os
 import re
 import secrets
+import unicodedata
 from collections import OrderedDict, deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import unquote
 
 from robot.errors import UNREADABLE
 from robot.store.records import read_regular
@@ -29,6 +31,9 @@ log = logging.getLogger(__name__)
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Without letters and digits that look alike."""
 TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
+_TOKEN = re.compile(rf"\b(?:[{ALPHABET}]{{{_GROUP}}}\W?){{{TOKEN_LETTERS // _GROUP}}}(?!\w)")
+LONGEST_TEXT = 2000
+"""Characters of what is read as a token: it may be a whole address."""
 _SESSIONS = 192
 """Sessions of one kind: of one role, by the terminal or by invitation to a class. More than there
 are websockets, so nobody can hold all of them."""
@@ -108,7 +113,7 @@ class Pairing:
         The right token is accepted whatever came before: wrong ones from the same address lock
         nobody out, and 78 bits cannot be guessed at any rate that the guard allows.
         """
-        given = "".join(letter for letter in token.upper()[:64] if letter in ALPHABET)
+        given = token_in(token)
         for role, wanted in self.tokens.items():
             if hmac.compare_digest(given.encode(), wanted.replace("-", "").encode()):
                 paired = self._pair(_Kind(role=role), secret)
@@ -213,6 +218,22 @@ def _load(file: Path) -> OrderedDict[str, _Kind]:
 def hash_of(secret: str) -> str:
     """Hash once: the secret has 256 random bits, so it cannot be guessed from its hash."""
     return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
+
+
+def token_in(text: str) -> str:
+    """Return the letters of the token in what a person pastes or types.
+
+    That is the token with or without hyphens, in any case or width; the whole address, also with
+    its `#` encoded; or the line of the terminal that shows it.
+
+    Example:
+        >>> token_in("or open http://robot.local:8000/pair%23abcd-efgh-jkmn-pqrs")
+        'ABCDEFGHJKMNPQRS'
+    """
+    last = unquote(unicodedata.normalize("NFKC", text[:LONGEST_TEXT])).rpartition("#")[2].upper()
+    found = _TOKEN.search(last)
+    letters = found[0] if found else last
+    return "".join(letter for letter in letters if letter in ALPHABET)[:TOKEN_LETTERS]
 
 
 def _new_token() -> str:

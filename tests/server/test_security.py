@@ -276,6 +276,15 @@ def test_an_unpaired_client_gets_no_websocket(lan: VirtualServer, path: str) -> 
     assert _socket_status(lan, path, cookie=cookie) == 401
 
 
+def test_a_token_that_an_app_put_into_the_path_comes_behind_the_mark_again(
+    lan: VirtualServer,
+) -> None:
+    answer = httpx.get(lan.address + "/pair%23ABCD-EFGH")
+    assert (answer.status_code, answer.headers["location"]) == (303, "pair#ABCD-EFGH")
+    forged = httpx.get(lan.address + "/pair%23a%0d%0ab: c")
+    assert forged.headers["location"] == "pair#a%0D%0Ab%3A%20c"
+
+
 def test_an_unpaired_browser_is_redirected_to_the_pairing_page(lan: VirtualServer) -> None:
     answer = httpx.get(lan.address, headers={"accept": "text/html"})
     assert (answer.status_code, answer.headers["location"]) == (303, "/pair")

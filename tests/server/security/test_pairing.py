@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 
@@ -18,6 +20,32 @@ def redeem(pairing: Pairing, token: str, before: str = "") -> str:
 
 def invited(pairing: Pairing, before: str = "") -> str:
     return redeem(pairing, pairing.invite(0.0)[0], before)
+
+
+def forms(token: str) -> Iterator[str]:
+    """Yield what a person has in hand: the token, its address, or a line of the terminal."""
+    joined = token.replace("-", "")
+    texts = [token, token.lower(), joined, token.replace("-", " "), token.replace("-", "–")]
+    for page in ("http://10.0.0.2:8000/pair", "https://drivelesson.local/robot/pair", "pair", ""):
+        texts += [f"{page}#{token}", f"{page}#{joined.lower()}", f"{page}%23{token}"]
+        texts += [quote(f"{page}#{token}", safe="")]
+    for text in texts:
+        yield from (text, f"  or open   {text}", f"To watch: {text}", f"{text} .", f"<{text}>")
+        yield f"The next one that is to drive: {text}\n\n"
+    yield " ".join(joined)  # typed letter by letter
+    yield "".join(chr(ord(letter) + 0xFEE0) for letter in joined)  # full width, as in Chinese
+
+
+def test_a_token_is_taken_in_every_form_that_a_person_has_in_hand() -> None:
+    pairing = Pairing(10)
+    every = list(forms("ABCD-EFGH-JKMN-PQRS"))
+    assert len(every) > 100
+    for form in every:
+        pairing.tokens[Role.PILOT] = "ABCD-EFGH-JKMN-PQRS"
+        assert isinstance(pairing.redeem(form, 0.0), Paired), form
+    for wrong in ("", "#", "ABCD-EFGH-JKMN", "#ABCD-EFGH-JKMN-PQRT", "x" * 5000):
+        pairing.tokens[Role.PILOT] = "ABCD-EFGH-JKMN-PQRS"
+        assert isinstance(pairing.redeem(wrong, 0.0), Refusal), wrong
 
 
 def test_redeeming_again_renews_the_session_that_a_browser_has() -> None:
