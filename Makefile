@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 OLDEST := var/oldest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-browsers test-oldest test-stalls test-windows check conformance house mutate docs site dist format screenshots clean \
+.PHONY: help run install test test-brick test-browsers test-oldest test-stalls test-windows check conformance extensions mutate docs site dist format screenshots clean \
   lint types suite
 
 help: ## Say what there is
@@ -77,8 +77,8 @@ types: $(VENV)/.dev
 conformance: $(VENV)/.dev ## Try the newest of each program that shares files with this one (says what it cannot get)
 	$(BIN)/python -m tests.conformance $(ARGS)
 
-house: $(VENV)/.dev ## Count lines by house and room
-	@$(BIN)/python -m tests.architecture.house
+extensions: $(VENV)/.dev ## Count lines by extension and room
+	@$(BIN)/python -m tests.architecture.extensions
 
 mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and see if tests notice
 	$(BIN)/python -m tests.mutation $(ARGS)

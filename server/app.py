@@ -9,16 +9,16 @@ from functools import cache
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from server.hosting.network import host_names
+from server.access.guard import Guard
+from server.access.network import host_names
+from server.access.pairing import cookie_name
+from server.access.proxies import Proxies
+from server.access.rules import Access
 from server.hosting.static_files import PageFiles
 from server.routes import routers
 from server.routes.answers import describe_routes
 from server.routes.bodies import HANDLERS
-from server.security.access import Access
-from server.security.guard import Guard
-from server.security.pairing import cookie_name
-from server.security.proxies import Proxies
-from server.services import Services, keep_door
+from server.services import Services, install_admission
 
 
 def create_app(services: Services) -> FastAPI:
@@ -36,7 +36,7 @@ def create_app(services: Services) -> FastAPI:
         strict_content_type=False,
     )
     app.state.services = services
-    keep_door(app, services.door, services.robot.clock)
+    install_admission(app, services.admission, services.robot.clock)
     extensions = list(services.extensions.values())
     parts = [*routers(), *(router for each in extensions for router in each.routers)]
     for router in parts:
@@ -66,14 +66,14 @@ def create_app(services: Services) -> FastAPI:
         members=next((each.members for each in extensions if each.members), None),
     )
     proxies = Proxies(config.public, config.proxies, admits_all=services.pairing is None)
-    services.door.recognise = lambda head, address: (
+    services.admission.recognise = lambda head, address: (
         None if config.public and proxies.is_proxy(address) else access.session_in(head)
     )
     app.add_middleware(
         Guard,
         access=access,
         refused=services.turned_away,
-        door=services.door,
+        admission=services.admission,
         clock=services.robot.clock,
         proxies=proxies,
     )

@@ -10,10 +10,10 @@ from typing import Any
 from robot.devices.rig import Rig
 from robot.driver import describe
 from robot.errors import ConfigurationError, RobotError
+from robot.recordings.queue import RecorderConfig
+from robot.recordings.recorder import Recorder
+from robot.recordings.store import EpisodeStore
 from robot.store.disk import Announce, DiskThread, no_announcement
-from robot.store.episodes.queue import RecorderConfig
-from robot.store.episodes.recorder import Recorder
-from robot.store.episodes.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.lock import FolderLock
 from robot.store.models.autosave import Autosave

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from typing import Any, NoReturn
 
-from robot.devices.outside import number, whole
+from robot.devices.raw_value import number, whole
 from robot.types import Action, Encoding, Frame, Mode, Point
 
 PROTOCOL_VERSION = 1

@@ -1,7 +1,7 @@
 """All services of one robot's server, created once and passed to the routes.
 
-A house adds routes, options of `serve` and services of its own by an entry point of
-`drivelesson.services`. The core knows `Extension` alone, so a house can be taken away without a
+An extension adds routes, options of `serve` and services of its own by an entry point of
+`drivelesson.services`. The core knows only `Extension`, so an extension can be removed without a
 trace.
 """
 
@@ -23,16 +23,16 @@ from robot.clock import Clock
 from robot.devices.rig import Rig
 from robot.policy.history import TrainingHistory
 from robot.types import StartStop
+from server.access.admission import AdmissionControl
+from server.access.listener import AdmissionListener, connection_capacity
+from server.access.pairing import Pairing
+from server.access.rules import Members, Role
 from server.clients.hub import Hub
+from server.coaching.progress import Progress
 from server.config import Config
 from server.identity import IdentityFile
 from server.persistence import Persistence
-from server.progress import Progress
-from server.retraining import Retraining
-from server.security.access import Members, Role
-from server.security.door import Door
-from server.security.listener import DoorListener, connection_capacity
-from server.security.pairing import Pairing
+from server.recordings.retraining import Retraining
 
 _E = TypeVar("_E", bound="Extension")
 _T = TypeVar("_T")
@@ -54,7 +54,7 @@ class Services:
     retraining: Retraining
     persistence: Persistence | None = None
     pairing: Pairing | None = None
-    door: Door
+    admission: AdmissionControl
     turned_away: Counter[str] = field(default_factory=Counter)
     """How many requests the guard refused, by reason."""
     extensions: dict[type[Extension], Extension] = field(default_factory=dict)
@@ -65,7 +65,7 @@ class Services:
         return is_owner or person in (self.hub.pilot, Role.TEACHER)
 
     def extension(self, kind: type[_E]) -> _E:
-        """Return the part that a house added; KeyError if the house is not there."""
+        """Return the part that an extension added; KeyError if the extension is not there."""
         return cast(_E, self.extensions[kind])
 
     async def on_loop(self, call: Callable[[], _T]) -> _T:
@@ -82,11 +82,11 @@ class Services:
 
 
 class Extension(StartStop):
-    """One house's part in a robot's server. Override what the house has.
+    """One extension's part in a robot's server. Override what the extension has.
 
     Attributes:
         routers: Routes; they get the extension by `services_of(request).extension(Kind)`.
-        members: Teachers and locks that the guard asks for, if the house has any.
+        members: Teachers and locks that the guard asks for, if the extension has any.
     """
 
     routers: ClassVar[Sequence[APIRouter]] = ()
@@ -138,24 +138,24 @@ def make_services(
         retraining=Retraining(robot.clock),
         persistence=persistence,
         pairing=pairing,
-        door=Door(config.limits, connection_capacity()),
+        admission=AdmissionControl(config.limits, connection_capacity()),
     )
     if pairing is not None:
-        sockets = services.door.sockets
+        sockets = services.admission.sockets
         pairing.is_in_use = lambda name: sockets.has(name) or name == hub.pilot
-    services.door.keeps = services.is_kept
+    services.admission.keeps = services.is_kept
     services.extensions.update({kind: kind(services, options or {}) for kind in installed()})
     return services
 
 
-def keep_door(app: Any, door: Door, clock: Clock) -> None:
-    """Note on an application which door its listener stands behind."""
-    app.state.door, app.state.clock = door, clock
+def install_admission(app: Any, admission: AdmissionControl, clock: Clock) -> None:
+    """Note on an application which admission its listener stands behind."""
+    app.state.admission, app.state.clock = admission, clock
 
 
-def behind_door(app: Any, listener: socket.socket) -> DoorListener:
-    """Have an application's door decide whom a socket accepts."""
-    return DoorListener(app.state.door, app.state.clock, listener)
+def limit_connections(app: Any, listener: socket.socket) -> AdmissionListener:
+    """Have an application's admission decide whom a socket accepts."""
+    return AdmissionListener(app.state.admission, app.state.clock, listener)
 
 
 def services_of(connection: HTTPConnection) -> Services:

@@ -1,4 +1,4 @@
-"""Which learners there are to try: houses bring some, and may be taken away."""
+"""Which learners there are to try: extensions bring some, and may be taken away."""
 
 from __future__ import annotations
 

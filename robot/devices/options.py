@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
-from robot.devices.outside import number, plain_type, reader, whole
+from robot.devices.raw_value import number, plain_type, reader, whole
 from robot.errors import ConfigurationError, did_you_mean
 
 _NUMBERS: dict[type[Any], Callable[..., Any]] = {int: whole, float: number}

@@ -20,8 +20,8 @@ from robot.driver import CLASSIC, Move, point_of
 from robot.errors import RecordingError
 from robot.exchange.timeline import make_timeline
 from robot.policy.history import Taught
-from robot.store.episodes.messages import Topic, describe_command
-from robot.store.episodes.writer import EpisodeWriter, describe_run
+from robot.recordings.messages import Topic, describe_command
+from robot.recordings.writer import EpisodeWriter, describe_run
 from robot.store.folder import whole_file
 from robot.store.models.events import describe_event
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Point
@@ -68,7 +68,7 @@ class ImportReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shot:
+class FrameEvent:
     """One picture of a drive, with its label if it has one."""
 
     picture: Callable[[], Picture]
@@ -97,7 +97,7 @@ class Drive:
 
     name: str
     source: str
-    shots: Sequence[Shot]
+    shots: Sequence[FrameEvent]
     moves: tuple[Action, ...] = DEFAULT_MOVES
     declared_moves: tuple[Move, ...] = ()
     started_at_s: float = 0.0
@@ -107,7 +107,7 @@ class Drive:
 
 def drive_of(
     found: Iterable[tuple[str, _T]],
-    read: Callable[[str, _T], Shot],
+    read: Callable[[str, _T], FrameEvent],
     what: str,
     *,
     report: ImportReport,
@@ -169,7 +169,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     return writer.frames
 
 
-def _write_label(writer: EpisodeWriter, shot: Shot, frame_id: int, t_s: float) -> None:
+def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame_id: int, t_s: float) -> None:
     if shot.label is None:
         return
     label, point = shot.label, shot.point
@@ -193,7 +193,7 @@ def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
     return (*(m for m in CLASSIC if m in found), *(m for m in found if m not in CLASSIC))
 
 
-def _declared(shots: Iterable[Shot]) -> tuple[Move, ...]:
+def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
     """Return the moves that did on that body what they are not known for, by most of its shots."""
     said: dict[Action, list[Point]] = {}
     for shot in shots:

@@ -15,9 +15,9 @@ from robot.devices.pictures import MAX_SIDE_PX, Picture
 from robot.errors import ConfigurationError, RecordingError, need
 from robot.exchange.timeline import make_timeline
 from robot.policy.image import Pixels, swap_red_and_blue, to_rgb
-from robot.store.episodes.editing import EpisodeFrame, moments
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode
+from robot.recordings.editing import EpisodeFrame, moments
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode
 from robot.types import Encoding, Frame
 
 _SMALLEST_HEIGHT_PX = 480

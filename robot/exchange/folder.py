@@ -10,12 +10,12 @@ from pathlib import Path
 
 from robot.driver import CLASSIC, Move, describe, from_text, names, to_text
 from robot.errors import RecordingError, told_as
-from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
+from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import files_ending, read_picture_file, read_text, write_picture
 from robot.exchange.steering import ANGLES, THROTTLES, Meant, done_at, read_meant, read_point
-from robot.store.episodes.editing import moments
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode
+from robot.recordings.editing import moments
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode
 from robot.types import Action
 
 TABLE, MOVES = "frames.csv", "moves.json"
@@ -88,9 +88,9 @@ def read_folder(
             declared = from_text(read_text(moves))
     known = {str(move): move for move in (*CLASSIC, *names(declared))}
 
-    def read(place: str, cells: Cells) -> Shot:
+    def read(place: str, cells: Cells) -> FrameEvent:
         label, point = _meant(cells, threshold, known)
-        return Shot(
+        return FrameEvent(
             place=place,
             t_s=_seconds(_find(cells, _TIME)),
             label=label,

@@ -36,10 +36,10 @@ from robot.exchange.lerobot_tables import (
 from robot.exchange.steering import done_at
 from robot.exchange.timeline import make_timeline
 from robot.policy.image import Pixels
-from robot.store.episodes.editing import EpisodeFrame, moments
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode
-from robot.store.episodes.messages import Topic
+from robot.recordings.editing import EpisodeFrame, moments
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode
+from robot.recordings.messages import Topic
 from robot.types import Action
 
 CAMERA = "observation.images.front"

@@ -14,11 +14,11 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from robot.devices.outside import Outside, must_be, number, read, text, whole
 from robot.devices.pictures import Picture, read_picture
+from robot.devices.raw_value import RawValue, must_be, number, read, text, whole
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RecordingError, told_as
-from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
+from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import parse, read_picture_file, read_text
 from robot.exchange.film import FilmReader
 from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
@@ -32,7 +32,7 @@ _MOST_S = 1e7
 Record = dict[str, Any]
 
 
-class _Info(Outside):
+class _Info(RawValue):
     """What is needed of meta/info.json."""
 
     codebase_version: str = text()
@@ -105,12 +105,12 @@ class LerobotDataset:
         if said_by in _INTERVENTIONS:
             report.remark(f"only {said_by} says who drove: the rest is no example")
 
-        def read_row(place: str, record: Record) -> Shot:
+        def read_row(place: str, record: Record) -> FrameEvent:
             is_pilots = said_by is None or _flat(record.get(said_by))[:1] not in ([-1], [0], [])
             if said_by == PILOT:
                 is_pilots = _flat(record.get(PILOT)) != [-1]
             label, point, does = meant(record) if is_pilots else (None, None, None)
-            return Shot(
+            return FrameEvent(
                 place=place,
                 t_s=self._seconds(record),
                 label=label,

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from robot.devices.pictures import read_picture
 from robot.errors import RecordingError, told_as
-from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
+from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.film import of_size, to_jpeg
 from robot.exchange.timeline import make_timeline
-from robot.store.episodes.editing import EpisodeFrame, moments
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode
+from robot.recordings.editing import EpisodeFrame, moments
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode
 from robot.store.npz import read_arrays
 from robot.types import DEFAULT_MOVES, Encoding, Point
 
@@ -111,9 +111,9 @@ def _checked(path: Path, arrays: dict[str, NDArray[Any]], report: ImportReport) 
     refuse_if(not np.isfinite(t).all(), "has times that are not numbers")
     data, points = jpeg.tobytes(), _points(path, arrays, n_frames)
 
-    def read(place: str, index: int) -> Shot:
+    def read(place: str, index: int) -> FrameEvent:
         begin, end = offsets[index : index + 2].tolist()
-        return Shot(
+        return FrameEvent(
             place=place,
             t_s=float(t[index]),
             label=DEFAULT_MOVES[int(labels[index])],

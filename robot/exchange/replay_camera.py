@@ -78,8 +78,8 @@ class ReplayCamera(ThreadedCamera):
 
 def _load_episode(path: Path) -> list[Footage]:
     """Open an episode, and leave out what was deleted."""
-    from robot.store.episodes.edits import read_notes
-    from robot.store.episodes.episode import open_episode
+    from robot.recordings.edits import read_notes
+    from robot.recordings.episode import open_episode
 
     with told_as(RecordingError, f"there is no episode {path}"):
         episode, notes = open_episode(path), read_notes(path)

@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterable, Sequence
 
 from robot.driver import TURNS_BEYOND, Move, describe, move_at, point_of
-from robot.store.episodes.editing import EpisodeFrame
+from robot.recordings.editing import EpisodeFrame
 from robot.types import DEFAULT_MOVES, Action, Point
 
 DEFAULT_THRESHOLD = TURNS_BEYOND

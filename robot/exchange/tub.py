@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from robot.driver import point_of
-from robot.exchange.drive import Drive, ImportReport, Shot, drive_of
+from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import read_picture_file, write_picture
 from robot.exchange.steering import Said, done_at, point_said, read_meant, read_point
 from robot.exchange.tub_records import (
@@ -26,9 +26,9 @@ from robot.exchange.tub_records import (
     read_first,
     read_second,
 )
-from robot.store.episodes.editing import moments
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode
+from robot.recordings.editing import moments
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode
 from robot.types import Action
 
 _ANGLE, _THROTTLE, _MODE = "user/angle", "user/throttle", "user/mode"
@@ -59,10 +59,10 @@ def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
     found, moves = (read_first(folder, report), None) if is_first else read_second(folder, report)
     pictures = folder if is_first else folder / "images"
 
-    def read(place: str, record: Record) -> Shot:
+    def read(place: str, record: Record) -> FrameEvent:
         label, point, does = _said(record, threshold, moves)
         stamp_ms = record.get("_timestamp_ms")
-        return Shot(
+        return FrameEvent(
             place=place,
             t_s=_seconds(record.get("milliseconds") if stamp_ms is None else stamp_ms),
             label=label,

@@ -44,7 +44,7 @@ class Pair(NamedTuple):
 def load_pairs(folder: Path | str) -> list[Pair]:
     """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`;
     RecordingError if there is no such folder or pair, or a recording is broken."""
-    from robot.exchange.npz import load_recording  # of another house, asked for when needed
+    from robot.exchange.npz import load_recording  # of another extension, asked for when needed
 
     pairs = recorded_pairs(Path(folder))
     loaded = {path: load_recording(path) for path, _ in pairs}

@@ -97,7 +97,7 @@ def run_simulated_footage(params: Params) -> Result:
 
 def run_recorded_footage(params: Params) -> Result:
     """Train on one recording, test on another; `train`, `test` (paths) and `learner`."""
-    from robot.exchange.npz import load_recording  # of another house, asked for when needed
+    from robot.exchange.npz import load_recording  # of another extension, asked for when needed
 
     policy = make_learner(params["learner"], DEFAULT_MOVES)
     train, test = (seen_by(policy, load_recording(params[part]), {}) for part in ("train", "test"))

@@ -9,13 +9,13 @@ from itertools import cycle, islice
 
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.devices.rig import Rig, build_rig
-from robot.devices.simulation.camera import SimCamera
-from robot.devices.simulation.driver import SimDriver
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs
 from robot.lab.ideas import make_learner
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import PATIENT_LINK
 from robot.policy.autosize import sample_frames
+from robot.simulator.camera import SimCamera
+from robot.simulator.driver import SimDriver
 from robot.store.table import Cell, Table
 from robot.types import DEFAULT_MOVES, Action, Mode, PilotCommand
 

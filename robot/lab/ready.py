@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 from collections.abc import Iterator
 
-from robot.control.readiness import NOVEL_SHARE, Readiness, Stage
+from robot.coaching.readiness import NOVEL_SHARE, Readiness, Stage
 from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs
 from robot.lab.habits import RATES_HZ, WORLDS, taught_by
@@ -118,7 +118,7 @@ def _missing(readiness: Readiness) -> list[str]:
 READY = Experiment(
     title="Ready means ready",
     text="Pilots of all habits in all places teach, let the robot try with a hand near, and teach "
-    "again, as robot/control/readiness.py says, for twenty minutes at most. Then it drives a "
+    "again, as robot/coaching/readiness.py says, for twenty minutes at most. Then it drives a "
     "minute alone.",
     plan=_plan,
     tables=_tables,

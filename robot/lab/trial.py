@@ -12,13 +12,13 @@ from typing import Any
 
 from robot.control.link_governor import LinkGovernorConfig
 from robot.control.loop import ControlLoop, LoopConfig
-from robot.devices.simulation.camera import SimCamera, SimCameraOptions
-from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.errors import RobotError
 from robot.lab.metrics import DriveLog, DriveSample
 from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.simulated_pilots.situation import Situation, observe
 from robot.policy.policy import Policy
+from robot.simulator.camera import SimCamera, SimCameraOptions
+from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.types import Action, DrivenBy, Mode, Pose, Prediction, Sensors, StartStop
 

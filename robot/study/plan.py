@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
 
-from robot.devices.outside import must_be, number, text, whole
+from robot.devices.raw_value import must_be, number, text, whole
 from robot.errors import ConfigurationError, did_you_mean, told_as
 from robot.study.plan_table import PlanTable, Words, refuse_twins, refuse_unknown, words
 from robot.study.questions import Question, questionnaires

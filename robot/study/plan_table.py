@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
-from robot.devices.outside import Outside, fields_of, must_be, read
+from robot.devices.raw_value import RawValue, fields_of, must_be, read
 from robot.errors import ConfigurationError, did_you_mean, told_as
 from robot.policy.registry import is_learner_kind, learner_kinds, split_name
 from robot.types import Action
@@ -24,7 +24,7 @@ def words(default: Any = ...) -> Any:
     return must_be(_TEXT, default)
 
 
-class PlanTable(Outside):
+class PlanTable(RawValue):
     """Base of the tables: a field has the same form in all of them."""
 
     @classmethod

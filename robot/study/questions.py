@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from robot.devices.outside import must_be, text, whole
+from robot.devices.raw_value import must_be, text, whole
 from robot.errors import ConfigurationError
 from robot.study.plan_table import PlanTable, Words, words
 

@@ -14,21 +14,21 @@ from fastapi import FastAPI, HTTPException, Request, WebSocket
 from fastapi.responses import FileResponse, JSONResponse, Response
 
 from robot.clock import Clock
-from robot.devices.outside import Outside, must_be, text, whole
+from robot.devices.raw_value import RawValue, must_be, text, whole
 from robot.errors import NotFoundError, RobotError
-from server.board.board import Board, Onlooker
+from server.access.admission import AdmissionControl
+from server.access.guard import STOP_PATH, Guard
+from server.access.listener import connection_capacity
+from server.access.network import host_names
+from server.access.proxies import Proxies
+from server.access.rules import Access
+from server.board.board import Board, BoardViewer
 from server.board.model_copy import copy_model
 from server.config import Config
-from server.hosting.network import host_names
 from server.hosting.static_files import CompressedFiles
 from server.routes.bodies import HANDLERS, Short
 from server.routes.sockets import end_with_either
-from server.security.access import Access
-from server.security.door import Door
-from server.security.guard import STOP_PATH, Guard
-from server.security.listener import connection_capacity
-from server.security.proxies import Proxies
-from server.services import keep_door
+from server.services import install_admission
 
 SEND_EVERY_S = 0.1
 """News and pictures are gathered so long, and sent together."""
@@ -36,13 +36,13 @@ PICTURE_HEADER = struct.Struct("<HI")
 """Before each picture: the robot's number, and how many bytes follow."""
 
 
-class StopOrder(Outside):
+class StopOrder(RawValue):
     """Which robot is to stop; all if it is left out."""
 
     robot: int | None = whole(None)
 
 
-class RobotChange(Outside):
+class RobotChange(RawValue):
     """What is to change of one robot."""
 
     name: str | None = text(None)
@@ -50,7 +50,7 @@ class RobotChange(Outside):
     locks: list[Short] | None = must_be("a list of what is locked", None)
 
 
-class ModelCopies(Outside):
+class ModelCopies(RawValue):
     """Which robots get the model."""
 
     to: list[int] = must_be("a list of robots' numbers")
@@ -81,8 +81,8 @@ def create_board_app(
         sentence = f"{board.robot(int(request.path_params['number'])).name}: {error}"
         return JSONResponse({"detail": sentence}, getattr(error, "status", 502))
 
-    door = Door(config.limits, connection_capacity())
-    keep_door(app, door, clock)
+    admission = AdmissionControl(config.limits, connection_capacity())
+    install_admission(app, admission, clock)
     _add_routes(app, config, board, clock)
     app.mount("/", CompressedFiles(config.web), name="web")
 
@@ -100,7 +100,7 @@ def create_board_app(
         Guard,
         access=Access(names=frozenset(host_names(config))),
         refused=Counter(),
-        door=door,
+        admission=admission,
         clock=clock,
         proxies=Proxies((), (), admits_all=True),
     )
@@ -162,7 +162,7 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
     async def follow(websocket: WebSocket) -> None:
         """Send news and pictures; receive who is watched, STOP, and the release of a stop."""
         await websocket.accept()
-        onlooker = Onlooker()
+        onlooker = BoardViewer()
         board.join(onlooker)
         try:
             await end_with_either(
@@ -172,7 +172,7 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
             board.leave(onlooker)
 
 
-async def _hear(websocket: WebSocket, board: Board, onlooker: Onlooker) -> None:
+async def _hear(websocket: WebSocket, board: Board, onlooker: BoardViewer) -> None:
     while True:
         event = await websocket.receive()
         if event["type"] == "websocket.disconnect":
@@ -195,7 +195,7 @@ async def _hear(websocket: WebSocket, board: Board, onlooker: Onlooker) -> None:
             return
 
 
-async def _tell(websocket: WebSocket, board: Board, onlooker: Onlooker, clock: Clock) -> None:
+async def _tell(websocket: WebSocket, board: Board, onlooker: BoardViewer, clock: Clock) -> None:
     """Send what is new, but not while a stop is under way; of pictures only the newest, once those
     before have been drawn."""
     while True:

@@ -12,14 +12,14 @@ from robot.errors import NotFoundError
 from server.board.class_key import ClassKey
 from server.board.robot_link import RobotLink
 from server.board.stopping import Stopping
-from server.board.strangers import Strangers
 from server.board.teacher_session import TeacherSession
 from server.board.transport import NetworkTransport, RobotAddress
+from server.board.unverified_robots import UnverifiedRobots
 
 PICTURE_EVERY_S = 1.0
 
 
-class Onlooker:
+class BoardViewer:
     """One open page of the board: what it has not been told yet, and the newest pictures.
 
     Attributes:
@@ -56,9 +56,9 @@ class Board:
         self._meet = partial(TeacherSession, key=key, transport=transport)
         self._picture_every_s = picture_every_s
         self.robots: dict[int, RobotLink] = {}
-        self.strangers = Strangers(self._meet, clock, self.add, self._note_strangers)
+        self.strangers = UnverifiedRobots(self._meet, clock, self.add, self._note_strangers)
         self._tasks: list[asyncio.Task[None]] = []
-        self._onlookers: list[Onlooker] = []
+        self._onlookers: list[BoardViewer] = []
         self.at_leisure = asyncio.Event()
         """Not set while a robot has not answered a stop, nor been named for it: then no pictures
         are taken and no news are told, so that this machine and the network have nothing else."""
@@ -123,18 +123,18 @@ class Board:
 
     # Pages -------------------------------------------------------------------------------------
 
-    def join(self, page: Onlooker) -> None:
+    def join(self, page: BoardViewer) -> None:
         """Add a page; it is told of all robots."""
         self._onlookers.append(page)
         page.changed.update(self.robots)
         page.strangers_changed = True
         page.due.set()
 
-    def leave(self, page: Onlooker) -> None:
+    def leave(self, page: BoardViewer) -> None:
         self._onlookers.remove(page)
         self._choose_pictures()
 
-    def watch(self, page: Onlooker, numbers: Iterable[int]) -> None:
+    def watch(self, page: BoardViewer, numbers: Iterable[int]) -> None:
         """Send a page the pictures of these robots, and of no others."""
         page.watched = frozenset(numbers)
         for number in set(page.pictures) - page.watched:

@@ -29,6 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until interrupted; then no process is left."""
+    from server.access.network import lan_addresses
     from server.board.class_key import keep_class_key
     from server.board.command import serve_board
     from server.board.discovery import read_list
@@ -36,7 +37,6 @@ def run(args: argparse.Namespace) -> int:
     from server.board.transport import RobotAddress
     from server.config import Config
     from server.hosting.logs import start_logging
-    from server.hosting.network import lan_addresses
 
     start_logging(verbose=args.verbose)
     count, others = split(args.robots)

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError, told_as
 from robot.store.records import read_regular
-from server.security.pairing import ALPHABET, TOKEN_LETTERS
+from server.access.pairing import ALPHABET, TOKEN_LETTERS
 
 SHORTEST = 32
 """Letters of a key; whoever records a handshake can try keys offline."""

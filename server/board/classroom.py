@@ -21,8 +21,8 @@ from pathlib import Path
 from robot.errors import ConfigurationError
 from robot.store.folder import write_whole
 from robot.store.records import read_regular
+from server.access.pairing import hash_of
 from server.board.class_key import ClassKey
-from server.security.pairing import hash_of
 
 log = logging.getLogger(__name__)
 

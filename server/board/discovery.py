@@ -16,8 +16,8 @@ from typing import Any
 
 from robot.clock import RealClock
 from robot.errors import ConfigurationError, need, told_as
+from server.access.network import ADDRESS, ROBOT, own_addresses
 from server.board.transport import RobotAddress
-from server.hosting.network import ADDRESS, ROBOT, own_addresses
 
 log = logging.getLogger(__name__)
 _KINDS = {"_http._tcp.local.": False, "_https._tcp.local.": True}

@@ -11,13 +11,13 @@ from typing import Any
 
 from fastapi import APIRouter, Depends, HTTPException, Request
 
-from robot.devices.outside import Outside, must_be, text
+from robot.devices.raw_value import RawValue, must_be, text
+from server.access.guard import role_of
+from server.access.rules import Role
 from server.board.class_key import endpoint, read_class_key
 from server.board.classroom import LOCKS, Classroom
 from server.routes.answers import Route
 from server.routes.bodies import Short, do
-from server.security.access import Role
-from server.security.guard import role_of
 from server.services import Extension, Services, services_of
 
 router = APIRouter(prefix="/api/class", route_class=Route)
@@ -31,7 +31,7 @@ def _require_teacher(request: Request) -> None:
 TEACHER = Depends(_require_teacher)
 
 
-class ClassHello(Outside):
+class ClassHello(RawValue):
     """The board's random number."""
 
     nonce: str = text()
@@ -44,7 +44,7 @@ class ClassJoin(ClassHello):
     proof: str = text()
 
 
-class ClassLocks(Outside):
+class ClassLocks(RawValue):
     """What pupils may not change."""
 
     locks: list[Short] = must_be(f"a list of some of {', '.join(LOCKS)}")

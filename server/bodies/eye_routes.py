@@ -9,14 +9,14 @@ from fastapi.responses import FileResponse, Response
 
 from robot.bodies.phone.camera import PhoneCamera
 from robot.clock import Clock
+from server.access.guard import role_of
+from server.access.rules import Role
 from server.bodies.eye import EyeClock, parse_frame, parse_text
 from server.clients.hub import Hub
+from server.clients.rate_limit import RateLimit
 from server.clients.telemetry import describe_state
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message
 from server.routes.sockets import converse, end_with_either
-from server.security.access import Role
-from server.security.guard import role_of
-from server.security.pace import Pace
 from server.services import Extension, services_of
 
 router = APIRouter()
@@ -42,7 +42,7 @@ class _Eye:
         self._clock: Clock = hub.clock
         self._eye_clock = EyeClock()
         limits = hub.config.limits
-        self._pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
+        self._pace = RateLimit(per_second=limits.frames_per_second, burst=limits.frames_per_second)
         self._refusals_left = limits.refused_before_closing
         self._shut_out = asyncio.Event()
 

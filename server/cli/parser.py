@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from robot.devices import outside
+from robot.devices import raw_value
 from robot.devices.options import Option
 from robot.errors import ConfigurationError, did_you_mean, need
 
@@ -37,7 +37,7 @@ def number(
     *, above: float | None = None, least: float | None = None, most: float | None = None
 ) -> Callable[[str], Any]:
     """Return argparse's reader of a number within limits: more than `above`, from `least`."""
-    declared = outside.number(above=above, least=least, most=most)
+    declared = raw_value.number(above=above, least=least, most=most)
     return lambda text: _read(float, declared, text)
 
 
@@ -45,7 +45,7 @@ def whole(
     least: int, most: int | None = None, *, or_word: str | None = None
 ) -> Callable[[str], Any]:
     """Return argparse's reader of a whole number within limits, or of one word."""
-    declared = outside.whole(least=least, most=most, or_word=or_word)
+    declared = raw_value.whole(least=least, most=most, or_word=or_word)
     return lambda text: text if text == or_word else _read(int, declared, text)
 
 
@@ -56,7 +56,7 @@ def several(read: Callable[[str], Any]) -> Callable[[str], list[Any]]:
 
 def _read(kind: type[Any], declared: Any, text: str) -> Any:
     try:
-        return outside.reader(kind, declared)(text)
+        return raw_value.reader(kind, declared)(text)
     except ConfigurationError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 

@@ -22,21 +22,21 @@ from robot.errors import ConfigurationError, RecordingError
 from robot.policy.registry import MOST_NODES, full_name, split_name
 from robot.store.folder import Storage, default_root
 from robot.store.prepare import prepare
+from server.access.network import host_names, lan_addresses, page_addresses
+from server.access.rules import Role
 from server.cli.parser import declare, host_name, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config, Limits, PublicAddress, read_networks
 from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address, show_page
 from server.hosting.logs import start_logging
-from server.hosting.network import host_names, lan_addresses, page_addresses
-from server.security.access import Role
 from server.services import installed, make_services
 
 if TYPE_CHECKING:
     from robot.control.loop import LoopConfig
     from robot.devices.rig import Rig
     from robot.store.models.autosave import Autosave
+    from server.access.pairing import Pairing
     from server.clients.hub import Hub
-    from server.security.pairing import Pairing
 
 log = logging.getLogger(__name__)
 DEFAULT_ROBOT = "sim"
@@ -107,9 +107,9 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from robot.devices.rig import build_rig
+    from server.access.network import announced
     from server.app import create_app
     from server.clients.hub import Hub
-    from server.hosting.network import announced
     from server.hosting.serving import end_by_signals, open_socket, serve
     from server.identity import IdentityFile
     from server.persistence import Persistence
@@ -136,7 +136,7 @@ def run(args: argparse.Namespace) -> int:
     config = dataclasses.replace(config, port=listener.getsockname()[1])
     certificates = None
     if config.tls:
-        from server.security.certificates import make_certificates
+        from server.access.certificates import make_certificates
 
         names = [*host_names(config), *lan_addresses(config)]
         certificates = make_certificates(config.data / "tls", names, dt.datetime.now(dt.UTC))
@@ -260,7 +260,7 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
 
 
 def _open_pairing(config: Config, address: str, rig: Rig) -> Pairing:
-    from server.security.pairing import Pairing
+    from server.access.pairing import Pairing
 
     def show(role: Role, token: str) -> None:
         """Draw the next phone's code where the one before it was drawn."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from robot.devices.outside import Outside, number, reader, whole
+from robot.devices.raw_value import RawValue, number, reader, whole
 from robot.errors import ConfigurationError, did_you_mean, told_as
 
 PREFIX = "DRIVELESSON_"
@@ -99,7 +99,7 @@ def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
         is_whole = known[key].type == "int"
         declared = whole(least=0) if is_whole else number(least=0)
         with told_as(ConfigurationError, f"[{name}] {key}", ConfigurationError):
-            reader(int if is_whole else float, declared, Outside)(value)
+            reader(int if is_whole else float, declared, RawValue)(value)
     return kind(**table)
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 
+from server.access.rules import Role
+from server.clients.rate_limit import RateLimit
 from server.config import Limits
 from server.protocol import ErrorCode, ProtocolError, encode_error
-from server.security.access import Role
-from server.security.pace import Pace
 
 _OUTBOX = 64
 """Answers queued for one client; a client that reads more slowly loses the oldest."""
@@ -31,7 +31,7 @@ class Client:
         self.role = role
         self.person = person
         self._last_seq = 0
-        self.pace = Pace(per_second=limits.messages_per_second, burst=limits.messages_burst)
+        self.pace = RateLimit(per_second=limits.messages_per_second, burst=limits.messages_burst)
         self.refused = 0
         self._most_refused = limits.refused_before_closing
         self.shut_out = asyncio.Event()

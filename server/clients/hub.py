@@ -19,15 +19,15 @@ from robot.devices.rig import Rig
 from robot.driver import describe, move_at
 from robot.types import Frame, Mode, PilotCommand, StopReason
 from server import protocol
+from server.access.rules import Role
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger, why_refused
 from server.clients.lease import Lease
+from server.clients.rate_limit import RateLimit
 from server.clients.telemetry import STATE_EVERY_S, describe_body, describe_state, state_every_s
 from server.clients.video import Encoder, VideoHub
 from server.config import Config
 from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_message
-from server.security.access import Role
-from server.security.pace import Pace
 
 log = logging.getLogger(__name__)
 LASTING = ("set_aside", "nothing_kept")
@@ -44,7 +44,7 @@ class Hub:
         self.name = name
         self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock, robot.camera.for_the_eye)
         self.lease = Lease()
-        self._asks = Pace(per_second=1.0, burst=3.0)
+        self._asks = RateLimit(per_second=1.0, burst=3.0)
         self.nonces = NonceLedger()
         self.stopped_by_teacher = False  # the board of the class, which has not released it yet
         self.refused: Counter[ErrorCode] = Counter()

@@ -20,11 +20,11 @@ from robot.exchange.sources import Source, find_drives, unpacked
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.timeline import make_timeline
 from robot.exchange.tub import write_tub
-from robot.store.episodes.editing import EpisodeFrame, moments
-from robot.store.episodes.store import EpisodeStore
+from robot.recordings.editing import EpisodeFrame, moments
+from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage, check_name
-from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_episodes
 from server.cli.parser import progress, whole
+from server.recordings.selection import EPISODE_HELP, EpisodeVerb, find_episodes
 
 EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "tub": (write_tub, "records", ("taught_only",)),

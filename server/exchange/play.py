@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from robot.store.episodes.store import EpisodeStore
+from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
-from server.cli.kept import EPISODE_HELP, EpisodeVerb, find_path
+from server.recordings.selection import EPISODE_HELP, EpisodeVerb, find_path
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -8,8 +8,8 @@ import threading
 import webbrowser
 from collections.abc import Mapping, Sequence
 
+from server.access.rules import Role
 from server.hosting.terminal_code import draw_qr
-from server.security.access import Role
 
 
 def greet_here(address: str, *, with_eye: bool = False) -> str:

@@ -13,14 +13,14 @@ from collections.abc import Coroutine, Iterator
 from typing import TYPE_CHECKING, Any
 
 from robot.errors import ConfigurationError
+from server.access.listener import AdmissionListener
 from server.config import Config
-from server.security.listener import DoorListener
-from server.services import behind_door
+from server.services import limit_connections
 
 if TYPE_CHECKING:
     from uvicorn import Server
 
-    from server.security.certificates import Certificates
+    from server.access.certificates import Certificates
 
 MAX_MESSAGE_BYTES = 65_536
 """A larger websocket message closes the connection before it is read into memory."""
@@ -98,7 +98,7 @@ def serve(app: Any, listener: socket.socket, certificates: Certificates | None =
     """Serve until SIGINT or SIGTERM."""
     server = _make_server(app, certificates)
     leave_out_of_collections()
-    with behind_door(app, listener) as guarded:
+    with limit_connections(app, listener) as guarded:
         _run(_serve(server, guarded))
 
 
@@ -116,22 +116,22 @@ def end_by_signals() -> None:
 
 
 def _run(served: Coroutine[Any, Any, None]) -> None:
-    """Run on the loop that asks a listener to accept: Windows' own goes past the door."""
+    """Run on the loop that asks a listener to accept: Windows' own goes past the admission."""
     with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
         runner.run(served)
 
 
-async def _serve(server: Server, guarded: DoorListener) -> None:
+async def _serve(server: Server, guarded: AdmissionListener) -> None:
     """Serve until told to end; then close what hangs: an upload, a half handshake."""
     serving = asyncio.ensure_future(server.serve(sockets=[guarded]))
     # A signal that newer uvicorns raise again ends the loop, which would log it as an error.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
-        guarded.door.expire(guarded.clock.now_s())
+        guarded.admission.expire(guarded.clock.now_s())
         await asyncio.wait([serving], timeout=0.1)
     await asyncio.wait([serving], timeout=_END_S)
     if not serving.done():
-        for place in list(guarded.door.connections.values()):
+        for place in list(guarded.admission.connections.values()):
             place.close()
         await asyncio.wait([serving], timeout=_END_S)
         server.force_exit = True
@@ -141,7 +141,7 @@ async def _serve(server: Server, guarded: DoorListener) -> None:
 @contextlib.contextmanager
 def served(app: Any, config: Config, certificates: Certificates | None = None) -> Iterator[str]:
     """Serve on a thread of its own inside the block; yield the address. For tests."""
-    listener = behind_door(app, open_socket(config.host, config.port))
+    listener = limit_connections(app, open_socket(config.host, config.port))
     server = _make_server(app, certificates)
     thread = threading.Thread(target=lambda: _run(_serve(server, listener)), name="server")
     thread.start()

@@ -14,8 +14,8 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
+from server.access.guard import content_policy
 from server.hosting.joined_page import JoinedPage, join_page
-from server.security.guard import content_policy
 
 _TEXT = ("text/", "application/json", "application/manifest+json", "image/svg+xml")
 _FOR_EVER = "max-age=31536000, immutable"

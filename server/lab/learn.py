@@ -11,14 +11,14 @@ from pathlib import Path
 from robot.errors import ConfigurationError, told_as
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, full_name, make_policy
-from robot.store.episodes.store import EpisodeStore
-from robot.store.episodes.teaching import EditedEpisode, Report, learn_again, plan
+from robot.recordings.store import EpisodeStore
+from robot.recordings.teaching import EditedEpisode, Report, learn_again, plan
 from robot.store.folder import Storage, check_name, default_root, write_whole
 from robot.store.models.model import Model, encode_model, same_nodes, take_model
 from robot.store.models.store import ModelStore
 from robot.types import DEFAULT_MOVES, Action
-from server.cli.kept import add_data, find_episodes
 from server.cli.parser import progress, whole
+from server.recordings.selection import add_data, find_episodes
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -1,6 +1,6 @@
 """The routes, one module for each topic, and each with a `router`.
 
-Who may ask for what is the guard's (`server.security.access`): a viewer may read. All services are
+Who may ask for what is the guard's (`server.access.rules`): a viewer may read. All services are
 in `services_of(request)`. Requests that touch the learner go through `robot.loop.submit`. See
 docs/reference/http.md.
 """
@@ -12,12 +12,13 @@ from importlib import import_module
 from fastapi import APIRouter
 
 MODULES = (
-    *("drive", "video", "health", "pairing", "models", "episodes"),
-    *("gallery", "teaching", "retraining", "world", "settings"),
+    *("routes.drive", "routes.video", "routes.health", "access.pairing_routes", "routes.models"),
+    *("recordings.routes", "coaching.gallery_routes", "routes.teaching"),
+    *("recordings.retraining_routes", "simulator.routes", "routes.settings"),
 )
-"""Modules of this package; a new one is registered here only. Houses add theirs as extensions."""
+"""Modules with routes, in `server`; extensions add theirs as an `Extension`."""
 
 
 def routers() -> list[APIRouter]:
     """Import the modules and return their routers, in order."""
-    return [import_module(f"server.routes.{name}").router for name in MODULES]
+    return [import_module(f"server.{name}").router for name in MODULES]

@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from robot.devices.outside import Outside, explain, kind_of, text
+from robot.devices.raw_value import RawValue, explain, kind_of, text
 from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, RobotError
 from server.services import services_of
 
@@ -20,13 +20,13 @@ do = run_in_threadpool
 Short = Annotated[str, Field(max_length=200)]
 
 
-class Named(Outside):
+class Named(RawValue):
     """What may have a name of a person's own."""
 
     name: str | None = text(None)
 
 
-class Key(Outside):
+class Key(RawValue):
     """What a deletion returned."""
 
     undo: str = text()

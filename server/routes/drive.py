@@ -8,9 +8,9 @@ from functools import partial
 from fastapi import APIRouter, WebSocket
 from starlette.requests import Request
 
+from server.access.guard import STOP_PATH, person_of, role_of
 from server.routes.answers import Route
 from server.routes.sockets import converse
-from server.security.guard import STOP_PATH, person_of, role_of
 from server.services import services_of
 
 router = APIRouter(route_class=Route)

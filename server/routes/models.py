@@ -9,7 +9,7 @@ from typing import Any
 
 from fastapi import APIRouter, HTTPException, Request, Response
 
-from robot.devices.outside import text
+from robot.devices.raw_value import text
 from robot.store.models.model import decode_model
 from robot.store.models.store import StoredModel
 from server.routes.answers import PNG, Route, answer, attachment, media, png

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 from fastapi import APIRouter, Request
 
-from robot.devices.outside import Outside, must_be, number, text
+from robot.devices.raw_value import RawValue, must_be, number, text
 from robot.errors import ConfigurationError
 from robot.policy import autosize
 from robot.policy.registry import split_name
@@ -26,7 +26,7 @@ SIZES: tuple[int, ...] = get_args(Size)
 _TRIALS = 10
 
 
-class SettingsChange(Outside):
+class SettingsChange(RawValue):
     """What is to change."""
 
     speed: float | None = number(None, least=0.3, most=1.0)

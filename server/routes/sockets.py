@@ -10,8 +10,8 @@ from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from robot.clock import Clock
+from server.access.guard import note_use
 from server.hosting.uvicorn_fastpath import EXTENSION
-from server.security.guard import note_use
 
 _LAST_S = 1.0
 """So long a client that is shown out is still read."""

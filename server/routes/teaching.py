@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from fastapi import APIRouter, HTTPException, Query, Request
 
-from robot.control.readiness import Readiness
-from robot.devices.outside import Outside, number
+from robot.coaching.readiness import Readiness
+from robot.devices.raw_value import RawValue, number
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
 from robot.policy.image import to_small_grey
 from server.routes.answers import Route, answer, png_text
@@ -22,7 +22,7 @@ _STRIP = 24
 """How many frames a strip shows at most."""
 
 
-class TrainingUndo(Outside):
+class TrainingUndo(RawValue):
     """How much of the latest training is undone."""
 
     seconds: float = number(above=0, most=UNDO_HORIZON_S)

@@ -14,13 +14,13 @@ from collections.abc import AsyncIterator
 from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import StreamingResponse
 
+from server.access.guard import person_of
 from server.clients.hub import Hub
+from server.clients.rate_limit import RateLimit
 from server.clients.video import Viewer
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.answers import Route
 from server.routes.sockets import converse, fast_path
-from server.security.guard import person_of
-from server.security.pace import Pace
 from server.services import services_of
 
 router = APIRouter(route_class=Route)
@@ -39,7 +39,7 @@ async def video(websocket: WebSocket) -> None:
         await websocket.close(1008, f"every_ms must be a whole number up to {_SELDOM_MS}")
         return
     limits, direct = hub.config.limits, fast_path(websocket)
-    pace = Pace(per_second=limits.frames_per_second, burst=limits.frames_per_second)
+    pace = RateLimit(per_second=limits.frames_per_second, burst=limits.frames_per_second)
     refused, shut_out = itertools.count(1), asyncio.Event()
     waiting: asyncio.Queue[bytes] = asyncio.Queue()
 

@@ -10,13 +10,13 @@ from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
-from robot.devices.outside import Outside, must_be, text, whole
+from robot.devices.raw_value import RawValue, must_be, text, whole
 from robot.errors import ConfigurationError, NotFoundError
 from robot.study.builtin import paper_plan
 from robot.study.session import SessionStep
+from server.access.guard import role_of
+from server.access.rules import ONLY_PILOTS, Role
 from server.routes.answers import Route, attachment, media
-from server.security.access import ONLY_PILOTS, Role
-from server.security.guard import role_of
 from server.services import Extension, Services, persistence_of, services_of
 from server.study.conductor import Conductor
 from server.study.folder import StudyFolder
@@ -25,7 +25,7 @@ router = APIRouter(prefix="/api", route_class=Route)
 _RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")
 
 
-class NewStudy(Outside):
+class NewStudy(RawValue):
     """A study's name, and its plan as TOML or the number of a trial of the paper."""
 
     name: str = text()
@@ -33,7 +33,7 @@ class NewStudy(Outside):
     trial: Literal[1, 2, 3] | None = must_be("1, 2 or 3", None)
 
 
-class NewSession(Outside):
+class NewSession(RawValue):
     """Whose session of which study, or which trial of the paper with how long a teaching."""
 
     study: str = text("")
@@ -42,20 +42,20 @@ class NewSession(Outside):
     teach_s: int | None = whole(None)
 
 
-class Consent(Outside):
+class Consent(RawValue):
     """The language in which the participant confirmed the plan's text."""
 
     language: str = text()
 
 
-class Going(Outside):
+class Going(RawValue):
     """Whether the place is the right one, and whether a condition begins anew."""
 
     confirmed: bool = must_be("true or false", False)
     anew: bool = must_be("true or false", False)
 
 
-class Answers(Outside):
+class Answers(RawValue):
     """Answers by question; with `done` all must be there."""
 
     answers: dict[str, Any] = must_be("an object of answers by question", {})

@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from robot.devices.outside import Outside, must_be, read, text, whole
+from robot.devices.raw_value import RawValue, must_be, read, text, whole
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError, told_as
 from robot.store.folder import Storage, check_name, fold, paths_in, write_whole
 from robot.study.archive import pack
@@ -41,7 +41,7 @@ class SessionSummary:
     fault: str = ""
 
 
-class SessionModel(Outside):
+class SessionModel(RawValue):
     """The model of the session that is driven just now, and what was in use before it."""
 
     study: str = text()

@@ -19,8 +19,8 @@ BREACHES = {
     "from robot to server": ("robot/errors.py", "import server.protocol"),
     "pydantic past the border": ("robot/store/folder.py", "import pydantic"),
     "a fake in the server": ("server/clients/hub.py", "from robot.testing import FakeCamera"),
-    "from the core to a house": (
-        "robot/devices/simulation/driver.py",
+    "from the core to an extension": (
+        "robot/simulator/driver.py",
         "import robot.exchange.replay_driver",
     ),
 }

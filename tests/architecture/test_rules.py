@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from robot.control.loop import ControlLoop
-from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.policy.registry import make_policy
+from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from tests.robot.bench_robot import BenchCamera
 
@@ -54,7 +54,7 @@ PASSES_BY = {
     "robot/control/online_learning.py": "look",
     "robot/policy/policy.py": "propose",
     "robot/control/gate.py": "select",
-    "robot/devices/simulation/driver.py": "_drive",
+    "robot/simulator/driver.py": "_drive",
 }
 """The function of each module by which a frame, or what was made of it, goes on."""
 

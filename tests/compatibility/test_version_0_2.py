@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot.policy.gallery import images
+from robot.coaching.gallery import images
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import open_episode
-from robot.store.episodes.store import EpisodeStore
-from robot.store.episodes.teaching import learn_again
+from robot.recordings.edits import Notes
+from robot.recordings.episode import open_episode
+from robot.recordings.store import EpisodeStore
+from robot.recordings.teaching import learn_again
 from robot.store.folder import Storage
 from robot.store.models.replay import recover
 from robot.store.models.store import ModelStore

@@ -12,8 +12,8 @@ from robot.exchange.lerobot import write_lerobot
 from robot.exchange.sources import find_drives
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.tub import write_tub
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import open_episode, taught_frames
+from robot.recordings.edits import Notes
+from robot.recordings.episode import open_episode, taught_frames
 from server.routes.health import render_metrics
 from tests.robot.exchange.sim_drive import drive_in_simulator
 from tests.server.virtual import ServedWorld, virtually

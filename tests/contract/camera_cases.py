@@ -32,9 +32,9 @@ from robot.bodies.v4l2.camera import UsbCameraOptions, V4l2Camera
 from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
 from robot.clock import Clock, RealClock
 from robot.devices.pictures import read_jpeg
-from robot.devices.simulation.camera import SimCamera, SimCameraOptions
-from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
+from robot.simulator.camera import SimCamera, SimCameraOptions
+from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.testing.cases import CameraCase
 from tests.contract.driver_cases import fake_brick, line_of_pixels

@@ -24,9 +24,9 @@ from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.gpio.driver import GpioOptions
 from robot.bodies.gymnasium.driver import GymnasiumDriver, GymnasiumOptions
 from robot.clock import Clock
-from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.errors import DriveError, NotConnectedError
 from robot.exchange.replay_driver import ReplayDriver
+from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.testing.cases import DriverCase
 from robot.types import Action, Point

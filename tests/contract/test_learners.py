@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from robot.coaching.gallery import images
 from robot.errors import MissingExtraError
 from robot.lab.baselines import RIVALS
 from robot.lab.variants import VARIANTS
 from robot.learner import Learner, State
-from robot.policy.gallery import images
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import learner_kinds, make_policy

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.store.episodes.messages import SCHEMAS, Topic
+from robot.recordings.messages import SCHEMAS, Topic
 from robot.types import StopReason
 from tests.conformance.samples import metrics_of_a_robot
 

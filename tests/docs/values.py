@@ -18,7 +18,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from robot import driver
-from robot.control import readiness
+from robot.coaching import readiness
 from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig

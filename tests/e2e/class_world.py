@@ -14,6 +14,8 @@ from robot.devices.rig import Rig, build_rig
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
+from server.access.certificates import make_certificates
+from server.access.pairing import Pairing
 from server.app import create_app
 from server.board.app import create_board_app
 from server.board.board import Board
@@ -24,8 +26,6 @@ from server.config import Config
 from server.hosting.serving import served
 from server.identity import COLOURS, IdentityFile
 from server.persistence import Persistence
-from server.security.certificates import make_certificates
-from server.security.pairing import Pairing
 from server.services import Services, make_services
 
 KEY = ClassKey("k" * 40)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from server.security.certificates import make_certificates
+from server.access.certificates import make_certificates
 
 FROM_THE_DOCS = Path(__file__).resolve().parents[2] / "docs" / "examples" / "proxy" / "nginx.conf"
 _PLAIN = """

@@ -5,9 +5,9 @@ from __future__ import annotations
 import functools
 
 from robot.devices.pictures import Picture
-from robot.devices.simulation.simulation import Simulation
-from robot.devices.simulation.world import load_world
-from robot.exchange.drive import Drive, Shot, write_episode
+from robot.exchange.drive import Drive, FrameEvent, write_episode
+from robot.simulator.simulation import Simulation
+from robot.simulator.world import load_world
 from robot.types import Action, Encoding
 
 from .world import World
@@ -17,7 +17,7 @@ FILMED = 70
 
 
 @functools.cache
-def film_a_good_pilot(frames: int) -> tuple[Shot, ...]:
+def film_a_good_pilot(frames: int) -> tuple[FrameEvent, ...]:
     """Film a simulated robot whose pilot turns left before a wall: ten pictures a second."""
     simulation = Simulation(load_world("box"), seed=5)
     held, shots = FORWARD, []
@@ -28,7 +28,7 @@ def film_a_good_pilot(frames: int) -> tuple[Shot, ...]:
         picture = functools.partial(
             Picture, data=pixels.tobytes(), encoding=Encoding.RGB, width=160, height=120
         )
-        shots.append(Shot(t_s=i / 10, picture=picture, label=held))
+        shots.append(FrameEvent(t_s=i / 10, picture=picture, label=held))
         simulation.action = held
         simulation.step(0.1)
     simulation.close()

@@ -15,8 +15,8 @@ from typing import Any
 import httpx
 
 from robot.study.session import SessionStep
+from server.access.pairing import Pairing
 from server.config import Config
-from server.security.pairing import Pairing
 from server.study.conductor import Conductor
 from server.study.extension import StudyExtension
 from tests.server.live_robot import WEB, live_server

@@ -9,9 +9,9 @@ from typing import Any
 import httpx
 import pytest
 
+from server.access.pairing import Pairing
+from server.access.rules import Role
 from server.config import Config, PublicAddress, read_networks
-from server.security.access import Role
-from server.security.pairing import Pairing
 from tests.server.live_robot import WEB, LiveServer, live_server
 
 from .nginx import free_port, plain_site, running_caddy, running_nginx, site_of_the_docs

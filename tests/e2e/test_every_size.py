@@ -9,7 +9,7 @@ import pytest
 
 from .boxes import drive_faults, faults, speak_longer
 from .class_world import LiveClass, running_class
-from .test_mending import drive
+from .test_editing_recordings import drive
 from .world import World, finish_recording, open_page, running_world, settle, show
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]

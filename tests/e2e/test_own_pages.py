@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from robot.devices.simulation.driver import SimDriver
+from robot.simulator.driver import SimDriver
 from robot.types import Action, Mode
 
 from .boxes import drive_faults

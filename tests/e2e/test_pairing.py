@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from server.access.pairing import Pairing
+from server.access.rules import Role
 from server.config import Config
-from server.security.access import Role
-from server.security.pairing import Pairing
 from tests.e2e.world import PHONE
 from tests.server.live_robot import WEB, live_server
 

@@ -12,8 +12,8 @@ from robot.types import Mode
 
 from .class_world import running_class
 from .hand import choose
+from .test_editing_recordings import drive
 from .test_everyone import complaints
-from .test_mending import drive
 from .world import World, finish_recording
 
 pytestmark = pytest.mark.browser

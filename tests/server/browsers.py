@@ -18,9 +18,9 @@ from urllib.parse import urljoin, urlsplit
 
 import pytest
 
+from server.access.certificates import Certificates
+from server.access.pairing import Paired, Pairing, cookie_name
 from server.config import Config, PublicAddress, read_networks
-from server.security.certificates import Certificates
-from server.security.pairing import Paired, Pairing, cookie_name
 from tests.e2e.nginx import free_port, plain_site, running_nginx, site_of_the_docs
 
 from .live_robot import WEB, live_server

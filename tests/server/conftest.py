@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from robot.store.folder import Storage
-from tests.robot.store.episodes.drives import record_drive
+from tests.robot.recordings.drives import record_drive
 
 from .virtual_server import VirtualServer
 

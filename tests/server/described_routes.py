@@ -12,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 
 from robot.store.folder import Storage
-from tests.robot.store.episodes.drives import record_drive
+from tests.robot.recordings.drives import record_drive
 
 from .own_process import own_process
 

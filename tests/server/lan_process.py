@@ -17,15 +17,15 @@ from robot.clock import RealClock
 from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
 from robot.testing import FakeCamera, FakeDriver
+from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config
 from server.hosting.logs import start_logging
 from server.hosting.serving import leave_out_of_collections, served
-from server.security.pairing import Pairing
 from server.services import make_services
+from tests.server.access.unpaired_flood import PATIENCE_S
 
 from .live_robot import WEB
-from .stranger import PATIENCE_S
 
 DESCRIPTORS = 1024
 
@@ -106,8 +106,9 @@ def main(web: str) -> None:
                 json.dumps(
                     {
                         "tokens": tokens,
-                        "open": len(services.door.connections),
-                        "evicted": services.door.pending.evicted + services.door.admitted.evicted,
+                        "open": len(services.admission.connections),
+                        "evicted": services.admission.pending.evicted
+                        + services.admission.admitted.evicted,
                         "longest_stand_s": max(stood_s[1:], default=0.0),
                         "moves": sum(one.value != "stop" for _, one in driver.changes),
                         "mode": rig.loop.state.decision.mode.value,

@@ -19,13 +19,13 @@ from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
+from server.access.certificates import Certificates
+from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config
 from server.hosting.serving import served
 from server.persistence import Persistence
 from server.protocol import encode_acknowledgement, parse_picture
-from server.security.certificates import Certificates
-from server.security.pairing import Pairing
 from server.services import Services, make_services
 
 WEB = Path(__file__).resolve().parents[2] / "web"

@@ -18,10 +18,10 @@ from robot.store.folder import Storage
 from robot.store.prepare import prepare
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Example
+from server.access.pairing import Pairing
 from server.identity import IdentityFile
 from server.persistence import Persistence
-from server.security.pairing import Pairing
-from tests.robot.store.episodes.drives import record_drive
+from tests.robot.recordings.drives import record_drive
 
 SEEDS = int(os.environ.get("DRIVELESSON_DAMAGE", "25"))
 KINDS = (

@@ -19,10 +19,10 @@ import httpx
 import pytest
 
 from robot.store.folder import Storage
+from server.access.pairing import Pairing
 from server.config import Config, Limits
 from server.identity import IdentityFile
-from server.security.pairing import Pairing
-from tests.robot.store.episodes.drives import record_drive
+from tests.robot.recordings.drives import record_drive
 
 from .study.sessions import PLAN, answer, begin, drive, post, session, take_part
 from .virtual_server import WEB, VirtualServer

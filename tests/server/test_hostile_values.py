@@ -15,7 +15,7 @@ from robot.store.folder import Storage
 from server.config import Config, Limits
 from server.persistence import Persistence
 from tests.learners import installed
-from tests.robot.store.episodes.drives import record_drive
+from tests.robot.recordings.drives import record_drive
 from tests.robot.store.models.test_checking import good, malformed
 
 from .virtual_server import WEB, VirtualServer

@@ -17,7 +17,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from robot.store.episodes.summary import read_summary
+from robot.recordings.summary import read_summary
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from tests.robot.store.models.test_journal import check_a_disk_whose_flush_hangs_holds_up_no_record

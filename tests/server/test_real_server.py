@@ -18,11 +18,11 @@ from websockets.asyncio.client import connect
 
 from robot.types import Action, Mode
 from server import services
+from server.access.certificates import make_certificates
+from server.access.listener import connection_capacity
+from server.access.pairing import Pairing
+from server.access.rules import Role
 from server.config import Config
-from server.security.access import Role
-from server.security.certificates import make_certificates
-from server.security.listener import connection_capacity
-from server.security.pairing import Pairing
 
 from .browsers import check_nobody_s_page_is_dead
 from .live_robot import WEB, LiveServer, Pilot, live_server, wait_until

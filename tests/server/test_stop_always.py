@@ -23,13 +23,13 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as real_connect
 
 from robot.clock import RealClock
+from server.access.pairing import Pairing
+from server.access.rules import Role
 from server.config import Config, Limits
-from server.security.access import Role
-from server.security.pairing import Pairing
+from tests.server.access.unpaired_flood import PATIENCE_S
 
 from .lan_process import lan_process
 from .live_robot import WEB, wait_until
-from .stranger import PATIENCE_S
 from .virtual_connections import VirtualSocket
 from .virtual_server import VirtualServer, connect
 
@@ -144,7 +144,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
     @precondition(lambda self: self.server.hub.clients)
     @invariant()
     def places_are_counted(self) -> None:
-        assert self.server.services.door.sockets.taken <= LIMITS.clients
+        assert self.server.services.admission.sockets.taken <= LIMITS.clients
 
     def _is_obeyed(self, whose: str) -> None:
         loop = self.server.rig.loop

@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import pytest
 
-from robot.control.readiness import CLEAN_S
+from robot.coaching.readiness import CLEAN_S
 from robot.policy.registry import make_policy
 from robot.store.models.autosave import Autosave
 from robot.types import Action, DrivenBy, Example, Mode

@@ -22,10 +22,10 @@ from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver, Link, VirtualClock
 from robot.types import Mode
+from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config
 from server.persistence import Persistence
-from server.security.pairing import Pairing
 from server.services import make_services
 
 from .virtual import Socket

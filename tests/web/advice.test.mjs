@@ -27,7 +27,7 @@ test('the box needs two moves: what this pilot does not use is never asked for',
       const taught = { forward: 300, left, right: slips, backward: 0 };
       for (const mode of ['train', 'stopped', 'autonomous']) {
         for (const missing of [[short], [rare], [short, rare, corrected], []]) {
-          // The robot names moves in use alone (tests/robot/control/test_readiness.py).
+          // The robot names moves in use alone (tests/robot/coaching/test_readiness.py).
           const { move } = teachingAdvice(robot({ mode, taught, agreement: 0.5 }), readiness({ missing }));
           assert.ok(move === undefined || move === 'left', `${move} of ${JSON.stringify(taught)}`);
         }

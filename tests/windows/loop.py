@@ -12,7 +12,7 @@ from pathlib import Path
 
 import httpx
 
-from robot.store.episodes.summary import read_summary
+from robot.recordings.summary import read_summary
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from tests.robot.exchange.sim_drive import drive_in_simulator

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from robot.policy.history import Taught
-from robot.store.episodes.episode import open_episode
+from robot.recordings.episode import open_episode
 
 
 def digest(path: Path) -> str:

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from robot.bodies.remote.kept import KeptLine
+from robot.bodies.remote.reconnecting import ReconnectingLink
 from robot.clock import Clock
 from robot.errors import told_as
 
@@ -27,7 +27,7 @@ SEND_S = 0.3
 _LONGEST_LINE = 200
 
 
-class HubLine(KeptLine):
+class HubLine(ReconnectingLink):
     """Lines to and from the program on a hub: the first that is found, or the one of this name.
 
     `bluetooth` is the module `bleak`, or what has its `BleakScanner` and `BleakClient`.

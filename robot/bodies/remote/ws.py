@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import websockets
 
 from robot.bodies.remote.driver import RemoteDriver
-from robot.bodies.remote.kept import KeptLine
+from robot.bodies.remote.reconnecting import ReconnectingLink
 from robot.clock import RealClock
 
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
@@ -16,7 +16,7 @@ _MOST_UNANSWERED = 10
 """After so many messages without an answer, a second and a half, the connection is a dead one."""
 
 
-class WebsocketLine(KeptLine):
+class WebsocketLine(ReconnectingLink):
     """A websocket that the robot serves; one on which nothing is heard any more is opened anew."""
 
     def __init__(self, host: str, port: int) -> None:

@@ -13,8 +13,8 @@ from typing import Any
 
 import websockets
 
-from robot.bodies.remote.kept import KeptConnection
 from robot.bodies.remote.orders import split_address
+from robot.bodies.remote.reconnecting import ReconnectingConnection
 from robot.clock import Clock
 from robot.errors import DriveError, told_as
 
@@ -33,7 +33,7 @@ End = tuple[Message, float]
 """What is published after so many seconds, unless another message follows before."""
 
 
-class RosBridge(KeptConnection):
+class RosBridge(ReconnectingConnection):
     """Connects, stays connected, and passes on what topics say.
 
     Args:

@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.devices.simulation.body import RADIUS_M, ranges_m
-from robot.devices.simulation.simulation import Simulation
-from robot.devices.simulation.things import wall_gap_m
-from robot.devices.simulation.world import WALLS, World
+from robot.simulator.body import RADIUS_M, ranges_m
+from robot.simulator.simulation import Simulation
+from robot.simulator.things import wall_gap_m
+from robot.simulator.world import WALLS, World
 from robot.types import Action, Pose
 
 FAN_RAD: NDArray[np.float64] = np.radians(np.linspace(-108.0, 108.0, 55))

@@ -13,8 +13,8 @@ from itertools import cycle
 import numpy as np
 
 from robot.clock import RealClock
+from robot.coaching import gallery
 from robot.errors import RecordingError
-from robot.policy import gallery
 from robot.policy.autosize import sample_frames
 from robot.policy.policy import Policy
 from robot.store.models.model import Model

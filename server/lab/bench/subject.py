@@ -24,11 +24,11 @@ from robot.errors import ConfigurationError
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
+from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config, Limits
 from server.hosting.serving import leave_out_of_collections, served
 from server.persistence import Persistence
-from server.security.pairing import Pairing
 from server.services import make_services
 
 _COUNTED = ("serving_s", "process_s", "frames", "late_cycles", "stops")

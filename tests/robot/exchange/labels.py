@@ -7,7 +7,7 @@ from pathlib import Path
 from robot.exchange.drive import Drive, ImportReport
 from robot.exchange.sources import find_drives
 from robot.exchange.steering import DEFAULT_THRESHOLD
-from robot.store.episodes.episode import Episode, taught_frames
+from robot.recordings.episode import Episode, taught_frames
 from robot.types import Action
 
 

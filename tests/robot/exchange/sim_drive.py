@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from robot.control.loop import ControlLoop
-from robot.devices.simulation.camera import SimCamera, SimCameraOptions
-from robot.devices.simulation.driver import SimDriver, SimOptions
 from robot.learner.base import State
 from robot.policy.registry import make_policy
-from robot.store.episodes.queue import RecorderConfig
-from robot.store.episodes.recorder import Recorder
+from robot.recordings.queue import RecorderConfig
+from robot.recordings.recorder import Recorder
+from robot.simulator.camera import SimCamera, SimCameraOptions
+from robot.simulator.driver import SimDriver, SimOptions
 from robot.testing import VirtualClock
 from robot.types import Action, Mode, PilotCommand
 

@@ -14,15 +14,15 @@ import pytest
 
 from robot.driver import Move
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive, Shot, write_episode
+from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.film import to_jpeg
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.npz import load_recording, write_npz
 from robot.exchange.steering import read_meant
 from robot.exchange.tub import write_tub
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode, open_episode, taught_frames
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.types import DEFAULT_MOVES, Action, Point
 from tests.robot.exchange.labels import drive_at
 
@@ -44,7 +44,7 @@ def driven(path: Path, seed: int, own_move: Move | None = None) -> Episode:
         elif index % 5 == 4:
             label = point = None
         shots.append(
-            Shot(t_s=index / 10, picture=partial(to_jpeg, pixels), label=label, point=point)
+            FrameEvent(t_s=index / 10, picture=partial(to_jpeg, pixels), label=label, point=point)
         )
     drive = Drive(
         name="drive",
@@ -100,7 +100,7 @@ def test_out_and_in_again_a_pilot_means_the_same(
 @pytest.mark.parametrize("form", FORMS)
 def test_a_drive_by_moves_has_nothing_more(form: str, tmp_path: Path) -> None:
     picture = partial(to_jpeg, np.zeros((120, 160, 3), np.uint8))
-    shots = [Shot(t_s=i / 10, picture=picture, label=Action.LEFT) for i in range(4)]
+    shots = [FrameEvent(t_s=i / 10, picture=picture, label=Action.LEFT) for i in range(4)]
     write_episode(Drive(name="d", source="t", shots=shots), tmp_path / "d.mcap")
     FORMS[form](open_episode(tmp_path / "d.mcap"), Notes(), tmp_path / form)
     written = [p for p in (tmp_path / form).rglob("*") if p.suffix in (".catalog", ".json")]

@@ -19,7 +19,7 @@ import pytest
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.sources import unpacked
-from robot.store.episodes.episode import open_episode
+from robot.recordings.episode import open_episode
 from robot.types import Action
 from tests.robot.exchange.labels import drive_at, taught_labels
 

@@ -12,7 +12,6 @@ import pytest
 from mcap.reader import make_reader
 
 from robot.devices.pictures import Picture
-from robot.devices.simulation.camera import SimCamera
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import to_jpeg, write_film, write_look
@@ -22,9 +21,10 @@ from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.policy.image import to_rgb
 from robot.policy.registry import make_policy
-from robot.store.episodes.edits import Edit, Notes
-from robot.store.episodes.episode import Episode, open_episode, taught_frames
-from robot.store.episodes.teaching import learn_again
+from robot.recordings.edits import Edit, Notes
+from robot.recordings.episode import Episode, open_episode, taught_frames
+from robot.recordings.teaching import learn_again
+from robot.simulator.camera import SimCamera
 from robot.types import Encoding, Frame
 
 from .sim_drive import drive_in_simulator

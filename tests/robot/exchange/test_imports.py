@@ -21,9 +21,9 @@ from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.files import parse
 from robot.exchange.steering import read_meant
 from robot.exchange.tub_records import read_second
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import open_episode
-from robot.store.episodes.teaching import plan
+from robot.recordings.edits import Notes
+from robot.recordings.episode import open_episode
+from robot.recordings.teaching import plan
 from robot.types import Action, Encoding
 from tests.robot.exchange.labels import drive_at, taught_labels
 

@@ -26,8 +26,8 @@ from robot.exchange.lerobot import write_lerobot
 from robot.exchange.sources import find_drives, unpacked
 from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.policy.image import to_rgb
-from robot.store.episodes.edits import Edit, Notes
-from robot.store.episodes.episode import Episode, open_episode
+from robot.recordings.edits import Edit, Notes
+from robot.recordings.episode import Episode, open_episode
 from robot.types import Action
 
 from .labels import taught_labels

@@ -14,12 +14,12 @@ import pytest
 from robot.devices.pictures import Picture
 from robot.driver import Move, describe, names, point_of
 from robot.errors import RecordingError
-from robot.exchange.drive import Drive, Shot, write_episode
+from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.tub import write_tub
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode, open_episode
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode, open_episode
 from robot.types import Action, Encoding
 from tests.robot.exchange.labels import drive_at, taught_labels
 
@@ -43,7 +43,7 @@ def write_dataset(episode: Episode, notes: Notes, folder: Path) -> int:
 def drive(folder: Path, declared: tuple[Move, ...], labels: list[Action | None]) -> Episode:
     noise = np.random.default_rng(7)
     shots = [
-        Shot(
+        FrameEvent(
             t_s=index / 10,
             picture=partial(
                 Picture,

@@ -8,9 +8,9 @@ import pytest
 
 from robot.errors import ConfigurationError, RecordingError
 from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
-from robot.store.episodes.edits import Edit, Notes, write_notes
+from robot.recordings.edits import Edit, Notes, write_notes
 from robot.testing import VirtualClock
-from tests.robot.store.episodes.drives import record_drive
+from tests.robot.recordings.drives import record_drive
 
 
 def played(path: Path, at_least: int) -> list[bytes]:

@@ -12,9 +12,9 @@ from robot.exchange.folder import write_folder
 from robot.exchange.tub import write_tub
 from robot.learner.base import State
 from robot.policy.registry import make_policy
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode, open_episode
-from robot.store.episodes.teaching import learn_again
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode, open_episode
+from robot.recordings.teaching import learn_again
 from robot.store.models.model import same_nodes
 
 from .labels import drive_at

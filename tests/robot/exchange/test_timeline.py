@@ -14,12 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.devices.pictures import Picture
-from robot.exchange.drive import Drive, Shot, write_episode
+from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.timeline import make_timeline
-from robot.store.episodes.edits import Notes
-from robot.store.episodes.episode import Episode, open_episode
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode, open_episode
 from robot.types import Action, Encoding
 
 EVEN = [index / 20 for index in range(60)]
@@ -68,7 +68,7 @@ def test_what_is_in_order_is_left_as_it_is() -> None:
 
 def recorded(times_s: list[float], folder: Path) -> Episode:
     shots = [
-        Shot(
+        FrameEvent(
             t_s=at_s,
             picture=partial(
                 Picture,

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from robot.devices.simulation.world import world_names
 from robot.lab.chance import difference_by_chance
 from robot.lab.experiment import ExperimentSettings
 from robot.lab.habits import GATE, LONG_S, RATES_HZ, WORLDS
 from robot.lab.ready import PILOTS, READY
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.task import Result, Task
+from robot.simulator.world import world_names
 from robot.types import Pose
 
 

@@ -10,12 +10,12 @@ from functools import cache
 import numpy as np
 import pytest
 
+from robot.coaching.gallery import images
 from robot.control.online_learning import CORRECTS_BEYOND
 from robot.driver import CLASSIC, move_at, point_of
 from robot.learner.base import State
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import ContextRidge
-from robot.policy.gallery import images
 from robot.policy.history import Taught, TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.recognition import BAND

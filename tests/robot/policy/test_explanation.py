@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.coaching.gallery import explain
 from robot.policy.features import CELL_COLUMNS, CELL_ROWS
-from robot.policy.gallery import explain
 from robot.policy.registry import make_policy
 from robot.types import Action
 from tests.robot.policy.pictures import frame_of

@@ -11,8 +11,8 @@ from unittest import mock
 import numpy as np
 import pytest
 
+from robot.coaching.gallery import LearnedImage, images
 from robot.learner.base import State
-from robot.policy.gallery import LearnedImage, images
 from robot.policy.history import (
     Edited,
     HistoryEvent,

@@ -5,9 +5,9 @@ import random
 import numpy as np
 import pytest
 
+from robot.coaching.gallery import images
 from robot.driver import Move
 from robot.errors import ConfigurationError
-from robot.policy.gallery import images
 from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame, Point
 from tests.learners import installed

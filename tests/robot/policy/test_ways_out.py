@@ -27,7 +27,7 @@ WHOLE_CIRCLE_S = 19.5
 """What a turn about one wheel through 360 degrees takes (`robot.lab.metrics`)."""
 
 
-class Pace(PilotPace):
+class RateLimit(PilotPace):
     """A pilot of whom this is known."""
 
     patience_s = STUCK_S
@@ -48,7 +48,7 @@ class Body:
         self.now_s = 100.0
         self.shift = 0.0
         self.doing: Action | None = Action.STOP
-        self.pace = self.filter.pace = Pace(longest_debt_s, patience_s)
+        self.pace = self.filter.pace = RateLimit(longest_debt_s, patience_s)
         self.sent: list[tuple[Action, bool]] = []
         self._rng = np.random.default_rng(1)
         self._wall = self._rng.integers(0, 200, 400, np.uint8)

@@ -13,6 +13,8 @@ import httpx
 
 from robot.testing import FakeCamera, LinkConditions, VirtualClock
 from robot.types import Action
+from server.access.pairing import Paired, Pairing, cookie_name
+from server.access.rules import Role
 from server.app import create_app
 from server.board.board import Board
 from server.board.class_key import ClassKey, endpoint
@@ -21,8 +23,6 @@ from server.board.robot_link import RobotLink
 from server.board.teacher_session import Status
 from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError
 from server.config import Config
-from server.security.access import Role
-from server.security.pairing import Paired, Pairing, cookie_name
 from server.services import make_services
 from tests.server.virtual import ServedWorld, Socket
 from tests.server.virtual_connections import Exchange

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from robot.types import Action
-from server.board.board import Board, Onlooker
+from server.board.board import Board, BoardViewer
 from server.board.class_key import ClassKey
 from server.board.stopping import CONFIRM_S, Stopping
 from server.board.teacher_session import Status
@@ -291,7 +291,7 @@ def test_pictures_come_only_while_somebody_looks_and_about_one_a_second() -> Non
     async def scenario(world: ClassWorld) -> None:
         one, two, *_ = world.pupils.values()
         await world.until_there([one, two])
-        page = Onlooker()
+        page = BoardViewer()
         world.board.join(page)
         await world.clock.pause(2.0)
         assert not page.pictures and one.hub.video.frames_sent == 0
@@ -315,7 +315,7 @@ def test_pictures_and_news_wait_while_a_stop_is_under_way() -> None:
     async def scenario(world: ClassWorld) -> None:
         one, lost, *_ = world.pupils.values()
         await world.until_there([one, lost])
-        page = Onlooker()
+        page = BoardViewer()
         world.board.join(page)
         world.board.watch(page, [world.link(one).number])
         await world.clock.pause(5.0)

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from robot.errors import ConfigurationError
+from server.access.pairing import INVITATION_S, Paired, Pairing
+from server.access.rules import Refusal, Role
 from server.board.class_key import ClassKey, endpoint, keep_class_key, new_nonce, read_class_key
 from server.board.classroom import LOCKS, Classroom
-from server.security.access import Refusal, Role
-from server.security.pairing import INVITATION_S, Paired, Pairing
 
 KEY, OTHER = ClassKey("a" * 40), ClassKey("b" * 40)
 HERE, THERE = "192.168.1.5:8000", "192.168.1.6:8000"

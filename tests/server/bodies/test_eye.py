@@ -20,9 +20,9 @@ from robot.devices.rig import Rig
 from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
+from server.access.rules import Access, Refusal, Role, Session
 from server.bodies.eye import encode_frame
 from server.protocol import parse_acknowledgement
-from server.security.access import Access, Refusal, Role, Session
 from tests.server.virtual_connections import VirtualSocket
 from tests.server.virtual_server import VirtualServer, connect
 

@@ -11,14 +11,14 @@ import pytest
 
 from robot.exchange.drive import write_episode
 from robot.exchange.sources import Source, find_drives
-from robot.store.episodes.episode import Episode
-from robot.store.episodes.store import EpisodeStore
+from robot.recordings.episode import Episode
+from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from robot.store.prepare import prepare
 from robot.types import Frame, Mode
 from server.__main__ import main
-from tests.robot.store.episodes.drives import RecordedBench
+from tests.robot.recordings.drives import RecordedBench
 from tests.server.cli.typed import assert_refused_by_a_full_disk, say
 
 

@@ -14,16 +14,16 @@ from typing import Any
 
 import pytest
 
+from server.access.network import announced
+from server.access.pairing import Paired
+from server.access.rules import Role
 from server.board.discovery import browsing
 from server.board.transport import RobotAddress
 from server.cli.serve import _open_pairing
 from server.config import Config
 from server.hosting.banner import greet_phones
 from server.hosting.logs import OneLine, start_logging
-from server.hosting.network import announced
 from server.hosting.terminal_code import draw_qr
-from server.security.access import Role
-from server.security.pairing import Paired
 
 
 def test_phones_are_greeted_with_a_code_and_addresses_for_both_rights() -> None:

@@ -17,10 +17,10 @@ from robot.policy.registry import make_policy
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action
 from server.__main__ import main
+from server.access.listener import connection_capacity
 from server.hosting import serving
 from server.hosting.banner import draw_qr, has_screen
 from server.hosting.static_files import CompressedFiles
-from server.security.listener import connection_capacity
 from tests.server.virtual_server import WEB, VirtualServer
 
 _WITHOUT_LINUX = """

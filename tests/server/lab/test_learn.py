@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from robot.store.episodes.store import EpisodeStore
+from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.models.store import ModelStore
 from server.__main__ import main
-from tests.robot.store.episodes.drives import RecordedBench, record_drive
+from tests.robot.recordings.drives import RecordedBench, record_drive
 
 from ..cli.typed import assert_refused_by_a_full_disk, say
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from robot.devices.simulation import world
-from robot.devices.simulation.driver import SimDriver, SimOptions
-from robot.devices.simulation.world import world_names
 from robot.errors import ConfigurationError
+from robot.simulator import world
+from robot.simulator.driver import SimDriver, SimOptions
+from robot.simulator.world import world_names
 from robot.study.builtin import TRIALS, trial_plan
 from robot.study.plan import Condition, parse_plan
 from robot.testing import FakeDriver

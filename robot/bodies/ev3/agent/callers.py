@@ -93,7 +93,7 @@ class Caller:
             self.outbox = self.outbox[sent:]
 
 
-class CallerDoor:
+class CallerLimiter:
     """Accepts a bounded number of connections; a network error never ends it."""
 
     def __init__(self, listener: socket.socket, note: Callable[[str], None]) -> None:

@@ -6,7 +6,7 @@ import time
 from typing import Any, Callable, Dict, List, Optional
 
 from robot.bodies.ev3.agent.body import BrickBody
-from robot.bodies.ev3.agent.callers import JOIN_S, Caller, CallerDoor, LimitedLog
+from robot.bodies.ev3.agent.callers import JOIN_S, Caller, CallerLimiter, LimitedLog
 from robot.bodies.ev3.agent.inspection import inspect_brick
 from robot.bodies.ev3.agent.ports import DriveError
 from robot.bodies.ev3.agent.wire import ENCODINGS, PICTURE
@@ -47,7 +47,7 @@ class Agent:
         self._secret = secret
         self._root = root
         self._note = note or LimitedLog().note
-        self._door = CallerDoor(listener, self._note)
+        self._door = CallerLimiter(listener, self._note)
         self._controller = None  # type: Optional[Caller]
         self._body = None  # type: Optional[BrickBody]
         self._reader = None  # type: Any

@@ -51,9 +51,9 @@ UNUSED = (
     "ev3dev2.display",
     "evdev",
     "pip",
-    "robot.devices.simulation",
-    "robot.devices.simulation.driver",
-    "robot.devices.simulation.camera",
+    "robot.simulator",
+    "robot.simulator.driver",
+    "robot.simulator.camera",
     "robot.lab.baselines",
 )
 

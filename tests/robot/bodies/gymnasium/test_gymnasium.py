@@ -231,7 +231,7 @@ def test_a_slow_world_stops_nobody(takes_s: float, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_game_is_recorded_and_told_to_the_page() -> None:
-    from robot.store.episodes.messages import SCHEMAS, describe_sensors
+    from robot.recordings.messages import SCHEMAS, describe_sensors
 
     with driver() as body:
         body.picture()

@@ -12,9 +12,10 @@ from robot.bodies.remote.ws import WebsocketLine, WsDriver
 from robot.errors import DriveError
 from robot.types import Action
 from tests.contract.real_parts import check_driver_on_its_real_line
-from tests.robot.bodies.remote import kept_cases
 from tests.robot.bodies.sending import send_until
 from tests.standins.ws_robot import WsRobot
+
+from . import reconnecting_cases
 
 
 def switched_off_and_on(robot: WsRobot) -> None:
@@ -32,7 +33,7 @@ def test_a_real_line_that_is_lost_is_opened_again_and_moves_nothing_by_itself() 
     for lose in (switched_off_and_on, silent_for_a_while):
         check_that_it_comes_back(lose)
     check_that_it_catches_up_with_late_answers()
-    for check in kept_cases.CASES:
+    for check in reconnecting_cases.CASES:
         check()
 
 

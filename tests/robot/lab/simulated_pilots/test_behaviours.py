@@ -7,11 +7,11 @@ import statistics
 
 import pytest
 
-from robot.devices.simulation.simulation import Simulation
-from robot.devices.simulation.world import load_world
 from robot.lab.simulated_pilots.behaviours import Follower, Pusher, WallFollower
 from robot.lab.simulated_pilots.situation import Situation, observe
 from robot.lab.simulated_pilots.teachers import Teacher
+from robot.simulator.simulation import Simulation
+from robot.simulator.world import load_world
 from robot.types import Action
 
 

@@ -9,9 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot.devices.simulation.body import RADIUS_M
-from robot.devices.simulation.simulation import Simulation
-from robot.devices.simulation.world import load_world
 from robot.lab.simulated_pilots.situation import FAN_RAD, Situation, observe
 from robot.lab.simulated_pilots.teachers import (
     TEACHER_PARAMS,
@@ -20,6 +17,9 @@ from robot.lab.simulated_pilots.teachers import (
     TeacherParams,
     Wanderer,
 )
+from robot.simulator.body import RADIUS_M
+from robot.simulator.simulation import Simulation
+from robot.simulator.world import load_world
 from robot.types import Action, Pose
 
 from .test_behaviours import drive

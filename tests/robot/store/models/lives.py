@@ -14,10 +14,10 @@ from typing import Any, BinaryIO, ClassVar
 
 import numpy as np
 
+from robot.coaching.gallery import images
 from robot.driver import Move, names
 from robot.errors import RecordingError
 from robot.learner.base import State
-from robot.policy.gallery import images
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from robot.coaching.gallery import images
 from robot.errors import RecordingError
-from robot.policy.gallery import images
 from robot.policy.history import TrainingHistory
 from robot.policy.registry import make_policy
 from robot.store.models.model import Model, decode_model, encode_model, take_model

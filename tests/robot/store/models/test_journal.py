@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from robot.clock import RealClock
+from robot.coaching.gallery import images
 from robot.driver import Move
-from robot.policy.gallery import images
 from robot.store.disk import DiskThread
 from robot.store.folder import Storage
 from robot.store.models.journal import list_parts

@@ -1,0 +1,161 @@
+"""Values from outside: each is declared once, with pydantic, and its description is the error.
+
+Only what pydantic 1.10 and 2 share is used: Debian 12 has the former, and a brick runs it. Why
+pydantic, and who may import it: docs/adr/0037-typed-borders.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from types import UnionType
+from typing import Any, NoReturn, Self, TypeVar, Union, get_args, get_origin
+
+import pydantic
+from pydantic import BaseModel, Field, ValidationError, create_model
+
+from robot.errors import ConfigurationError
+
+IS_OLD = pydantic.VERSION.startswith("1.")
+_KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
+_STRICT: dict[str, Any] = {} if IS_OLD else {"strict": True}
+_MOST_BITS = 1000
+"""Of a whole number that fits into a float; at a larger one pydantic 1 fails."""
+_M = TypeVar("_M", bound=BaseModel)
+
+
+class RawValue(BaseModel, **_STRICT):
+    """Base of what is read as JSON or TOML: nothing is converted, so that "1" is no number."""
+
+    @classmethod
+    def validate(cls, value: Any) -> Self:
+        """Be as strict as pydantic 2, which never calls this."""
+        if not isinstance(value, cls | dict):
+            raise TypeError("no object")
+        given: dict[str, Any] = value if isinstance(value, dict) else {}
+        for name in fields_of(cls).keys() & given:
+            if isinstance(given[name], int) and given[name].bit_length() > _MOST_BITS:
+                _refuse(cls, name)
+        read = super().validate(value)
+        for name in fields_of(cls).keys() & given:
+            if not _is_same(given[name], getattr(read, name)):
+                _refuse(cls, name)
+        return read
+
+
+def number(
+    default: Any = ...,
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+) -> Any:
+    """Declare a number within limits: more than `above`, from `least`."""
+    wanted = _range("number", above, least, most)
+    return Field(default, gt=above, ge=least, le=most, allow_inf_nan=False, description=wanted)
+
+
+def whole(
+    default: Any = ...,
+    *,
+    least: int | None = None,
+    most: int | None = None,
+    or_word: str | None = None,
+) -> Any:
+    """Declare a whole number within limits; `or_word` is what the sentence names besides."""
+    wanted = _range("whole number", None, least, most) + (f", or {or_word!r}" if or_word else "")
+    return Field(default, ge=least, le=most, description=wanted)
+
+
+def text(default: Any = ..., *, most: int = 200) -> Any:
+    """Declare a text of so many characters."""
+    return Field(default, max_length=most, description=f"a text of at most {most} characters")
+
+
+def must_be(wanted: str, default: Any = ...) -> Any:
+    """Declare a value of which the type says all, or what is read says the rest."""
+    return Field(default, description=wanted)
+
+
+def read(kind: type[_M], plain: Any, where: str = "") -> _M:
+    """Read an object that was JSON or TOML."""
+    try:
+        return kind.validate(plain) if IS_OLD else kind.model_validate(plain)
+    except (ValidationError, TypeError) as error:
+        found = error.errors() if isinstance(error, ValidationError) else [{"loc": ()}]
+        raise ConfigurationError(where + explain(kind, found[0]["loc"])) from error
+
+
+def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Callable[[Any], Any]:
+    """Return what reads one value; text is converted, unless `base` is strict.
+
+    Its ConfigurationError goes on behind a name: "must be a number above 0, not 'x'".
+    """
+    model = create_model("Value", __base__=base, value=(kind, declared))
+    return partial(_read_value, model, kind_of(kind))
+
+
+def plain_type(hint: Any) -> type[Any]:
+    """Reduce `X | None` to X: what may be left out is still of one type."""
+    if get_origin(hint) in (UnionType, Union):
+        hint = next(part for part in get_args(hint) if part is not type(None))
+    return hint if isinstance(hint, type) else str
+
+
+def kind_of(hint: Any) -> str:
+    """Return what a value of a type is called: "a whole number"."""
+    return _KINDS.get(plain_type(hint), "a text")
+
+
+def explain(kind: type[BaseModel] | None, loc: Sequence[str | int]) -> str:
+    """Return the sentence for a value that was refused: which, and what it must be."""
+    if not loc or kind is None:
+        return "The body must be a JSON object."
+    return f"{loc[0]!r} must be {_description(kind, str(loc[0])) or 'left out'}."
+
+
+def _read_value(model: type[BaseModel], wanted: str, value: Any) -> Any:
+    try:
+        read = model.validate({"value": value}) if IS_OLD else model(value=value)
+    except (ValidationError, OverflowError) as error:
+        wanted = _description(model, "value") or wanted
+        raise ConfigurationError(f"must be {wanted}, not {value!r}") from error
+    return read.value  # type: ignore[attr-defined]
+
+
+def fields_of(kind: type[BaseModel]) -> Mapping[str, Any]:
+    """Return what pydantic knows of each field."""
+    found: Mapping[str, Any] = getattr(kind, "__fields__" if IS_OLD else "model_fields")
+    return found
+
+
+def _description(kind: type[BaseModel], name: str) -> str | None:
+    field = fields_of(kind).get(name)
+    return field and (field.field_info if IS_OLD else field).description
+
+
+def _is_same(given: Any, read: Any) -> bool:
+    """True if pydantic 1 converted nothing, but a whole number to a number; no half of an emoji."""
+    if isinstance(given, list):
+        return all(map(_is_same, given, read))
+    if isinstance(given, str):
+        return isinstance(read, str) and given == given.encode("utf-8", "ignore").decode()
+    if isinstance(read, float):
+        return isinstance(given, int | float) and not isinstance(given, bool)
+    return isinstance(given, dict) or type(given) is type(read)
+
+
+def _refuse(kind: type[BaseModel], name: str) -> NoReturn:
+    from pydantic.error_wrappers import ErrorWrapper  # of pydantic 1
+
+    raise ValidationError([ErrorWrapper(TypeError("converted"), name)], kind)
+
+
+def _range(kind: str, above: float | None, least: float | None, most: float | None) -> str:
+    if above is not None:
+        kind += f" above {above:g}"
+    elif least is not None:
+        kind += f" from {least:.16g}" if most is not None else f" of at least {least:g}"
+    if most is not None:
+        kind += f" up to {most:.16g}" if above is not None or least is None else f" to {most:.16g}"
+    return f"a {kind}"

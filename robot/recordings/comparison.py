@@ -1,0 +1,110 @@
+"""Compares two learners: one trained on the recordings as driven, one on the edited recordings.
+
+Both are evaluated on held-out frames: each recording is split into fifty stretches, and every fifth
+is held out. One learner is trained on the others with the original labels, one with the edited
+labels. The edited labels are the ground truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from robot.policy.history import Edited, Taught
+from robot.policy.policy import Policy
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode
+from robot.recordings.teaching import EditedEpisode, Step, learn_again, plan
+from robot.types import Action, Example
+
+_STRETCHES = 50
+_HELD_OUT = range(2, _STRETCHES, 5)
+FEWEST_FRAMES = 50
+"""With fewer labelled frames nothing is held out: the result would mean little."""
+_SHOWN = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgedFrame:
+    """A held-out frame on which the two learners differ."""
+
+    episode_id: str
+    frame_id: int
+    label: Action
+    before: Action | None
+    after: Action | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """Accuracy of each learner on held-out frames, and up to ten of those where they differ."""
+
+    frames: int
+    before: float
+    after: float
+    mended: tuple[JudgedFrame, ...]
+    broken: tuple[JudgedFrame, ...]
+
+
+def compare(
+    episodes: Sequence[EditedEpisode],
+    new_policy: Callable[[], Policy],
+    on_step: Callable[[], None] = lambda: None,
+) -> Comparison | None:
+    """Train two learners, without and with the edits, and compare them; None: too few frames."""
+    asked = _held_out(episodes)
+    if asked is None:
+        return None
+    spans = {(episode.id, example.frame_id) for episode, example in asked}
+
+    def is_taught(step: Step) -> bool:
+        event = step.event
+        return isinstance(event, Edited) or (step.episode.id, event.example.frame_id) not in spans
+
+    unedited = [(episode, Notes()) for episode, _ in episodes]
+    before, after = new_policy(), new_policy()
+    learn_again(before, unedited, only=is_taught, on_step=on_step)
+    learn_again(after, episodes, only=is_taught, on_step=on_step)
+    differences, right_before, right_after = [], 0, 0
+    for episode, example in asked:
+        frame_id, label = example.frame_id, example.label
+        x = after.extract(episode.frame(frame_id))
+        was = before.propose(frame_id, x).action
+        now = after.propose(frame_id, x).action
+        right_before += was == label
+        right_after += now == label
+        if (was == label) != (now == label):
+            judged = JudgedFrame(
+                episode_id=episode.id, frame_id=frame_id, label=label, before=was, after=now
+            )
+            differences.append(judged)
+        on_step()
+    return Comparison(
+        frames=len(asked),
+        before=right_before / len(asked),
+        after=right_after / len(asked),
+        mended=_spread([d for d in differences if d.after == d.label]),
+        broken=_spread([d for d in differences if d.before == d.label]),
+    )
+
+
+def _held_out(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, Example]] | None:
+    labelled = [
+        (episode, event.example)
+        for episode, event in plan(episodes)
+        if isinstance(event, Taught) and event.example.frame_id in episode.frames
+    ]
+    if len(labelled) < FEWEST_FRAMES:
+        return None
+    found: list[tuple[Episode, Example]] = []
+    for episode, _ in episodes:
+        own = [one for one in labelled if one[0] is episode]
+        for number in _HELD_OUT:
+            ends = [len(own) * n // _STRETCHES for n in (number, number + 1)]
+            found += own[ends[0] : ends[1]]
+    return found
+
+
+def _spread(found: list[JudgedFrame]) -> tuple[JudgedFrame, ...]:
+    step = max(1, -(-len(found) // _SHOWN))
+    return tuple(found[::step])

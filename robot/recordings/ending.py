@@ -1,0 +1,82 @@
+"""Gives a recording that was cut short the end that it lacks, once, at the next start.
+
+What the cut left is copied, and the copy takes the recording's place when it is whole. A file that
+is damaged in another way is left as it is.
+"""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+from robot.clock import Clock
+from robot.errors import UNREADABLE, RecordingError
+from robot.recordings.episode import check_run
+from robot.recordings.messages import RUN, SUMMARY
+from robot.recordings.reader import CUT_SHORT, Cut, Metadata, has_end, scan
+from robot.recordings.writer import EpisodeWriter
+from robot.store.folder import whole_file
+
+log = logging.getLogger(__name__)
+
+_MOST_LOST_BYTES = 16 * 2**20
+"""A cut takes part of one record; whoever seems to have lost more is damaged in another way."""
+_SPARE_BYTES = 64 * 2**20
+_RECORDS_AT_ONCE = 32
+_REST_S = 0.003
+"""An hour has 300,000 records: the robot starts and drives meanwhile, on the same processor."""
+
+
+def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:
+    """End every recording of these that was cut short, a few records at a time; never raises."""
+    for path in paths:
+        try:
+            if end_recording(path, lambda: clock.sleep(_REST_S)):
+                log.info("the recording %s was cut short; it has its end now", path.name)
+        except OSError as error:
+            log.warning("the recording %s stays cut short: %s", path.name, error)
+
+
+def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
+    """Give one recording its end if it was cut short; True if it was. Raises OSError."""
+    if not path.is_file() or path.is_symlink():
+        return False
+    status = path.stat()
+    if has_end(path):
+        return False
+    if shutil.disk_usage(path.parent).free < status.st_size + _SPARE_BYTES:
+        raise OSError(errno.ENOSPC, "the disk has no room for a copy")
+    try:
+        with whole_file(path) as copy:
+            _copy_what_is_left(path, copy, rest)
+            if not os.path.samestat(status, path.stat()):
+                raise OSError("it was changed meanwhile")
+    except UNREADABLE:
+        return False
+    return True
+
+
+def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> None:
+    """Raises one of `UNREADABLE` if more is wrong with the recording than that it was cut."""
+    writer, cut, summary = None, Cut(reason="", lost_bytes=0), {"damage": CUT_SHORT}
+    for number, record in enumerate(scan(path), 1):
+        if number % _RECORDS_AT_ONCE == 0:
+            rest()
+        if isinstance(record, Cut):
+            cut = record
+        elif isinstance(record, Metadata) and record.name == SUMMARY:
+            summary = record.values  # nothing but what repeats the rest was cut
+        elif isinstance(record, Metadata) and record.name == RUN:
+            writer = EpisodeWriter(copy, check_run(record.values))
+        elif writer is None:
+            raise RecordingError("a recording of another program")
+        else:
+            writer.write_copy(record)
+    if writer is None or cut.lost_bytes is None or cut.lost_bytes > _MOST_LOST_BYTES:
+        raise RecordingError(cut.reason)
+    writer.close(summary)

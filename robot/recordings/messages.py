@@ -1,0 +1,202 @@
+"""The messages of a recording besides its pictures: topics, schemas, and the fields of each.
+
+Times of messages are in MCAP's own log time; what is here needs none of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from enum import StrEnum
+from functools import cache
+from typing import Any
+
+from robot.recordings.reader import MessageChannel, Schema
+from robot.store.models.events import describe_point, to_json
+from robot.types import PilotCommand, Point, Prediction, Sensors
+
+
+class Topic(StrEnum):
+    """What each message is about."""
+
+    CAMERA = "/camera"
+    COMMAND = "/command"
+    DECISION = "/decision"
+    PREDICTION = "/prediction"
+    SENSORS = "/sensors"
+    POSE = "/pose"
+    MODE = "/mode"
+    LESSON = "/lesson"
+
+
+RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
+"""Names of the metadata records at the beginning and at the end."""
+EDITED = "edited"
+"""What the beginning names where edits were worked in: edits of images do not apply there."""
+MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
+"""Names of the attachments: what the learner knew at the beginning and at the end."""
+
+Fields = dict[str, Any]
+
+_TEXT = {"type": "string"}
+_MAYBE_TEXT = {"type": ["string", "null"]}
+_NUMBER = {"type": "number"}
+_MAYBE_NUMBER = {"type": ["number", "null"]}
+_COUNT = {"type": "integer", "minimum": 0}
+_MAYBE_COUNT = {"type": ["integer", "null"], "minimum": 0}
+_TRUTH = {"type": "boolean"}
+_MAYBE_TRUTH = {"type": ["boolean", "null"]}
+_SHARE = {"type": "number", "minimum": -1, "maximum": 1}
+
+
+def _all(kind: Fields, *names: str) -> Fields:
+    return dict.fromkeys(names, kind)
+
+
+def _object(properties: Fields) -> Fields:
+    return {"type": "object", "properties": properties}
+
+
+def _schema(title: str, required: Fields, **optional: Any) -> Fields:
+    return {
+        "title": title,
+        **_object({**required, **optional}),
+        "required": list(required),
+    }
+
+
+_POINT = _all(_SHARE, *Point._fields)
+_POSE = _object({**_all(_NUMBER, "x_m", "y_m", "heading_rad"), "is_estimate": _TRUTH})
+_GAME = _object({**_all(_NUMBER, "score", "reward"), "number": _COUNT, "is_over": _TRUTH})
+
+SCHEMAS: dict[Topic, Fields] = {
+    Topic.COMMAND: _schema(
+        "drivelesson.Command",
+        {"held": _MAYBE_TEXT, "frame": _MAYBE_COUNT, "seq": _COUNT, "pilot": _TEXT},
+        **_POINT,
+    ),
+    Topic.DECISION: _schema(
+        "drivelesson.Decision",
+        {
+            **_all(_TEXT, "action", "sent", "driven_by", "mode"),
+            **_all(_NUMBER, "speed_scale", "cycle_ms"),
+            "stop_reason": _MAYBE_TEXT,
+            "asks_pilot": _TRUTH,
+        },
+        **_POINT,
+    ),
+    Topic.PREDICTION: _schema(
+        "drivelesson.Prediction",
+        {
+            **_all(_NUMBER, "confidence", "novelty", "distance"),
+            "frame": _COUNT,
+            "action": _MAYBE_TEXT,
+            "probabilities": {"type": "object", "additionalProperties": _NUMBER},
+            "node": _MAYBE_COUNT,
+        },
+        spread=_NUMBER,
+        **_POINT,
+    ),
+    Topic.SENSORS: _schema(
+        "drivelesson.Sensors",
+        {
+            **_all(_MAYBE_NUMBER, "distance_m", "battery"),
+            "bumped": _MAYBE_TRUTH,
+            "pose": {**_POSE, "type": ["object", "null"]},
+        },
+        game=_GAME,
+    ),
+    Topic.MODE: _schema("drivelesson.Mode", {"mode": _TEXT, "stop_reason": _MAYBE_TEXT}),
+    Topic.LESSON: _schema(
+        "drivelesson.Lesson",
+        {"event": {"enum": ["taught", "edited", "undone", "replaced"]}},
+        **_all(_COUNT, "frame", "node"),
+        **_all(_TEXT, "label", "verb", "learner"),
+        **_POINT,
+        intervention=_TRUTH,
+        at_s=_NUMBER,
+        x={"type": ["object", "null"]},
+        value={},
+        frames={"type": "array", "items": _COUNT},
+    ),
+    Topic.POSE: _schema(
+        "foxglove.PoseInFrame",
+        {
+            "timestamp": _object(_all(_NUMBER, "sec", "nsec")),
+            "frame_id": _TEXT,
+            "pose": _object(
+                {
+                    "position": _object(_all(_NUMBER, "x", "y", "z")),
+                    "orientation": _object(_all(_NUMBER, "x", "y", "z", "w")),
+                }
+            ),
+        },
+    ),
+}
+"""Topic to JSON schema. /camera and /pose are Foxglove's own; robot/recordings/images.py."""
+
+
+@cache
+def json_channel(topic: Topic) -> MessageChannel:
+    schema = SCHEMAS[topic]
+    return MessageChannel(topic, "json", Schema(schema["title"], "jsonschema", to_json(schema)))
+
+
+def _finite(number: float) -> float:
+    """Round to five digits: measurements are no more precise, and more would waste disk space."""
+    return float(f"{number:.5g}") if math.isfinite(number) else 1e300
+
+
+def describe_command(command: PilotCommand) -> Fields:
+    return {
+        "held": command.held,
+        "frame": command.frame_id,
+        "seq": command.seq,
+        "pilot": command.pilot,
+        **describe_point(command.point),
+    }
+
+
+def describe_prediction(prediction: Prediction) -> Fields:
+    return {
+        "frame": prediction.frame_id,
+        "action": prediction.action,
+        "confidence": _finite(prediction.confidence),
+        "novelty": _finite(prediction.novelty),
+        "probabilities": {a: _finite(p) for a, p in prediction.probabilities.items()},
+        "node": prediction.node,
+        "distance": _finite(prediction.distance),
+        **({} if prediction.spread is None else {"spread": _finite(prediction.spread)}),
+        **describe_point(prediction.point),
+    }
+
+
+def describe_sensors(sensors: Sensors) -> Fields:
+    pose = sensors.pose
+    return {
+        "distance_m": None if sensors.distance_m is None else _finite(sensors.distance_m),
+        "bumped": sensors.bumped,
+        "battery": sensors.battery_share,
+        "pose": pose
+        and {
+            "x_m": _finite(pose.x_m),
+            "y_m": _finite(pose.y_m),
+            "heading_rad": _finite(pose.heading_rad),
+            **({"is_estimate": True} if pose.is_estimate else {}),
+        },
+        **({} if sensors.game is None else {"game": asdict(sensors.game)}),
+    }
+
+
+def pose_in_frame(pose: Fields, stamp_ns: int) -> Fields:
+    """Return a pose of the sensors as the message of it that Foxglove draws."""
+    seconds, nanoseconds = divmod(stamp_ns, 10**9)
+    half_rad = pose["heading_rad"] / 2
+    return {
+        "timestamp": {"sec": seconds, "nsec": nanoseconds},
+        "frame_id": "floor",
+        "pose": {
+            "position": {"x": pose["x_m"], "y": pose["y_m"], "z": 0.0},
+            "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half_rad), "w": math.cos(half_rad)},
+        },
+    }

@@ -1,0 +1,192 @@
+"""What waits to be recorded: a bounded queue, and the file that it is written to."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import shutil
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from robot.clock import Clock
+from robot.recordings.messages import Fields, Topic
+from robot.recordings.writer import EpisodeWriter
+from robot.store.disk import Announce
+from robot.store.folder import free_name, paths_in
+from robot.store.models.model import Model, encode_model
+from robot.types import Frame
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecorderConfig:
+    """Bounds of the queue, time limits, and what is kept."""
+
+    keeps_drives: bool = True
+    """Keep a recording in which the robot moved and nothing was taught."""
+
+    queue_bytes: int = 32 * 2**20
+    """Bytes of queued pictures; more are dropped and counted."""
+    queue_items: int = 4096
+    """Queued items of any kind; messages are small and are dropped last."""
+    pause_s: float = 10.0
+    """A robot that stands for so long ends the recording."""
+    trail_s: float = 1.0
+    """Pictures go on for so long after the robot came to stand."""
+    lead_frames: int = 15
+    """Pictures from before the start that go along, as far as they fill a quarter of the queue: the
+    pilot may label them."""
+    spare_bytes: int = 64 * 2**20
+    """Recording stops while the disk still has so much left: for models, and for the system."""
+
+
+class RecordingQueue:
+    """Takes what is to be recorded on the loop's thread, and writes it on the disk's."""
+
+    def __init__(
+        self,
+        folder: Path,
+        config: RecorderConfig,
+        open_file: Callable[[Path], BinaryIO],
+        announce: Announce,
+        clock: Clock,
+    ) -> None:
+        self._folder = folder
+        self._config = config
+        self._open_file = open_file
+        self._announce = announce
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._jobs: deque[tuple[int, Callable[..., None], tuple[Any, ...]]] = deque()
+        self._writer: EpisodeWriter | None = None
+        self._checked_s = 0.0
+        self._lost_before: Counter[str] = Counter()
+        self.waiting_bytes = 0
+        """Bytes of queued pictures."""
+        self.lost: Counter[str] = Counter()
+        """`frames` and `messages` dropped since the program began: the disk was too slow."""
+        self.episode_id: str | None = None
+        self.fault: str | None = None
+
+    # Called on the loop's thread ---------------------------------------------------------------
+
+    def begin(self, run: Mapping[str, str], model: Model | None) -> None:
+        self._put(0, self._begin, run, model, self.lost.copy(), must_go=True)
+
+    def end(self, model: Model | None, *, is_kept: bool) -> None:
+        """End the recording; `model` is what the learner knows now, None if not known."""
+        self._put(0, self._end, model, is_kept, must_go=True)
+
+    def write_frame(self, frame: Frame) -> bool:
+        """Write a picture; False if there is no room for it."""
+        is_kept = self._put(len(frame.data), self._write, EpisodeWriter.write_frame, frame)
+        if not is_kept:
+            self.lost["frames"] += 1
+        return is_kept
+
+    def write_message(self, topic: Topic, now_s: float, fields: Fields) -> None:
+        if not self._put(0, self._write, EpisodeWriter.write_message, topic, now_s, fields):
+            self.lost["messages"] += 1
+
+    def _put(self, size: int, job: Callable[..., None], *what: Any, must_go: bool = False) -> bool:
+        """Queue a job; False if the queue is full. Never waits for the disk."""
+        config = self._config
+        with self._lock:
+            is_full = self.waiting_bytes + size > config.queue_bytes and size > 0
+            if is_full or (len(self._jobs) >= config.queue_items and not must_go):
+                return False
+            self._jobs.append((size, job, what))
+            self.waiting_bytes += size
+        return True
+
+    def refuse(self, sentence: str) -> None:
+        """Record nothing; `fault` is this sentence."""
+        self.fault = sentence
+        self._announce("recording_off", detail=sentence)
+
+    # On the disk's thread ------------------------------------------------------------------------
+
+    def write_waiting(self) -> None:
+        """Write what waits, and flush it. Never raises: a failure ends the recording."""
+        try:
+            waiting = len(self._jobs)
+            for _ in range(waiting):
+                with self._lock:
+                    size, job, what = self._jobs.popleft()
+                job(*what)
+                with self._lock:
+                    self.waiting_bytes -= size
+            if self._writer is not None and waiting:
+                self._writer.flush()
+                if self._clock.now_s() - self._checked_s > 2.0:
+                    self._check_room()
+        except Exception as error:  # whatever it is, the thread must go on
+            with self._lock:
+                self.waiting_bytes = sum(size for size, _, _ in self._jobs)
+            if isinstance(error, OSError):
+                self._give_up(f"Recording stopped, the disk refused: {error.strerror or error}")
+            else:
+                log.exception("recording stopped")
+                self._give_up(f"Recording stopped: {error}")
+
+    def _write(self, write: Callable[..., None], *what: Any) -> None:
+        if self._writer is not None:
+            write(self._writer, *what)
+
+    def _begin(
+        self, run: Mapping[str, str], model: Model | None, lost_before: Counter[str]
+    ) -> None:
+        self._end()
+        self._check_room()
+        if self.fault is not None:
+            return
+        before = encode_model(model, is_packed=True) if model is not None else None
+        # A clock that was set back may have given this name before.
+        episode_id = free_name(run["episode"], {path.stem for path in paths_in(self._folder)})
+        file = self._open_file(self._folder / f"{episode_id}.mcap")
+        self._writer = EpisodeWriter(file, {**run, "episode": episode_id}, before)
+        self.episode_id = episode_id
+        self._lost_before = lost_before
+        self._announce("recording_on", episode=self.episode_id)
+
+    def _check_room(self) -> None:
+        self._checked_s = self._clock.now_s()
+        free = shutil.disk_usage(self._folder).free
+        if free < self._config.spare_bytes:
+            self._end()
+            self._give_up(f"Recording stopped: the disk has only {free >> 20} MB left.")
+
+    def _end(self, model: Model | None = None, is_kept: bool = True) -> None:
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        episode_id, self.episode_id = self.episode_id, None
+        if not is_kept:
+            writer.abandon()
+            (self._folder / f"{episode_id}.mcap").unlink(missing_ok=True)
+            self._announce("recording_done", episode=None)
+            return
+        after = encode_model(model, is_packed=True) if model is not None else None
+        lost = self.lost - self._lost_before
+        summary = {"dropped_frames": str(lost["frames"]), "lost_words": str(lost["messages"])}
+        try:
+            writer.close(summary, after)
+        finally:
+            if lost:
+                self._announce("recording_lossy", dropped_frames=lost["frames"])
+            self._announce("recording_done", episode=episode_id)
+
+    def _give_up(self, sentence: str) -> None:
+        """Stop recording until the robot starts again; it drives on."""
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            with contextlib.suppress(Exception):  # it was refused before
+                writer.abandon()
+        self.episode_id = None
+        log.warning(sentence)
+        self.refuse(sentence)

@@ -1,0 +1,251 @@
+"""Records each run while it is driven. The loop only queues; the disk's thread writes.
+
+A recording begins when the robot leaves `stopped`, or when something changes the learner; it ends
+after the robot has stood for ten seconds. What waits for the disk is bounded by count and by
+bytes: a slow disk costs pictures, which are counted, and never the loop's time or the memory. An
+example whose picture was dropped is recorded with its feature vector, so that none is lost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+from collections import deque
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from robot.control.loop import ControlLoop
+from robot.control.state import Tick
+from robot.errors import MissingExtraError
+from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
+from robot.recordings.ending import end_cut_recordings
+from robot.recordings.messages import (
+    Topic,
+    describe_command,
+    describe_prediction,
+    describe_sensors,
+)
+from robot.recordings.queue import RecorderConfig, RecordingQueue
+from robot.recordings.reader import require_mcap
+from robot.recordings.writer import describe_run
+from robot.store.disk import Announce, DiskThread, no_announcement
+from robot.store.models.events import describe_event, describe_point
+from robot.store.models.model import Model, take_model
+from robot.types import Action, Frame, Mode
+
+_KEPT_IDS = 512
+"""So many pictures back an example finds its own in the recording."""
+
+
+class Recorder:
+    """Records the runs of one loop.
+
+    `announce` is called when recording begins, ends, stops because of a fault, or loses pictures.
+    `disk` is the thread that writes, by default one of its own. `about` is what each recording says
+    of the robot: `robot`, `declared_moves` and `options` of `describe_run`. How it goes is in
+    `queue`.
+    """
+
+    def __init__(
+        self,
+        loop: ControlLoop,
+        folder: Path,
+        *,
+        announce: Announce = no_announcement,
+        config: RecorderConfig | None = None,
+        open_file: Callable[[Path], BinaryIO] = lambda path: path.open("xb"),
+        disk: DiskThread | None = None,
+        **about: Any,
+    ) -> None:
+        self._loop = loop
+        self._about = about
+        self._config = config or RecorderConfig()
+        self._run_id = secrets.token_hex(8)
+        self._folder = folder
+        self.queue = RecordingQueue(folder, self._config, open_file, announce, loop.clock)
+        self._disk = disk or DiskThread(loop.clock)
+        self._disk.add(self.queue.write_waiting)
+        self._unsubscribe: Callable[[], None] = lambda: None
+        self._base: Model | None = None
+        self._is_open = False
+        self._is_kept = False
+        """Whether the learner changed, or the robot moved: otherwise the recording is discarded."""
+        self._mode = Mode.STOPPED
+        self._moved_s = 0.0
+        self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
+        self._kept: deque[int] = deque(maxlen=_KEPT_IDS)
+        self._taught: set[int] = set()
+
+    def start(self) -> None:
+        """Start recording. Without the library `mcap` recording is off, and `fault` says so."""
+        try:
+            require_mcap()
+        except MissingExtraError as error:
+            self.queue.refuse(str(error))
+            return
+        self._unsubscribe = self._loop.subscribe(self.note)
+        self._disk.start()
+        found = sorted(self._folder.glob("*.mcap"))
+        clock = self._loop.clock
+        clock.start_thread(lambda: end_cut_recordings(found, clock), "endings")
+
+    def stop(self) -> None:
+        """Finish the recording, best while the loop still runs; idempotent."""
+        if self._is_open:
+            with contextlib.suppress(TimeoutError):
+                self._loop.clock.result(self._loop.submit(self._end), 2.0)
+        self._unsubscribe()
+        self.queue.end(None, is_kept=True)  # if the loop did not: it hangs
+        self._disk.stop()
+
+    # On the loop's thread ----------------------------------------------------------------------
+
+    def _end(self) -> None:
+        """Finish between two ticks, so that the one under way is recorded, too."""
+        self._unsubscribe()
+        self.finish()
+
+    def note(self, tick: Tick) -> None:
+        """Queue what is to be recorded of one tick."""
+        if self._base is None and not self._is_open:
+            self._base = self._take()
+            return
+        mode, now_s = tick.decision.mode, tick.now_s
+        is_moving = mode is not Mode.STOPPED
+        began = is_moving and self._mode is Mode.STOPPED
+        self._moved_s = now_s if is_moving else self._moved_s
+        events = self._own_events(tick.history_events)
+        if began and self.queue.fault is not None:
+            if self._is_open:  # the disk has closed it; the model that is taken has the events
+                self.finish()
+                events = ()
+            self.queue.fault = None
+        if not self._is_open and (is_moving or events):
+            self._open(now_s)
+        if self._is_open:
+            self._record(tick, events)
+        elif tick.frame is not None:
+            self._remember(tick.frame)
+        self._mode = mode
+        self._end_if_due(tick, events)
+
+    def keep(self) -> None:
+        """Keep what is being recorded, whatever it has."""
+        self._is_kept = True
+
+    def finish(self) -> None:
+        if self._is_open:
+            self._base = self._take()
+            self._close(final=self._base)
+
+    def _own_events(self, events: tuple[HistoryEvent, ...]) -> tuple[HistoryEvent, ...]:
+        """Begin a new recording when another policy took over."""
+        if any(isinstance(event, Replaced) for event in events):
+            if self._is_open:
+                self._close(final=None)
+            self._base = self._take()
+            return ()
+        return events
+
+    def _open(self, now_s: float) -> None:
+        wall_ns = round(1e9 * self._loop.clock.wall_s())
+        state = self._loop.state
+        run = describe_run(
+            episode_id=make_id(wall_ns),
+            run_id=self._run_id,
+            origin_ns=wall_ns - round(now_s * 1e9),
+            started_at_s=wall_ns / 1e9,
+            learner=state.learner,
+            moves=tuple(move.value for move in state.moves),
+            **self._about,
+        )
+        self.queue.begin(run, self._base)
+        self._is_open, self._is_kept = True, False
+        self._kept.clear()
+        self._taught.clear()
+
+    def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
+        now_s = tick.now_s
+        if tick.decision.mode is not self._mode:
+            now = {"mode": tick.decision.mode, "stop_reason": tick.decision.stop_reason}
+            self.queue.write_message(Topic.MODE, now_s, now)
+        if tick.frame is not None:
+            if now_s - self._moved_s <= self._config.trail_s:
+                while self._lead:  # a command may label what was seen just before
+                    self._keep(self._lead.popleft())
+                self._record_frame(tick)
+            else:
+                self._remember(tick.frame)
+        for command in tick.commands:
+            self.queue.write_message(Topic.COMMAND, now_s, describe_command(command))
+        if tick.decision.mode is not Mode.STOPPED:
+            self._record_decision(tick)
+        for event in events:
+            self._record_event(event, now_s)
+
+    def _record_decision(self, tick: Tick) -> None:
+        decision = tick.decision
+        self._is_kept |= tick.sent != Action.STOP and self._config.keeps_drives
+        fields = {
+            "action": decision.action,
+            "sent": tick.sent,
+            "driven_by": decision.driven_by,
+            "mode": decision.mode,
+            "speed_scale": decision.speed_scale,
+            "stop_reason": decision.stop_reason,
+            "asks_pilot": decision.asks_pilot,
+            "cycle_ms": round(tick.cycle_s * 1000, 4),
+            **describe_point(decision.point),
+        }
+        self.queue.write_message(Topic.DECISION, tick.now_s, fields)
+
+    def _record_frame(self, tick: Tick) -> None:
+        assert tick.frame is not None
+        self._keep(tick.frame)
+        self.queue.write_message(Topic.SENSORS, tick.now_s, describe_sensors(tick.sensors))
+        if tick.prediction is not None and tick.prediction.frame_id == tick.frame.frame_id:
+            self.queue.write_message(
+                Topic.PREDICTION, tick.now_s, describe_prediction(tick.prediction)
+            )
+
+    def _record_event(self, event: HistoryEvent, now_s: float) -> None:
+        self._is_kept = True
+        is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
+        if isinstance(event, Taught):
+            self._taught.add(event.example.frame_id)
+        self.queue.write_message(Topic.LESSON, now_s, describe_event(event, with_vector=is_lost))
+
+    def _remember(self, frame: Frame) -> None:
+        self._lead.append(frame)
+        while sum(len(frame.data) for frame in self._lead) > self._config.queue_bytes // 4:
+            self._lead.popleft()  # large ones would fill the queue all at once
+
+    def _keep(self, frame: Frame) -> None:
+        if frame.frame_id not in self._kept and self.queue.write_frame(frame):
+            self._kept.append(frame.frame_id)
+
+    def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
+        """End after a pause, and where an undo reached back beyond this recording."""
+        reached_back = any(
+            isinstance(event, Undone) and not self._taught.issuperset(event.frame_ids)
+            for event in events
+        )
+        is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events
+        if reached_back or is_pause:
+            self.finish()
+
+    def _close(self, final: Model | None) -> None:
+        self.queue.end(final, is_kept=self._is_kept)
+        self._is_open = False
+
+    def _take(self) -> Model:
+        history, now_s = self._loop.history, self._loop.clock.wall_s()
+        return take_model(history.policy, history.taught, saved_at_s=now_s)
+
+
+def make_id(wall_ns: int) -> str:
+    """Name a recording by its time, in UTC, so that names sort by time."""
+    at = datetime.fromtimestamp(wall_ns / 1e9, UTC)
+    return f"{at:%Y-%m-%d_%H%M%S}_{wall_ns // 10**6 % 1000:03d}"

@@ -1,0 +1,208 @@
+"""The recordings of one robot: listed, opened, edited, deleted and restored."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+from robot.errors import ConfigurationError, NotFoundError, told_as
+from robot.recordings.editing import write_edited
+from robot.recordings.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
+from robot.recordings.episode import Episode, open_episode
+from robot.recordings.reader import has_end
+from robot.recordings.summary import EpisodeSummary, read_summary
+from robot.store.folder import Storage, check_name, free_name, paths_in, size_of, whole_file
+from robot.store.lock import FolderLock
+
+DEFAULT_BUDGET_BYTES = 8 * 2**30
+_OPEN_EPISODES, _DESCRIBED = 2, 2**16
+"""So many are remembered: opened, and as the list shows them."""
+_READ_WHOLE_BYTES = 2 * 2**20
+"""Of a recording that is being written only the beginning is read once it is larger."""
+
+
+class EpisodeStore:
+    """Every file operation on episodes, but for the one being recorded. Safe for threads."""
+
+    def __init__(
+        self,
+        storage: Storage,
+        recording: Callable[[], str | None] | None = None,
+    ) -> None:
+        self._storage = storage
+        self._recording = recording or (lambda: None)
+        self._is_recorder = recording is not None  # otherwise another program may be
+        self.budget_bytes = DEFAULT_BUDGET_BYTES
+        """Beyond this the oldest unprotected episodes are offered for deletion."""
+        self._lock = threading.RLock()
+        self._listing = threading.Lock()
+        self._open = lru_cache(_OPEN_EPISODES)(lambda path, *state: open_episode(path))
+        self._read = lru_cache(_DESCRIBED)(
+            lambda path, is_growing, *state: read_summary(path, is_growing=is_growing)
+        )
+
+    def ids(self) -> list[str]:
+        """Name the episodes, in the order of their names, the last first."""
+        return sorted((path.stem for path in self._paths()), reverse=True)
+
+    def summaries(self) -> list[EpisodeSummary]:
+        """Describe all episodes, the newest by time first; each state of a file is read once."""
+        found = []
+        for path in self._paths():
+            with contextlib.suppress(OSError):  # it is gone
+                found.append(self._describe(path))
+        return sorted(found, key=lambda s: (s.started_at_s, s.id), reverse=True)
+
+    def summary(self, episode_id: str) -> EpisodeSummary:
+        """Describe one episode; raises OSError if it is gone."""
+        return self._describe(self.path(episode_id))
+
+    def _paths(self) -> list[Path]:
+        found = [path for path in paths_in(self._storage.episodes) if path.suffix == ".mcap"]
+        return [path for path in found if path.is_file() and size_of(path) and path.name[0] != "."]
+
+    def _describe(self, path: Path) -> EpisodeSummary:
+        """Describe a recording by reading it, unless it and its notes are as they were."""
+        notes = notes_path(path)
+        found = [file.stat() for file in (path, notes) if file is path or file.exists()]
+        state = [(status.st_size, status.st_mtime_ns) for status in found]
+        is_growing = path.stem == self._recording() and found[0].st_size > _READ_WHOLE_BYTES
+        with self._listing:
+            return self._read(path, is_growing, *state)
+
+    def path(self, episode_id: str) -> Path:
+        is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
+        path = self._storage.episodes / f"{episode_id}.mcap"
+        with contextlib.suppress(OSError, ValueError):  # no file can have such a name
+            if is_name and episode_id and path.is_file():
+                return path
+        raise NotFoundError(f"unknown episode {episode_id[:80]!r}")
+
+    def open(self, episode_id: str) -> Episode:
+        """Open an episode; the last two stay open."""
+        path = self.path(episode_id)
+        status = path.stat()
+        with self._lock:
+            return self._open(path, status.st_size, status.st_mtime_ns)
+
+    def notes(self, episode_id: str) -> Notes:
+        return read_notes(self.path(episode_id))
+
+    def edit(self, episode_id: str, edit: Edit) -> Notes:
+        return self._change(episode_id, lambda notes: notes.with_edit(edit))
+
+    def undo_edit(self, episode_id: str) -> Notes:
+        return self._change(episode_id, Notes.without_last_edit)
+
+    def redo_edit(self, episode_id: str) -> Notes:
+        return self._change(episode_id, Notes.with_last_undone)
+
+    def set_title(self, episode_id: str, title: str) -> Notes:
+        return self._change(episode_id, lambda notes: replace(notes, title=title.strip()[:200]))
+
+    def protect(self, episode_id: str, is_protected: bool) -> Notes:
+        return self._change(episode_id, lambda notes: replace(notes, is_protected=is_protected))
+
+    def _change(self, episode_id: str, change: Callable[[Notes], Notes]) -> Notes:
+        with self._lock:
+            path = self.path(episode_id)
+            notes = change(read_notes(path))
+            write_notes(path, notes)
+            return notes
+
+    def delete(self, episode_id: str) -> str:
+        """Move an episode to the trash; return the key for `restore`."""
+        path = self._idle_path(episode_id)
+        if read_notes(path).is_protected:
+            raise ConfigurationError("this recording is protected; take the protection off first")
+        return self._storage.discard(path, notes_path(path))
+
+    def restore(self, key: str) -> str:
+        """Restore a deleted episode; return its name, a new one if the old one is in use."""
+        with self._lock:
+            return self._storage.restore(key, self._storage.episodes, ".mcap")
+
+    def compact(self, episode_id: str) -> str:
+        """Apply the edits to the recording; the key that is returned restores the original."""
+        with self._lock:
+            path = self._idle_path(episode_id)
+            notes, episode = read_notes(path), self.open(episode_id)
+            with whole_file(path) as file:
+                write_edited(episode, notes, file)
+                if self.open(episode_id) is not episode or read_notes(path) != notes:
+                    raise ConfigurationError("this episode was changed meanwhile; try again")
+                key = self._storage.discard(path, notes_path(path))
+            write_notes(path, replace(notes, edits=(), undone=()))
+            return key
+
+    def split(self, episode_id: str, frame_id: int) -> str:
+        """Make two recordings of one, the second beginning with this frame; return its name.
+
+        The first stays whole on the disk, with an edit that leaves out what is in the second.
+        ConfigurationError if one of the two would be empty.
+        """
+        with self._lock:
+            path = self._idle_path(episode_id)
+            notes, episode = read_notes(path), self.open(episode_id)
+            before = [i for i in episode.frames if i < frame_id and not notes.is_deleted(i)]
+            after = [i for i in episode.frames if i >= frame_id and not notes.is_deleted(i)]
+            if not before or not after:
+                raise ConfigurationError("there must be pictures on both sides of the cut")
+            second = notes.with_edit(trim(episode.frames, after[0], after[-1]))
+            with self.new_file(f"{episode_id[:60]}-2") as new:
+                with whole_file(new) as file:
+                    write_edited(episode, second, file, is_part=True)
+                if notes.title:
+                    write_notes(new, Notes(title=f"{notes.title} 2"))
+                self.edit(episode_id, trim(episode.frames, before[0], before[-1]))
+            return new.stem
+
+    @contextlib.contextmanager
+    def new_file(self, name: str) -> Iterator[Path]:
+        """Take a place as `new_path` does; it is free again if what writes there fails."""
+        path = self.new_path(name)
+        try:
+            yield path
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
+
+    def new_path(self, name: str) -> Path:
+        """Take a free place, by an empty file: another program may look for one, too.
+
+        Notes of a recording that is gone would edit the new one.
+        """
+        names = (path.name for path in paths_in(self._storage.episodes))
+        taken = {name.removesuffix(".mcap").removesuffix(".edits.json") for name in names}
+        while True:
+            path = self._storage.episodes / f"{free_name(check_name(name), taken)}.mcap"
+            with contextlib.suppress(FileExistsError):
+                path.touch(exist_ok=False)
+                return path
+            taken.add(path.stem)
+
+    def offered(self) -> list[EpisodeSummary]:
+        """List what would bring the space back within the budget; nothing is deleted unasked."""
+        summaries, offered = self.summaries(), []
+        excess = sum(summary.bytes for summary in summaries) - self.budget_bytes
+        for summary in reversed(summaries):
+            if excess <= 0:
+                break
+            if not summary.is_protected and summary.id != self._recording():
+                offered.append(summary)
+                excess -= summary.bytes
+        return offered
+
+    def _idle_path(self, episode_id: str) -> Path:
+        if episode_id == self._recording():
+            raise ConfigurationError("this episode is being recorded; stop the robot and wait")
+        path = self.path(episode_id)
+        if self._is_recorder or has_end(path):
+            return path
+        unfinished = told_as(ConfigurationError, "this episode is not finished", ConfigurationError)
+        with unfinished, FolderLock(self._storage.root):
+            return path

@@ -1,0 +1,99 @@
+"""What a list of episodes shows, read from the two ends of a file without going through it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robot.errors import UNREADABLE, RecordingError
+from robot.recordings.edits import Notes, read_notes
+from robot.recordings.episode import open_episode, seconds_in, taught_frames
+from robot.recordings.messages import RUN, SUMMARY
+from robot.recordings.reader import Metadata, read_metadata, scan
+from robot.recordings.writer import describe_content
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EpisodeSummary:
+    """One recording of the list. `started_at_s` is wall-clock time, seconds since 1970.
+
+    `damage` says what is wrong: where a file that was cut short ends, or why a file cannot be read
+    at all (`is_readable` is False).
+    """
+
+    id: str
+    bytes: int
+    title: str = ""
+    is_protected: bool = False
+    edits: int = 0
+    started_at_s: float = 0.0
+    duration_s: float = 0.0
+    frames: int = 0
+    taught: Mapping[str, int]
+    robot: str = ""
+    learner: str = ""
+    source: str = ""
+    is_readable: bool = True
+    damage: str | None = None
+
+
+def read_summary(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
+    """Describe a recording, whatever state it is in; only a missing file raises (OSError).
+
+    Of one that `is_growing` only the beginning is read.
+    """
+    size = path.stat().st_size
+    try:
+        notes, complaint = read_notes(path), None
+    except RecordingError as error:
+        notes, complaint = Notes(), str(error)
+    try:
+        facts = _read_head(path) if is_growing else _read_ends(path)
+    except (RecordingError, ValueError, OSError) as error:
+        facts = {"is_readable": False, "damage": str(error), "taught": {}}
+    if complaint:
+        facts["damage"] = complaint
+    return EpisodeSummary(
+        id=path.stem,
+        bytes=size,
+        title=notes.title,
+        is_protected=notes.is_protected,
+        edits=len(notes.edits),
+        **facts,
+    )
+
+
+def _read_head(path: Path) -> dict[str, Any]:
+    for record in scan(path):
+        if isinstance(record, Metadata) and record.name == RUN:
+            lasted_s = path.stat().st_mtime - seconds_in(record.values.get("started_at_s", "0"))
+            return _facts(record.values, describe_content(0, (), lasted_s))
+    raise RecordingError("it has no beginning yet")
+
+
+def _read_ends(path: Path) -> dict[str, Any]:
+    """Read the metadata at the end of the file; count what one without a sound end holds."""
+    with contextlib.suppress(*UNREADABLE, OSError):
+        metadata = read_metadata(path)
+        return _facts(metadata[RUN], metadata[SUMMARY])
+    episode = open_episode(path)
+    taught = taught_frames(episode).values()
+    content = describe_content(len(episode.frames), taught, episode.duration_s)
+    return {**_facts(episode.run, content), "damage": episode.damage}
+
+
+def _facts(run: Mapping[str, str], content: Mapping[str, str]) -> dict[str, Any]:
+    return {
+        "started_at_s": seconds_in(run.get("started_at_s", "0")),
+        "robot": run.get("robot", ""),
+        "learner": run.get("learner", ""),
+        "source": run.get("source", ""),
+        "duration_s": seconds_in(content["duration_s"]),
+        "frames": int(content["frames"]),
+        "taught": {str(k): int(v) for k, v in json.loads(content["taught"]).items()},
+        "damage": content.get("damage"),
+    }

@@ -1,0 +1,199 @@
+"""One recording on its way to the disk: an MCAP file that is readable up to its last flush."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
+from typing import Any, BinaryIO
+
+from robot.driver import Move, to_text
+from robot.policy.history import HistoryEvent, Taught, Undone
+from robot.recordings.images import camera_channel, encode_image
+from robot.recordings.messages import (
+    MODEL_AFTER,
+    MODEL_BEFORE,
+    RUN,
+    SUMMARY,
+    Fields,
+    Topic,
+    json_channel,
+    pose_in_frame,
+)
+from robot.recordings.reader import (
+    Attachment,
+    Message,
+    MessageChannel,
+    Metadata,
+    require_mcap,
+)
+from robot.store.models.events import read_event, to_json
+from robot.types import Example, Frame
+
+FORMAT = 1
+_CHUNK_BYTES = 1 << 20
+
+
+def describe_run(
+    *,
+    episode_id: str,
+    run_id: str,
+    origin_ns: int,
+    started_at_s: float = 0.0,
+    robot: str = "",
+    learner: str = "",
+    moves: Sequence[str] = (),
+    declared_moves: Sequence[Move] = (),
+    options: Mapping[str, Any] | None = None,
+    source: str = "drive",
+) -> dict[str, str]:
+    """Return what is known of a recording when it begins, as the metadata at its beginning.
+
+    `started_at_s` is wall-clock time, seconds since 1970. `origin_ns` is what the run's clock
+    showed as 0, in nanoseconds since 1970. Frame ids are unique within one `run_id`: several
+    recordings of one run of the program share it.
+    """
+    return {
+        "format": str(FORMAT),
+        "episode": episode_id,
+        "run": run_id,
+        "origin_ns": str(origin_ns),
+        "started_at_s": f"{started_at_s:.3f}",
+        "robot": robot,
+        "learner": learner,
+        "moves": ",".join(moves),
+        "declared_moves": to_text(declared_moves),
+        "options": json.dumps(dict(options or {}), default=str),
+        "source": source,
+        "timed": "1",  # examples were learned with their teaching times, unlike in 0.1
+    }
+
+
+def describe_content(frames: int, taught: Iterable[Example], lasted_s: float) -> dict[str, str]:
+    """Return how much a recording holds; `taught` are the examples that were not undone."""
+    return {
+        "frames": str(frames),
+        "taught": json.dumps(Counter(example.label for example in taught)),
+        "duration_s": f"{max(lasted_s, 0.0):.6f}",
+    }
+
+
+class EpisodeWriter:
+    """Writes one MCAP file. For one thread; raises OSError when the disk refuses."""
+
+    def __init__(
+        self,
+        file: BinaryIO,
+        run: Mapping[str, str],
+        model_before: bytes | None = None,
+    ) -> None:
+        self._file = file
+        self._origin_ns = int(run["origin_ns"])
+        self._began_ns = round(float(run.get("started_at_s", "0")) * 1e9)
+        require_mcap()
+        from mcap.writer import CompressionType, Writer
+
+        self._writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._schema = cache(lambda schema: self._writer.register_schema(*schema))
+        self._channel = cache(self._register)
+        self._frames: set[int] = set()
+        self._taught: dict[int, Example] = {}
+        self._first_ns, self._last_ns = 2**64, 0
+        self._writer.start(profile="", library="drivelesson")
+        self._writer.add_metadata(RUN, dict(run))
+        if model_before is not None:
+            self._attach(MODEL_BEFORE, model_before)
+        self.flush()
+
+    @property
+    def frames(self) -> int:
+        """How many pictures it has."""
+        return len(self._frames)
+
+    def write_frame(self, frame: Frame) -> None:
+        """Add one picture as the camera gave it; its id is the message's sequence number."""
+        stamp_ns = self._to_ns(frame.captured_s)
+        data = encode_image(frame, stamp_ns)
+        self._add(camera_channel(frame), stamp_ns, data, frame.frame_id)
+
+    def write_message(self, topic: Topic, now_s: float, fields: Fields) -> None:
+        stamp_ns = self._to_ns(now_s)
+        self._add(json_channel(topic), stamp_ns, to_json(fields))
+        if topic == Topic.SENSORS and fields["pose"]:
+            drawn = to_json(pose_in_frame(fields["pose"], stamp_ns))
+            self._add(json_channel(Topic.POSE), stamp_ns, drawn)
+
+    def write_copy(self, record: Message | Metadata | Attachment) -> None:
+        """Add what stands in another recording, byte for byte."""
+        if isinstance(record, Metadata):
+            self._writer.add_metadata(record.name, record.values)
+        elif isinstance(record, Attachment):
+            self._attach(record.name, record.data)
+        else:
+            self._add(record.channel, record.log_ns, record.data, record.sequence)
+
+    def flush(self) -> None:
+        """Flush to the disk: a kill or a power cut then loses nothing of it."""
+        self._writer.flush()
+        _sync(self._file)
+
+    def close(self, summary: Mapping[str, str], model_after: bytes | None = None) -> None:
+        """Write the end: attachments, summary and index; then close the file."""
+        try:
+            if model_after is not None:
+                self._attach(MODEL_AFTER, model_after)
+            lasted_s = (self._last_ns - self._first_ns) / 1e9
+            content = describe_content(self.frames, self._taught.values(), lasted_s)
+            self._writer.add_metadata(SUMMARY, {**content, **summary})
+            self._writer.finish()
+            self._file.flush()
+            _sync(self._file)
+        finally:
+            self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file as it is, after the disk refused."""
+        self._file.close()
+
+    def _attach(self, name: str, data: bytes) -> None:
+        stamp_ns = self._last_ns or self._began_ns
+        self._writer.add_attachment(stamp_ns, stamp_ns, name, "application/zip", data)
+
+    def _to_ns(self, now_s: float) -> int:
+        """Return a time of the run's clock as nanoseconds since 1970."""
+        return max(self._origin_ns + round(now_s * 1e9), 0)
+
+    def _add(self, channel: MessageChannel, stamp_ns: int, data: bytes, sequence: int = 0) -> None:
+        self._first_ns = min(stamp_ns, self._first_ns)
+        self._last_ns = max(stamp_ns, self._last_ns)
+        if channel.topic == Topic.CAMERA:
+            self._frames.add(sequence)
+        elif channel.topic == Topic.LESSON:
+            note_taught(self._taught, read_event(json.loads(data)))
+        self._writer.add_message(self._channel(channel), stamp_ns, data, stamp_ns, sequence)
+
+    def _register(self, channel: MessageChannel) -> int:
+        topic, encoding, schema, metadata = channel
+        number: int = self._writer.register_channel(
+            topic, encoding, self._schema(schema), dict(metadata)
+        )
+        return number
+
+
+def note_taught(examples: dict[int, Example], event: HistoryEvent) -> None:
+    """Note by its frame what an event teaches, or takes back."""
+    if isinstance(event, Taught):
+        examples[event.example.frame_id] = event.example
+    elif isinstance(event, Undone):
+        for frame_id in event.frame_ids:
+            examples.pop(frame_id, None)
+
+
+def _sync(file: BinaryIO) -> None:
+    """Have the file's bytes reach the disk, if it is a real file."""
+    with contextlib.suppress(io.UnsupportedOperation):
+        os.fsync(file.fileno())

@@ -1,0 +1,169 @@
+"""The simulated robot's camera; in real time its thread is also what moves the world on."""
+
+from __future__ import annotations
+
+import threading
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Generic, Self, TypeVar
+
+from robot.clock import Clock
+from robot.devices.options import Options, option
+from robot.devices.watched_camera import ThreadedCamera
+from robot.driver import Driver
+from robot.errors import CameraError, ConfigurationError, RobotError
+from robot.policy.image import jpeg_encoder
+from robot.simulator.driver import SimDriver
+from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
+from robot.types import Encoding, Frame
+
+_LONGEST_GAP_S = 0.25
+"""After a longer pause of the whole machine the world goes on from where it stood."""
+
+_LONGEST_PERIOD_S, _USUAL_FRAMES = 0.1, 10
+"""Where a picture takes long, because the computer is busy, they come no more seldom than so."""
+_D = TypeVar("_D", bound=Driver)
+_ASKED_FRAMES = 30
+"""For so many frames after somebody asked for one, pictures for the eye are made."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimCameraOptions(Options):
+    """What a person may choose."""
+
+    frame_rate_hz: float = option(30.0, "simulated pictures a second", range=(1.0, 120.0))
+    jpeg_quality: int = option(75, "of simulated pictures", range=(1, 100))
+
+
+class WorldCamera(ThreadedCamera, Generic[_D]):
+    """The camera of a simulated world: its thread is also what moves the world on."""
+
+    body_type: ClassVar[type[Any]]
+    """The robot that lives in this world."""
+
+    longest_join_s: ClassVar[float] = 5.0
+    patience_s: ClassVar[float] = 20.0
+    """For a first picture: some worlds load for long."""
+    _failure: RobotError | None = None
+
+    def __init__(self, body: _D, options: Any, clock: Clock) -> None:
+        super().__init__(options, clock)
+        self._body = body
+
+    @classmethod
+    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
+        if not isinstance(driver, cls.body_type):
+            raise ConfigurationError(
+                f"the camera {cls.name!r} only works with the robot {cls.body_type.name!r}, "
+                f"not with {driver.name!r}"
+            )
+        return cls(driver, options, clock)
+
+    def _begin(self) -> None:
+        """Begin to take pictures in real time; returns when the first is there."""
+        self._failure = None
+        first = threading.Event()
+        self._work(lambda: self._run(first))
+        if not self.clock.wait(first, self.patience_s):
+            self._failure = CameraError(f"the camera {self.name!r} gives no picture")
+        if self._failure is not None:
+            raise self._failure
+
+    @abstractmethod
+    def _take(self) -> Frame:
+        """Take one picture."""
+
+    @abstractmethod
+    def _live(self) -> None:
+        """Move the world on and take pictures, until `_ending`."""
+
+    @abstractmethod
+    def _leave(self) -> None:
+        """Let go of the world, on the thread that it belongs to."""
+
+    def _run(self, first: threading.Event) -> None:
+        try:
+            self._take()
+            first.set()
+            self._live()
+        except RobotError as error:
+            self._fail(error, first)
+        except Exception as error:  # top of a thread that may run other people's code
+            self._fail(CameraError(f"the world of this camera failed: {error}"), first)
+        finally:
+            self._leave()
+
+    def _fail(self, error: RobotError, first: threading.Event) -> None:
+        self._failure = error
+        self._report_fault(str(error))
+        first.set()
+
+
+class SimCamera(WorldCamera[SimDriver]):
+    """Renders what the simulated robot sees.
+
+    In real time it gives JPEG, as a webcam does: encoded once for page, recording and learner.
+    `capture`, which experiments call as fast as they can, gives the pixels themselves: what they
+    measure does not depend on a codec.
+
+    While people look there is a picture of 320x240 beside each JPEG (`for_the_eye`).
+    """
+
+    name: ClassVar[str] = "sim"
+    options_type: ClassVar[type[Any]] = SimCameraOptions
+    body_type = SimDriver
+
+    def __init__(self, body: SimDriver, options: SimCameraOptions, clock: Clock) -> None:
+        super().__init__(body, options, clock)
+        self._compress = jpeg_encoder(options.jpeg_quality, "the camera of a simulated world")
+        self._period_s = 1.0 / options.frame_rate_hz
+        self._asked_id = -_ASKED_FRAMES
+        self._large: Frame | None = None
+
+    def capture(self) -> Frame:
+        """Take one picture now, on this thread: for experiments, which use no `start`."""
+        picture = self._body.simulation.render()
+        return self._show(picture.tobytes(), Encoding.RGB, self.clock.now_s())
+
+    def for_the_eye(self, frame: Frame) -> Frame:
+        """Return the frame at 320x240; the first that is asked for comes with the next frame."""
+        self._asked_id = frame.frame_id
+        large = self._large
+        return large if large is not None and large.frame_id == frame.frame_id else frame
+
+    def _take(self) -> Frame:
+        """Take one picture as a webcam gives it."""
+        captured_s = self.clock.now_s()
+        jpeg = self._compress(self._body.simulation.render())
+        if self._last_frame_id - self._asked_id < _ASKED_FRAMES:
+            self._large = Frame(  # before the frame itself: who hears of that may ask for this
+                frame_id=self._last_frame_id + 1,
+                captured_s=captured_s,
+                width=LARGE_WIDTH_PX,
+                height=LARGE_HEIGHT_PX,
+                encoding=Encoding.JPEG,
+                data=self._compress(self._body.simulation.render_large()),
+            )
+        return self._show(jpeg, Encoding.JPEG, captured_s)
+
+    def _show(self, data: bytes, encoding: Encoding, captured_s: float) -> Frame:
+        return self._publish(
+            data, width=WIDTH_PX, height=HEIGHT_PX, encoding=encoding, captured_s=captured_s
+        )
+
+    def _leave(self) -> None:
+        self._body.simulation.close()
+
+    def _live(self) -> None:
+        """Take pictures, and wait between two for as long as one takes: where robots are too many
+        for the computer each takes fewer, and a STOP finds time."""
+        last_s = self.clock.now_s()
+        due_s, takes_s = last_s + self._period_s, 0.0
+        while not self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s())):
+            now_s = self.clock.now_s()
+            self._body.advance(min(now_s - last_s, _LONGEST_GAP_S))
+            last_s = now_s
+            self._take()
+            takes_s += (self.clock.now_s() - due_s - takes_s) / _USUAL_FRAMES
+            period_s = max(self._period_s, min(2 * takes_s, _LONGEST_PERIOD_S))
+            due_s = max(due_s + period_s, now_s)

@@ -1,0 +1,93 @@
+"""The simulated robot: a driver like any other."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from robot.devices.connected_driver import ConnectedDriver
+from robot.devices.options import Options, option
+from robot.driver import ACTION_TIMEOUT_S, CLASSIC
+from robot.errors import ConfigurationError
+from robot.simulator.simulation import Simulation
+from robot.simulator.world import World, load_world, tinted, world_names
+from robot.types import Action, Point, Sensors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimOptions(Options):
+    """What a person may choose."""
+
+    world: str = option("box", "a world's name, or the path of a TOML file")
+    seed: int = option(1, "decides start, floor and noise", range=(0, 2**32 - 1))
+    hue: int = option(
+        -1, "of the walls, in degrees of the colour wheel; -1: as they are", range=(-1, 359)
+    )
+
+
+class SimDriver(ConnectedDriver[Simulation]):
+    """Drives a `Simulation`. Time passes when somebody calls `advance`: the simulated camera,
+    on its thread, or an experiment.
+
+    Attributes:
+        worlds: Where it can be carried: by name, what `load_world` takes.
+    """
+
+    name: ClassVar[str] = "sim"
+    default_camera: ClassVar[str] = "sim"
+    options_type: ClassVar[type[Any]] = SimOptions
+
+    declared_moves = tuple(CLASSIC.values())
+    takes_points = True
+
+    def __init__(self, options: SimOptions) -> None:
+        self._options = options
+        first = self._load(options.world)
+        self.worlds = {**{name: name for name in world_names()}, first.name: options.world}
+        self.simulation = Simulation(first, options.seed)
+        self._lock = threading.RLock()
+        self._left_s = 0.0
+
+    def enter(self, name: str) -> None:
+        """Carry the robot to the start of one of its `worlds`; the caller has stopped it.
+        ConfigurationError if there is none of this name."""
+        if name not in self.worlds:
+            raise ConfigurationError(
+                f"unknown world {name!r}; there are: {', '.join(sorted(self.worlds))}"
+            )
+        world = self._load(self.worlds[name])
+        with self._lock:
+            self.simulation.first_world = world
+
+    def _load(self, name: str) -> World:
+        world = load_world(name)
+        return world if self._options.hue < 0 else tinted(world, self._options.hue)
+
+    def _open(self) -> Simulation:
+        return self.simulation
+
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
+        with self._lock:
+            self.simulation.action, self.simulation.point = action, point
+            self.simulation.speed_scale = speed_scale
+            self._left_s = ACTION_TIMEOUT_S
+
+    def sense(self) -> Sensors:
+        with self._lock:
+            return self.simulation.sense()
+
+    def stop(self) -> None:
+        with self._lock:
+            self.simulation.action, self.simulation.point = Action.STOP, None
+
+    def advance(self, dt_s: float) -> None:
+        """Let time pass in the world; an action that was not renewed in time ends."""
+        with self._lock:
+            moving_s = min(dt_s, self._left_s)
+            if moving_s > 0:
+                self.simulation.step(moving_s)
+            self._left_s -= moving_s
+            if dt_s > moving_s:
+                self.stop()
+                self.simulation.step(dt_s - moving_s)

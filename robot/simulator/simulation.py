@@ -1,0 +1,182 @@
+"""A simulated robot in a world: body, sensors, camera and chance, moved by `step`.
+
+It uses no clock and no thread. The driver and the camera of the simulator run it in real time;
+experiments step it as fast as they can. The same world, seed and actions give the same numbers.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.simulator.body import WHEELS, WHEELS_MPS, bumpers, move, push_out, sonar_m
+from robot.simulator.renderer import Renderer
+from robot.simulator.things import move_things
+from robot.simulator.world import World
+from robot.types import Action, Point, Pose, Sensors
+
+_LONGEST_STEP_S = 0.02
+DRIFT_S = 1.0
+"""For about so long the wheels drift to one side."""
+
+
+_SLIP_SHARE, _SONAR_NOISE_M, _PIXEL_NOISE = 0.04, 0.005, 3.0
+"""How far the simulated world is from a perfect one, as standard deviations: the slip of each
+wheel, as a share of its speed, renewed fifty times a second (more in shorter steps, so that the way
+is as uncertain at any frame rate); of the sonar; of each pixel, of 255."""
+
+
+class Simulation:
+    """One robot in one world.
+
+    Args:
+        world: Where it is.
+        seed: Decides start pose, floor pattern and noise.
+        is_noisy: False for a perfect world.
+
+    Attributes:
+        drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
+            of their speed: one turns faster, the other slower. 0: none.
+        action: The move under way.
+        point: The same by degrees; None: the move as it is.
+        first_world: The world at its start. Any thread may set another: the next step begins there,
+            since `world` and the renderer change only on the thread that steps and renders.
+    """
+
+    def __init__(self, world: World, seed: int = 0, *, is_noisy: bool = True) -> None:
+        self.world = self.first_world = self._entered = world
+        self.is_noisy = is_noisy
+        self._seed = seed
+        self._motion_rng, self._sonar_rng, self._pixel_rng = (
+            np.random.default_rng((seed, stream)) for stream in range(3)
+        )
+        self._drift_rng = np.random.default_rng((seed, 4))
+        self._drift = 0.0
+        self.drift_share = 0.0
+        self._renderer: Renderer | None = None
+        self._grain: NDArray[np.int16] | None = None
+        self._contacts_rad: list[float] = []
+        self.pose = self._start_pose()
+        self.action = Action.STOP
+        self.point: Point | None = None
+        self.speed_scale = 1.0
+
+    def step(self, dt_s: float) -> None:
+        """Advance by `dt_s` seconds with the current action."""
+        if self.first_world is not self._entered:
+            self.close()
+            self.restart()
+        parts = max(1, math.ceil(dt_s / _LONGEST_STEP_S - 1e-9))
+        for _ in range(parts):
+            self._step_once(dt_s / parts)
+
+    def restart(self) -> None:
+        """Put robot and things back to their starts; the random state goes on, so starts vary."""
+        first_world = self.first_world
+        self.world = first_world
+        self._contacts_rad = []
+        self.action, self.point = Action.STOP, None
+        self.pose = self._start_pose()
+        self._entered = first_world  # last: `shown_world` reads it on another thread
+
+    @property
+    def shown_world(self) -> World:
+        """The world as it is now, or the one in which the next step begins."""
+        chosen = self.first_world
+        return self.world if chosen is self._entered else chosen
+
+    def sense(self) -> Sensors:
+        """Return what the sensors read: sonar with noise, bumpers, and the true pose."""
+        noise_m = float(self._sonar_rng.normal(0.0, _SONAR_NOISE_M)) if self.is_noisy else 0.0
+        return Sensors(
+            distance_m=max(0.0, sonar_m(self.world, self.pose) + noise_m),
+            bumped=any(self.bumpers),
+            bumpers=self.bumpers,
+            pose=self.pose,
+        )
+
+    @property
+    def bumpers(self) -> tuple[bool, bool]:
+        """Whether the left and the right bumper are pressed."""
+        return bumpers(self._contacts_rad)
+
+    @property
+    def is_pushing(self) -> bool:
+        """True while the robot drives forward against something, in a curve, too."""
+        return sum(self._wheels_mps) > 0.0 and any(self.bumpers)
+
+    @property
+    def _wheels_mps(self) -> tuple[float, float]:
+        return WHEELS_MPS[self.action] if self.point is None else WHEELS.at(self.point)
+
+    @property
+    def is_touching(self) -> bool:
+        """True while the body touches anything, at any side."""
+        return bool(self._contacts_rad)
+
+    def render(self) -> NDArray[np.uint8]:
+        """Return the camera's picture, shape (120, 160, 3), RGB."""
+        if self._renderer is None:
+            self._renderer = Renderer(self.world, self._seed)
+        picture = self._renderer.render(self.pose, self.world.obstacles)
+        if self.is_noisy:
+            picture = self._add_grain(picture)
+        return picture
+
+    def render_large(self) -> NDArray[np.uint8]:
+        """Return the last `render` at twice its size and without noise, for a person's eye.
+
+        Shape (240, 320, 3), RGB. Chance and what `render` returns do not depend on it.
+        """
+        if self._renderer is None:
+            raise RuntimeError("render_large shows what render saw: call that first")
+        return self._renderer.render_large()
+
+    def close(self) -> None:
+        """Free what the renderer holds; the next picture opens it again."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _step_once(self, dt_s: float) -> None:
+        left_mps, right_mps = self._wheels_mps
+        if self.is_noisy and dt_s > 0.0 and (left_mps or right_mps):
+            share = _SLIP_SHARE * math.sqrt(_LONGEST_STEP_S / dt_s)
+            slips = self._motion_rng.normal(1.0, share, 2).tolist()
+            left_mps, right_mps = left_mps * slips[0], right_mps * slips[1]
+        is_straight = self.action in (Action.FORWARD, Action.BACKWARD)
+        if self.drift_share and (is_straight or self.point is not None):
+            self._drift_on(dt_s)
+            left_mps, right_mps = left_mps * (1 - self._drift), right_mps * (1 + self._drift)
+        scale = self.speed_scale
+        moved = move(self.pose, left_mps * scale, right_mps * scale, dt_s)
+        self.world = move_things(self.world, moved, dt_s)
+        self.pose, self._contacts_rad = push_out(self.world, moved)
+
+    def _drift_on(self, dt_s: float) -> None:
+        """Update the drift: an Ornstein-Uhlenbeck process of deviation `drift_share`."""
+        share = dt_s / DRIFT_S
+        step = self._drift_rng.normal(0.0, self.drift_share * math.sqrt(2 * share))
+        self._drift += float(step) - share * self._drift
+
+    def _start_pose(self) -> Pose:
+        start, world = self.world.start, self.world
+        shift = [float(part) for part in self._motion_rng.uniform(-1.0, 1.0, 3)]
+        return Pose(
+            x_m=start.x_m + world.start_spread_m * shift[0],
+            y_m=start.y_m + world.start_spread_m * shift[1],
+            heading_rad=start.heading_rad + world.start_spread_rad * shift[2],
+        )
+
+    def _add_grain(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        # One block of noise shifted by chance: as good to the eye, and far cheaper than drawing
+        # 57,600 normal numbers for each picture.
+        if self._grain is None:
+            rng = np.random.default_rng((self._seed, 3))
+            self._grain = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)
+        start = int(self._pixel_rng.integers(0, 3 * picture.size))
+        grain = self._grain[start : start + picture.size].reshape(picture.shape)
+        noisy: NDArray[np.uint8] = (picture + grain).clip(0, 255).astype(np.uint8)
+        return noisy

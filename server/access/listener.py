@@ -1,0 +1,149 @@
+"""A listening socket that limits connections where they are accepted.
+
+It works below TLS and HTTP, so that an unfinished handshake is counted too, and with every version
+of uvicorn and asyncio.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import socket
+import struct
+from collections import deque
+from typing import Any
+
+from robot.clock import Clock
+from server.access.admission import AdmissionControl, Peer
+
+_AT_ONCE = 1024
+"""So many that have ended already are taken from the kernel at once."""
+_HANDED_ON = 64
+"""So many are handed on before what has come on others is read."""
+_KEPT_BACK = 128
+"""File descriptors reserved for files, cameras and the brick."""
+_MOST_CONNECTIONS = 1024
+_MOST_IN_SELECT = 512
+"""So many sockets can be waited for on Windows."""
+_HEAD = 4096
+STOP = b"POST /api/stop "
+"""How a STOP of a page without a websocket begins."""
+_RESET = struct.pack("ii", 1, 0)
+_EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
+
+
+def connection_capacity() -> int:
+    """Return how many connections this process may have, by its limit of file descriptors."""
+    try:
+        import resource
+    except ImportError:
+        return _MOST_IN_SELECT - _KEPT_BACK
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return max(32, min(_MOST_CONNECTIONS, soft - _KEPT_BACK))
+
+
+class AdmissionListener(socket.socket):
+    """Accepts only connections that its `AdmissionControl` has room for; `listener` is used up."""
+
+    def __init__(self, admission: AdmissionControl, clock: Clock, listener: socket.socket) -> None:
+        super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
+        self.admission, self.clock = admission, clock
+        self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
+        # None stands behind those that were gathered at once.
+        self._waiting: deque[_Connection | None] = deque()
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """Accept the next connection, of all that wait a STOP first; see `socket.socket.accept`.
+
+        Raises:
+            BlockingIOError: If none waits, or enough were accepted for now: what has come is read
+                before those behind it can push it out.
+        """
+        if not self._waiting:
+            self._gather()
+            self._waiting.append(None)
+        connection = self._waiting.popleft()
+        if connection is None:
+            raise BlockingIOError(errno.EAGAIN, "enough for now")
+        return connection, connection.peer
+
+    def _gather(self) -> None:
+        """Take what waits from the kernel, but of one person no more than its share."""
+        for _ in range(_AT_ONCE):
+            now_s = self.clock.now_s()
+            if len(self._waiting) >= _HANDED_ON or not self.admission.has_room(now_s):
+                break
+            try:
+                plain, address = super().accept()
+            except OSError as error:
+                if error.errno not in _EXHAUSTED:
+                    break
+                self._reject_one()
+                continue
+            connection = _Connection(plain.family, plain.type, plain.proto, fileno=plain.detach())
+            connection.peer = str(address[0]), int(address[1])
+            connection.setblocking(False)
+            head = connection.peek()
+            is_stop = head is not None and head.startswith(STOP)
+            if head == b"" or not (
+                is_stop or self.admission.may_come(head or b"", address[0], now_s)
+            ):
+                connection.close()
+                continue
+            connection.admission = self.admission
+            self.admission.arrive(connection.peer, now_s, connection.abort)
+            (self._waiting.appendleft if is_stop else self._waiting.append)(connection)
+
+    def close(self) -> None:
+        super().close()
+        if self._spare is not None:
+            os.close(self._spare)
+            self._spare = None
+
+    def _reject_one(self) -> None:
+        """Accept the next connection with the spare descriptor, and close it: left in the queue, it
+        would wake the event loop again and again."""
+        if self._spare is not None:
+            os.close(self._spare)
+            self._spare = None
+        with contextlib.suppress(OSError):
+            super().accept()[0].close()
+        with contextlib.suppress(OSError):
+            self._spare = os.open(os.devnull, os.O_RDONLY)
+
+
+class _Connection(socket.socket):
+    """An accepted socket that tells the admission when it is closed."""
+
+    admission: AdmissionControl | None = None
+    peer: Peer = ("", 0)
+
+    def peek(self) -> bytes | None:
+        """Return what waits to be read: empty if the client has left, None if nothing waits."""
+        try:
+            return self.recv(_HEAD, socket.MSG_PEEK)
+        except BlockingIOError:
+            return None
+        except OSError:
+            return b""
+
+    def recv(self, size: int, flags: int = 0) -> bytes:
+        """Read so little that what one sends holds up no other for long."""
+        return super().recv(min(size, _HEAD), flags)
+
+    def recv_into(self, buffer: Any, size: int = 0, flags: int = 0) -> int:
+        return super().recv_into(buffer, min(size or len(buffer), _HEAD), flags)
+
+    def abort(self) -> None:
+        """Reset the connection, so that both sides see the end; its owner then closes it."""
+        self.admission = None  # its place is given back
+        with contextlib.suppress(OSError):
+            self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+            self.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        super().close()
+        if self.admission is not None:
+            admission, self.admission = self.admission, None
+            admission.left(self.peer)

@@ -1,0 +1,241 @@
+"""Pairing of browsers: a one-time token is exchanged for a session, which has a role.
+
+Only hashes of sessions are stored, in memory and in one small file. Nothing here uses HTTP; the
+time is an argument.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import logging
+import os
+import re
+import secrets
+import unicodedata
+from collections import OrderedDict, deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import unquote
+
+from robot.errors import UNREADABLE
+from robot.store.records import read_regular
+from server.access.rules import PAIRED, Refusal, Role, Session
+from server.clients.rate_limit import RateLimits
+from server.config import Config
+
+log = logging.getLogger(__name__)
+
+ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
+"""Without letters and digits that look alike."""
+TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
+_TOKEN = re.compile(rf"\b(?:[{ALPHABET}]{{{_GROUP}}}\W?){{{TOKEN_LETTERS // _GROUP}}}(?!\w)")
+LONGEST_TEXT = 2000
+"""Characters of what is read as a token: it may be a whole address."""
+_SESSIONS = 192
+"""Sessions of one kind: of one role, by the terminal or by invitation to a class. More than there
+are websockets, so nobody can hold all of them."""
+INVITATION_S = 300.0
+"""A token shown on a class's board is valid so long, for any number of phones."""
+_INVITATIONS = 16
+
+
+class Paired(NamedTuple):
+    """A paired browser: its role, and the secret in its cookie."""
+
+    role: Role
+    secret: str
+
+
+class _Kind(NamedTuple):
+    """How a browser was paired."""
+
+    role: Role
+    invited: bool = False
+    """By a class's board; else by what the terminal shows."""
+    owner: bool = False
+    """The first pilot that the terminal paired."""
+
+
+def cookie_name(config: Config) -> str:
+    """Return the session cookie's name. Cookies ignore ports, so the name contains the port, or
+    the address before a proxy.
+
+    The prefix makes browsers reject a cookie that was set without TLS or for another path.
+    """
+    public = config.public[0] if config.public else None
+    place = re.sub(r"\W+", "-", f"{public.host}{public.prefix}") if public else config.port
+    has_path = any(public.prefix for public in config.public)
+    kind = "" if not config.is_secure else "__Secure-" if has_path else "__Host-"
+    return f"{kind}drivelesson-{place}"
+
+
+class Pairing:
+    """The tokens that can be redeemed now, and the sessions of paired browsers.
+
+    Args:
+        failures_a_minute: Wrong tokens of one address before it has to wait.
+        file: Where sessions are saved; None to lose them at a restart.
+        on_token: Called with each new token and its role, to show it on the terminal.
+
+    Attributes:
+        is_in_use: True of a session that is connected now, by its name.
+        class_code: What a class has printed; it makes pilots of any number of browsers, always.
+    """
+
+    def __init__(
+        self,
+        failures_a_minute: int,
+        file: Path | None = None,
+        on_token: Callable[[Role, str], None] = lambda role, token: None,
+    ) -> None:
+        self._failures_a_minute = failures_a_minute
+        self._failures = RateLimits()
+        self._file = file
+        self._on_token = on_token
+        self._sessions: OrderedDict[str, _Kind] = _load(file) if file else OrderedDict()
+        """By the hash of their secrets; who came last in this run stands last."""
+        self._unused = set(self._sessions)
+        """Those that were not used in this run: they are the first to go."""
+        self.is_in_use: Callable[[str], bool] = lambda name: False
+        self.tokens: dict[Role, str] = {role: _new_token() for role in PAIRED}
+        self._invitations: deque[tuple[str, float]] = deque(maxlen=_INVITATIONS)
+        self.class_code: str | None = None
+
+    def redeem(
+        self, token: str, now_s: float, address: str = "", secret: str = ""
+    ) -> Paired | Refusal:
+        """Exchange a token for a session. Each token works once and is then replaced.
+
+        A browser has one session: `secret` is that of the session it has already, which is renewed.
+        The right token is accepted whatever came before: wrong ones from the same address lock
+        nobody out, and 78 bits cannot be guessed at any rate that the guard allows.
+        """
+        given = token_in(token)
+        for role, wanted in self.tokens.items():
+            if hmac.compare_digest(given.encode(), wanted.replace("-", "").encode()):
+                paired = self._pair(_Kind(role=role), secret)
+                self.tokens[role] = _new_token()
+                self._on_token(role, self.tokens[role])
+                return paired
+        codes = [code for code, until_s in self._invitations if now_s < until_s]
+        codes += [self.class_code] if self.class_code is not None else []
+        if any(hmac.compare_digest(given, code) for code in codes):
+            return self._pair(_Kind(role=Role.PILOT, invited=True), secret)
+        most = self._failures_a_minute
+        if not self._failures.allows(address, now_s, per_second=most / 60, burst=most):
+            sentence = "Too many wrong tokens. Wait a minute and try again."
+            return Refusal(429, "pairing_rate", sentence)
+        log.warning("pairing refused")
+        sentence = "That token is wrong or was used. The robot's terminal shows a valid one."
+        return Refusal(403, "pairing", sentence)
+
+    def invite(self, now_s: float) -> tuple[str, float]:
+        """Return a token for any number of pilots, and how many seconds it is valid.
+
+        The board shows it as a QR code that several phones scan at once or one after the other.
+        """
+        token = _new_token()
+        self._invitations.append((token.replace("-", ""), now_s + INVITATION_S))
+        return token, INVITATION_S
+
+    def find(self, secret: str) -> Session | None:
+        """Return the session that this is the secret of; None if there is none."""
+        name = hash_of(secret)
+        kind = self._sessions.get(name)
+        if kind is None:
+            return None
+        if name in self._unused:  # once a run: who comes often outlives a restart, too
+            self._unused.discard(name)
+            self._sessions.move_to_end(name)
+            self._save()
+        return Session(kind.role, name)
+
+    def is_owner(self, name: str) -> bool:
+        """True of the first pilot that was paired by the terminal."""
+        return name in self._sessions and self._sessions[name].owner
+
+    def forget(self, secret: str) -> None:
+        if self._sessions.pop(hash_of(secret), None) is not None:
+            self._save()
+
+    def _pair(self, kind: _Kind, before: str) -> Paired | Refusal:
+        known = self._sessions.get(hash_of(before))
+        if known is not None and known.role is kind.role and (kind.invited or not known.invited):
+            return Paired(role=kind.role, secret=before)
+        if not kind.invited and kind.role is Role.PILOT:
+            has_owner = any(one.owner for one in self._sessions.values())
+            kind = kind._replace(owner=not has_owner)
+        same = [name for name, one in self._sessions.items() if one == kind]
+        if len(same) >= _SESSIONS:
+            idle = [name for name in same if not self.is_in_use(name)]
+            if not idle:
+                return Refusal(503, "sessions", "Too many browsers are connected.")
+            # Of those that were used the newest: who redeems for ever pushes out himself.
+            del self._sessions[next((name for name in idle if name in self._unused), idle[-1])]
+        self._sessions.pop(hash_of(before), None)
+        secret = secrets.token_urlsafe(32)
+        self._sessions[hash_of(secret)] = kind
+        self._unused = (self._unused & self._sessions.keys()) | {hash_of(secret)}
+        self._sessions.move_to_end(hash_of(secret), last=False)
+        self._save()
+        log.info("paired role=%s", kind.role.value)
+        return Paired(role=kind.role, secret=secret)
+
+    def _save(self) -> None:
+        """Write the sessions' hashes to a new file, which replaces the old one."""
+        if self._file is None:
+            return
+        rows = [{"sha256": name, **kind._asdict()} for name, kind in self._sessions.items()]
+        new = self._file.with_suffix(".new")
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            with os.fdopen(os.open(new, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "w") as out:
+                out.write(json.dumps({"sessions": rows}))  # json.dump holds the loop up
+            new.replace(self._file)
+        except OSError as error:
+            log.warning("pairing not saved file=%s error=%r", self._file, str(error))
+
+
+def _load(file: Path) -> OrderedDict[str, _Kind]:
+    found = OrderedDict[str, _Kind]()
+    try:
+        for row in json.loads(read_regular(file, 1 << 20))["sessions"]:
+            role = Role(row["role"])
+            invited, owner = row.get("invited") is True, row.get("owner") is True
+            if role in PAIRED:
+                found[str(row["sha256"])] = _Kind(role=role, invited=invited, owner=owner)
+    except FileNotFoundError:
+        pass
+    except (OSError, *UNREADABLE) as error:
+        log.warning("pairing file unreadable, all must pair again file=%s error=%r", file, error)
+        found.clear()
+    return found
+
+
+def hash_of(secret: str) -> str:
+    """Hash once: the secret has 256 random bits, so it cannot be guessed from its hash."""
+    return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
+
+
+def token_in(text: str) -> str:
+    """Return the letters of the token in what a person pastes or types.
+
+    That is the token with or without hyphens, in any case or width; the whole address, also with
+    its `#` encoded; or the line of the terminal that shows it.
+
+    Example:
+        >>> token_in("or open http://robot.local:8000/pair%23abcd-efgh-jkmn-pqrs")
+        'ABCDEFGHJKMNPQRS'
+    """
+    last = unquote(unicodedata.normalize("NFKC", text[:LONGEST_TEXT])).rpartition("#")[2].upper()
+    found = _TOKEN.search(last)
+    letters = found[0] if found else last
+    return "".join(letter for letter in letters if letter in ALPHABET)[:TOKEN_LETTERS]
+
+
+def _new_token() -> str:
+    letters = "".join(secrets.choice(ALPHABET) for _ in range(TOKEN_LETTERS))
+    return "-".join(letters[i : i + _GROUP] for i in range(0, TOKEN_LETTERS, _GROUP))

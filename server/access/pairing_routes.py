@@ -1,0 +1,103 @@
+"""`/pair` and `/api/pair`: pairing of browsers. Only with `--lan`."""
+
+from __future__ import annotations
+
+from typing import Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, HTTPException, Request
+from fastapi.responses import FileResponse, JSONResponse, RedirectResponse, Response
+
+from robot.devices.raw_value import RawValue, text
+from server.access.guard import person_of
+from server.access.pairing import LONGEST_TEXT, Pairing, cookie_name
+from server.access.proxies import PREFIX
+from server.access.rules import Refusal
+from server.routes.answers import Route
+from server.services import services_of
+
+router = APIRouter(route_class=Route)
+_YEAR_S = 365 * 24 * 3600
+
+
+class PairingToken(RawValue):
+    """The token of a pairing address, or the whole address."""
+
+    token: str = text(most=LONGEST_TEXT)
+
+
+@router.get("/pair", include_in_schema=False)
+async def pair_page(request: Request) -> Response:
+    """Return the page that redeems the token behind the `#` of its address."""
+    _require_pairing(request)
+    return FileResponse(services_of(request).config.web / "pair.html")
+
+
+@router.get("/pair#{token}", include_in_schema=False)
+async def encoded_pair_page(token: str) -> Response:
+    """Send a browser to the page whose address had its `#` encoded by an app."""
+    return RedirectResponse(f"pair#{quote(token)}", 303)
+
+
+@router.post("/api/pair")
+async def pair(request: Request, body: PairingToken) -> JSONResponse:
+    """Exchange a token for a session cookie. The token is never sent in an address."""
+    pairing, now_s = _require_pairing(request), services_of(request).robot.clock.now_s()
+    result = pairing.redeem(body.token, now_s, person_of(request), _secret(request))
+    if isinstance(result, Refusal):
+        return JSONResponse({"error": result.reason, "detail": result.sentence}, result.status)
+    if result.secret != _secret(request):
+        _end_sockets(request)
+    response = JSONResponse({"role": result.role.value})
+    response.set_cookie(value=result.secret, max_age=_YEAR_S, **_cookie(request))
+    return response
+
+
+@router.post("/api/unpair")
+async def unpair(request: Request) -> JSONResponse:
+    """End the session of this browser, in all of its tabs."""
+    _require_pairing(request).forget(_secret(request))
+    _end_sockets(request)
+    response = JSONResponse({"role": None})
+    response.delete_cookie(**_cookie(request))
+    return response
+
+
+@router.get("/ca.crt", include_in_schema=False)
+async def authority(request: Request) -> Response:
+    """Return the certificate of the authority that `--tls` made, for the phone to trust."""
+    config = services_of(request).config
+    file = config.data / "tls" / "ca.crt"
+    if not config.tls or not file.is_file():
+        raise HTTPException(404, "There is no certificate: the robot is served without --tls.")
+    return FileResponse(file, media_type="application/x-x509-ca-cert")
+
+
+def _end_sockets(request: Request) -> None:
+    """Close what a session has open that is no more: it may have been a pilot's."""
+    sockets = services_of(request).admission.sockets
+    for place in sockets:
+        if place.person == person_of(request):
+            sockets.end(place)
+
+
+def _secret(request: Request) -> str:
+    return request.cookies.get(cookie_name(services_of(request).config), "")
+
+
+def _cookie(request: Request) -> dict[str, Any]:
+    config = services_of(request).config
+    return {
+        "key": cookie_name(config),
+        "httponly": True,
+        "samesite": "strict",
+        "secure": config.is_secure,
+        "path": f"{request.scope.get(PREFIX, '')}/",
+    }
+
+
+def _require_pairing(request: Request) -> Pairing:
+    pairing = services_of(request).pairing
+    if pairing is None:
+        raise HTTPException(404, "Pairing is off: the robot is served to this machine only.")
+    return pairing

@@ -1,0 +1,114 @@
+"""Robots that were announced and have not proved that they are of the class.
+
+Each is asked for its proof. Who fails is shown apart, and forgotten when it is announced no more;
+computers take turns, so that one that announces a thousand robots holds up no other's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from robot.clock import Clock
+from server.board.teacher_session import Status, TeacherSession, WrongClassError
+from server.board.transport import RobotAddress, UnreachableError, within
+
+AT_ONCE = 32
+"""So many are asked at the same time; the transport has threads for more."""
+FORGOTTEN_S = 180.0
+"""The network is asked each minute: who was not heard for so long is gone."""
+_MOST, _SHOWN = 4096, 30
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 300.0
+
+
+@dataclass(slots=True)
+class UnverifiedRobot:
+    """One of them: when it was announced last, and what came of asking it."""
+
+    heard_s: float
+    status: Status = Status.CONNECTING
+    detail: str = ""
+    pause_s: float = _FIRST_PAUSE_S
+    not_before_s: float = -math.inf
+
+
+class UnverifiedRobots:
+    """All of them; `welcome` gets the address of one that has proved the key."""
+
+    def __init__(
+        self,
+        meet: Callable[[RobotAddress], TeacherSession],
+        clock: Clock,
+        welcome: Callable[[RobotAddress], object],
+        on_change: Callable[[], None],
+    ) -> None:
+        self._meet, self._clock = meet, clock
+        self._welcome, self._on_change = welcome, on_change
+        self._known: dict[RobotAddress, UnverifiedRobot] = {}
+        self._due: dict[RobotAddress, None] = {}
+        self._asked: Counter[str] = Counter()
+        self._asking: set[asyncio.Task[None]] = set()
+
+    def announce(self, address: RobotAddress) -> None:
+        """Note that a robot was announced, and ask it if it is time to."""
+        now_s = self._clock.now_s()
+        stranger = self._known.pop(address, None) or UnverifiedRobot(now_s)
+        self._known[address] = stranger
+        stranger.heard_s = now_s
+        for other, one in list(self._known.items()):  # who was heard longest ago stands first
+            if now_s - one.heard_s <= FORGOTTEN_S and len(self._known) <= _MOST:
+                break
+            del self._known[other]
+            self._due.pop(other, None)
+        if now_s >= stranger.not_before_s:
+            self._due[address] = None
+            self._ask_next()
+
+    def describe(self) -> dict[str, Any]:
+        """Return how many there are, and what is known of some, as the page gets them."""
+        since_s = self._clock.now_s() - FORGOTTEN_S
+        there = {at: one for at, one in self._known.items() if one.heard_s >= since_s}
+        rows = [
+            {"address": str(address), "status": one.status.value, "detail": one.detail}
+            for address, one in list(there.items())[-_SHOWN:]
+        ]
+        return {"count": len(there), "some": rows}
+
+    async def close(self) -> None:
+        self._due.clear()
+        for task in self._asking:
+            task.cancel()
+        await asyncio.gather(*self._asking, return_exceptions=True)
+
+    def _ask_next(self) -> None:
+        while self._due and len(self._asking) < AT_ONCE:
+            address = min(self._due, key=lambda one: self._asked[one.host])
+            del self._due[address]
+            self._asked[address.host] += 1
+            task = asyncio.create_task(self._ask(address, self._known[address]))
+            self._asking.add(task)
+            task.add_done_callback(self._note_asked)
+
+    def _note_asked(self, task: asyncio.Task[None]) -> None:
+        self._asking.discard(task)
+        self._on_change()
+        self._ask_next()
+
+    async def _ask(self, address: RobotAddress, stranger: UnverifiedRobot) -> None:
+        stranger.not_before_s = math.inf
+        try:
+            async with within():
+                await self._meet(address).join()
+        except WrongClassError as error:
+            stranger.status, stranger.detail = error.status, str(error)
+        except (UnreachableError, ValueError) as error:
+            stranger.status, stranger.detail = Status.AWAY, str(error)
+        else:
+            self._known.pop(address, None)
+            self._welcome(address)
+        stranger.not_before_s = self._clock.now_s() + stranger.pause_s
+        stranger.pause_s = min(2 * stranger.pause_s, _LONGEST_PAUSE_S)

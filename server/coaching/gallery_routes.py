@@ -1,0 +1,160 @@
+"""`/api/gallery`: the learned images. `/api/why`: what the robot's present proposal rests on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from fastapi import APIRouter, HTTPException, Request, Response
+from pydantic import StrictBool, StrictStr
+
+from robot.coaching.gallery import Explanation, LearnedImage, explain
+from robot.control.loop import ControlLoop
+from robot.devices.raw_value import RawValue, must_be
+from robot.types import Prediction
+from server.coaching.progress import Progress
+from server.routes.answers import PNG, Route, answer, png, png_text
+from server.services import services_of
+
+router = APIRouter(prefix="/api", route_class=Route)
+
+
+class ImageEdit(RawValue):
+    """Relabel an image (the value is a move), pin it (true or false), or delete it."""
+
+    verb: Literal["relabel", "pin", "delete"] = must_be("relabel, pin or delete")
+    value: StrictBool | StrictStr | None = must_be("a move, true or false", None)
+
+
+@dataclass
+class ImageAnswer:
+    """One learned image; `taught_at_s` and `episode` if its last example is remembered.
+
+    `angle` is how its frames were steered, on the mean, if by degrees.
+    """
+
+    taught_at_s: float | None
+    episode: str | None
+    node: int
+    votes: dict[str, float]
+    frames: int
+    last_used: int
+    last_taught: int
+    pinned: bool
+    angle: float | None
+
+
+@dataclass
+class ImageList:
+    """The learned images, in the learner's own order."""
+
+    moves: list[str]
+    max_nodes: int
+    images: list[ImageAnswer]
+
+
+@dataclass
+class Why:
+    """The image that decides now beside the present view, both PNG in base64."""
+
+    frame: int
+    action: str | None
+    novelty: float
+    node: int
+    votes: dict[str, int]
+    frames: int
+    present: str
+    image: str
+    alike: list[list[float]]
+
+
+@router.get("/gallery")
+async def list_images(request: Request) -> ImageList:
+    """List the learned images, in the learner's own order."""
+    progress = services_of(request).progress
+    state = services_of(request).robot.loop.state
+    images = await progress.gallery()
+    return ImageList(
+        moves=[move.value for move in state.moves],
+        # A learner of somebody's own may keep more images than its name says.
+        max_nodes=max(state.max_nodes, len(images)),
+        images=[_describe(image, progress) for image in images],
+    )
+
+
+@router.get("/gallery/{node}.png", **PNG)
+async def show_image(request: Request, node: int) -> Response:
+    """Return one learned image as a small PNG."""
+    image = await services_of(request).progress.image(node)
+    if image is None:
+        raise HTTPException(404, "Unknown image.")
+    return png(image.thumbnail, keep_s=600)
+
+
+@router.post("/gallery/undo")
+async def undo_edit(request: Request) -> dict[str, bool]:
+    """Undo the last change to an image; `undone` is false if there is none to undo."""
+    undone = await services_of(request).change_learner(lambda history: history.undo_edit())
+    await services_of(request).progress.gallery(fresh=True)
+    return {"undone": bool(undone)}
+
+
+@router.post("/gallery/{node}")
+async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, int]:
+    """Change one image."""
+    services = services_of(request)
+    try:
+        await services.change_learner(lambda history: history.edit(body.verb, node, body.value))
+    except LookupError as error:
+        raise HTTPException(
+            404, "That image is no longer there; it may have been merged."
+        ) from error
+    except ValueError as error:
+        raise HTTPException(409, str(error)) from error
+    await services.progress.gallery(fresh=True)
+    return {"node": node}
+
+
+@router.get("/why")
+async def show_why(request: Request) -> dict[str, Why | None]:
+    """Return the image that decides now beside the present view; null if there is none."""
+    services = services_of(request)
+    found = await services.on_loop(lambda: _explain(services.robot.loop))
+    if found is None:
+        return {"why": None}
+    prediction, explanation = found
+    image = explanation.image
+    why = Why(
+        frame=prediction.frame_id,
+        action=prediction.action,
+        novelty=round(float(prediction.novelty), 3),
+        node=image.node_id,
+        votes={move.value: count for move, count in image.votes.items()},
+        frames=image.frames,
+        present=png_text(explanation.present),
+        image=png_text(image.thumbnail),
+        alike=[[round(float(part), 2) for part in row] for row in explanation.alike],
+    )
+    return {"why": why}
+
+
+def _describe(image: LearnedImage, progress: Progress) -> ImageAnswer:
+    mark = progress.mark_of(image.last_taught)
+    return answer(
+        ImageAnswer,
+        image,
+        taught_at_s=mark and mark.at_s,
+        episode=mark and mark.episode,
+        node=image.node_id,
+        pinned=image.is_pinned,
+    )
+
+
+def _explain(loop: ControlLoop) -> tuple[Prediction, Explanation] | None:
+    """Explain the newest proposal; on the loop's thread."""
+    newest = loop.learning.newest
+    if newest is None:
+        return None
+    x, prediction = newest
+    explanation = explain(loop.history.policy, x, prediction.node)
+    return None if explanation is None else (prediction, explanation)

@@ -1,0 +1,124 @@
+"""The training progress that the page shows: the curve of agreement, and the gallery.
+
+The control loop's thread only records; images are fetched from the learner when a client asks,
+and cached until something is taught or changed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from bisect import bisect_left
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from robot.coaching.gallery import LearnedImage, images
+from robot.coaching.readiness import Readiness
+from robot.coaching.trail import Trail
+from robot.control.loop import ControlLoop
+from robot.control.state import Tick
+from robot.policy.history import Replaced, Taught, Undone
+
+MARK_EVERY = 10
+"""Examples between two points of the curve."""
+_MARKS, _POINTS = 2000, 200
+_REMEMBERED = 512
+"""How many images are cached that are gone."""
+_REFRESH_S = 0.4
+"""The gallery is fetched at most so often while the robot learns."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """One point of the curve: agreement after `n_examples`. `at_s` is in seconds since 1970."""
+
+    n_examples: int
+    agreement: float
+    at_s: float
+    episode: str | None
+
+
+class Progress:
+    """Follows one robot's training: whoever serves it has the loop tell it each tick."""
+
+    def __init__(self, loop: ControlLoop, episode: Callable[[], str | None]) -> None:
+        self._loop = loop
+        self._episode = episode
+        self.readiness = Readiness()
+        self.trail = Trail()
+        self._marks: list[Mark] = []
+        self._gallery: list[LearnedImage] = []
+        self._seen: dict[int, LearnedImage] = {}
+        self._newest = -1  # of the images that clients were told of
+        self._is_stale = True
+        self._fetched_s = -math.inf
+
+    def note(self, tick: Tick) -> None:
+        """Record one tick, on the loop's thread."""
+        self.readiness.note(tick)
+        self.trail.note(tick)
+        if tick.prediction is not None and tick.prediction.node is not None:
+            self._newest = max(self._newest, tick.prediction.node)
+        if not tick.history_events:
+            return
+        self._is_stale = True
+        n_examples = self._loop.history.policy.n_seen
+        for event in tick.history_events:
+            if isinstance(event, Replaced):
+                self._marks = []
+                # Its images have the same numbers as others.
+                self._seen, self._newest = {}, -1
+            elif isinstance(event, Undone):
+                self._marks = [mark for mark in self._marks if mark.n_examples <= n_examples]
+            elif isinstance(event, Taught):
+                self._mark(n_examples)
+
+    def _mark(self, n_examples: int) -> None:
+        agreement = self._loop.state.agreement
+        last = self._marks[-1].n_examples if self._marks else 0
+        if agreement is None or n_examples - last < MARK_EVERY:
+            return
+        mark = Mark(n_examples, agreement, self._loop.clock.wall_s(), self._episode())
+        self._marks = [*self._marks[-_MARKS:], mark]
+
+    def history(self) -> list[Mark]:
+        """Return at most `_POINTS` marks, spread over the whole training, oldest first."""
+        marks = self._marks
+        step = max(1, -(-len(marks) // _POINTS))
+        return marks[::-1][::step][::-1]
+
+    def mark_of(self, example: int) -> Mark | None:
+        """Return the mark that covers an example; None if an earlier run taught it."""
+        marks = self._marks
+        at = bisect_left(marks, example, key=lambda mark: mark.n_examples)
+        if example < 1 or at == len(marks):
+            return None
+        is_covered = at > 0 or marks[0].n_examples - example < MARK_EVERY
+        return marks[at] if is_covered else None
+
+    async def gallery(self, *, fresh: bool = False) -> list[LearnedImage]:
+        """Return the learned images; `fresh` skips the cache."""
+        now_s = self._loop.clock.now_s()
+        if fresh or (self._is_stale and now_s - self._fetched_s > _REFRESH_S):
+            self._is_stale, self._fetched_s = False, now_s
+            history = self._loop.history
+            request = self._loop.submit(lambda: images(history.policy))
+            self._gallery = await asyncio.wrap_future(request)
+            shown = {image.node_id: image for image in self._gallery}
+            before = [one for one in self._seen.items() if one[0] not in shown]
+            self._seen = dict(before[-max(_REMEMBERED, len(shown)) :]) | shown
+        return self._gallery
+
+    async def image(self, node: int) -> LearnedImage | None:
+        """Return a learned image; if it has been merged since, as it was last seen.
+
+        A client asks for images that it was told of a moment ago, and each example may merge
+        some: the last version is then the best answer. One that was merged before it was listed
+        is answered by the image that is used now. None for one that never was.
+        """
+        await self.gallery()
+        if node not in self._seen:
+            await self.gallery(fresh=True)
+        if node not in self._seen and 0 <= node <= self._newest:
+            return max(self._gallery, key=lambda image: image.last_used, default=None)
+        return self._seen.get(node)

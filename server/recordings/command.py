@@ -1,0 +1,210 @@
+"""List, show, edit, delete, restore, import and export recorded episodes."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Callable
+from datetime import datetime
+from importlib.metadata import entry_points
+from typing import Any
+
+from robot.errors import ConfigurationError
+from robot.recordings.editing import EpisodeFrame, choose, edit_of, moments
+from robot.recordings.edits import Notes
+from robot.recordings.episode import Episode
+from robot.recordings.store import EpisodeStore
+from robot.recordings.summary import EpisodeSummary
+from robot.store.folder import Storage, default_root
+from server.cli.parser import number
+from server.recordings.selection import EPISODE_HELP, EpisodeVerb, add_data, find_episodes, find_id
+
+_LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
+_AXIS = 96
+_RANGED = {
+    "trim": "keep only a range; `undo` takes it back",
+    "delete": "delete a range, or without --from and --to all of it",
+    "relabel": "give a range another label; `undo` takes it back",
+}
+VERBS = "drivelesson.episode-commands"
+"""Entry points of further verbs: each an `EpisodeVerb`."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    commands = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+
+    def add(verb: str, action: Any, text: str, *, of_one: bool = True) -> argparse.ArgumentParser:
+        made: argparse.ArgumentParser = commands.add_parser(verb, help=text, description=text)
+        made.set_defaults(action=action)
+        if of_one:
+            made.add_argument("episode", metavar="EPISODE", help=EPISODE_HELP)
+        add_data(made)
+        return made
+
+    add("list", list_episodes, "list all episodes, the newest first", of_one=False)
+    add("show", show, "show one along its time: labels, and what the robot said")
+    for verb, text in _RANGED.items():
+        ranged = add(verb, edit, text)
+        for flag, dest in (("--from", "first_s"), ("--to", "last_s")):
+            text = "seconds from the start"
+            ranged.add_argument(flag, dest=dest, type=number(least=0), metavar="S", help=text)
+        if verb == "relabel":
+            text = "name of a move, such as left"
+            ranged.add_argument("--label", required=True, metavar="MOVE", help=text)
+    add("undo", undo, "take the last edit back")
+    restore = add("restore", restore_episode, "bring a deleted episode back", of_one=False)
+    restore.add_argument("key", nargs="?", metavar="WORD", help="as `delete` printed it")
+    add("compact", compact, "work the edits into the recording")
+    add("title", set_title, "give one a title").add_argument("title")
+    add("protect", protect, "never offer one for deletion")
+    add("unprotect", protect, "offer it again")
+    for point in sorted(entry_points(group=VERBS), key=lambda point: point.name):
+        added: EpisodeVerb = point.load()
+        added.configure(add(point.name, added.run, added.help, of_one=False))
+    budget = add("budget", show_budget, "what is kept, and what could go", of_one=False)
+    budget.add_argument("--gigabytes", type=number(least=0), help="space for episodes")
+    add("empty-trash", empty_trash, "delete for good what was deleted", of_one=False)
+
+
+def run(args: argparse.Namespace) -> int:
+    storage = Storage(args.data or default_root())
+    return int(args.action(args, EpisodeStore(storage), storage) or 0)
+
+
+def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
+    """Turn seconds from the start into the first and last frame between them."""
+    first_s = args.first_s if args.first_s is not None else 0.0
+    last_s = args.last_s if args.last_s is not None else episode.duration_s + 1.0
+    ids = [
+        moment.frame_id for moment in moments(episode, Notes()) if first_s <= moment.at_s <= last_s
+    ]
+    if not ids:
+        raise ConfigurationError(f"there are no pictures between {first_s:g} s and {last_s:g} s")
+    return ids[0], ids[-1]
+
+
+# Seeing ------------------------------------------------------------------------------------------
+
+
+def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    summaries = store.summaries()
+    if not summaries:
+        print(f"no episodes in {storage.episodes}")
+        return
+    print(f"{'episode':27} {'began':16} {'length':>8} {'frames':>6} {'taught':>6} {'MB':>7}  notes")
+    for summary in summaries:
+        began = "unknown"
+        if summary.started_at_s:
+            began = datetime.fromtimestamp(summary.started_at_s).strftime("%Y-%m-%d %H:%M")
+        print(
+            f"{summary.id:27} {began:16} {summary.duration_s:7.1f}s {summary.frames:6} "
+            f"{sum(summary.taught.values()):6} {summary.bytes / 1e6:7.1f}  {_remarks(summary)}"
+        )
+
+
+def _remarks(summary: EpisodeSummary) -> str:
+    remarks = [summary.title]
+    remarks += ["protected"] if summary.is_protected else []
+    remarks += [_edits(summary.edits)] if summary.edits else []
+    remarks += [f"damaged: {summary.damage}"] if summary.damage else []
+    return ", ".join(remark for remark in remarks if remark)
+
+
+def show(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    [(episode, notes)] = find_episodes(store, [args.episode])
+    found = moments(episode, notes)
+    taught = Counter(one.label.value for one in found if one.label and not one.is_deleted)
+    print(f"{episode.id}  {notes.title}".rstrip())
+    print(f"robot {episode.run.get('robot') or '-'}, learner {episode.run.get('learner') or '-'}")
+    print(
+        f"{len(found)} pictures in {episode.duration_s:.1f} s; taught {dict(taught) or 'nothing'}"
+    )
+    if episode.damage:
+        print(f"damaged: {episode.damage}")
+    for n, edit in enumerate(notes.edits, start=1):
+        print(f"edit {n}: {edit.verb} {edit.label or ''} {list(edit.ranges)}")
+    _print_axis(choose(found, _AXIS))
+
+
+def _print_axis(shown: list[EpisodeFrame]) -> None:
+    rows: tuple[tuple[str, Callable[[EpisodeFrame], str]], ...] = (
+        ("pilot", lambda m: "x" if m.is_deleted else _letter(m.label)),
+        ("robot", lambda m: _letter(m.predicted)),
+        ("drives", lambda m: {"pilot": "p", "robot": "r"}.get(m.driven_by or "", ".")),
+    )
+    for name, letter in rows:
+        print(f"{name:7}" + "".join(letter(moment) for moment in shown))
+    if shown:
+        print(f"{shown[0].at_s:<7.1f}" + f"{shown[-1].at_s:.1f} s".rjust(len(shown)))
+        print("F forward, L left, R right, B backward; x deleted; p pilot, r robot; - or . nothing")
+
+
+def _letter(move: str | None) -> str:
+    return "-" if move is None else _LETTERS.get(move, move[-1:])
+
+
+# Editing -----------------------------------------------------------------------------------------
+
+
+def edit(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    episode_id = find_id(store, args.episode)
+    if args.verb == "delete" and args.first_s is None and args.last_s is None:
+        key = store.delete(episode_id)
+        print(f"{episode_id} is in the trash; back with: drivelesson episodes restore {key}")
+        return
+    episode = store.open(episode_id)
+    label = args.label if args.verb == "relabel" else None
+    change = edit_of(args.verb, _range(args, episode), episode, label)
+    _print_edits(store.edit(episode_id, change))
+
+
+def undo(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    _print_edits(store.undo_edit(find_id(store, args.episode)))
+
+
+def _print_edits(notes: Notes) -> None:
+    print(f"{_edits(len(notes.edits))}; the recording is not touched")
+
+
+def _edits(count: int) -> str:
+    return f"{count} edit{'s' * (count != 1)}"
+
+
+def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    """Restore a deleted episode; without a key, the one deleted last."""
+    keys = [key for key in storage.deleted() if any((storage.trash / key).glob("*.mcap"))]
+    print(f"{store.restore(args.key or max(keys, default=''))} is back")
+
+
+def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    key = store.compact(find_id(store, args.episode))
+    print(f"done; the recording as it was is back with: drivelesson episodes restore {key}")
+
+
+def set_title(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    notes = store.set_title(find_id(store, args.episode), args.title)
+    print(f"its title is {notes.title!r}" if notes.title else "it has no title")
+
+
+def protect(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    episode_id, is_on = find_id(store, args.episode), args.verb == "protect"
+    store.protect(episode_id, is_on)
+    print(f"{episode_id} is {'never' if is_on else 'again'} offered for deletion")
+
+
+# Space -------------------------------------------------------------------------------------------
+
+
+def show_budget(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    if args.gigabytes is not None:
+        store.budget_bytes = round(args.gigabytes * 1e9)
+    print(f"data folder  {storage.root}")
+    for name, size in storage.usage().items():
+        print(f"{name:12} {size / 1e6:10.1f} MB")
+    print(f"{'budget':12} {store.budget_bytes / 1e6:10.1f} MB for episodes")
+    for summary in store.offered():
+        print(f"could go: {summary.id}  {summary.bytes / 1e6:.1f} MB  {summary.title}".rstrip())
+
+
+def empty_trash(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
+    print(f"{storage.empty_trash() / 1e6:.1f} MB are free again")

@@ -1,0 +1,63 @@
+"""`/api/retraining`: train again from recordings, compare, then save or drop the result."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, HTTPException, Request
+
+from robot.devices.raw_value import RawValue, must_be, text
+from server.routes.answers import Route
+from server.routes.bodies import NAMED, NO_SESSION, Named, Short
+from server.services import persistence_of, services_of
+
+router = APIRouter(prefix="/api/retraining", route_class=Route)
+_MOST_EPISODES = 100
+
+
+class RetrainingOrder(RawValue):
+    """Which recordings an empty learner is taught."""
+
+    episodes: list[Short] = must_be("a list of recordings' names")
+    learner: str | None = text(None)
+
+
+@router.get("")
+def describe_retraining(request: Request) -> dict[str, Any]:
+    """Return the state of the run: idle, running, done or failed."""
+    return services_of(request).retraining.describe()
+
+
+@router.post("", status_code=202)
+def begin_retraining(request: Request, body: RetrainingOrder) -> dict[str, Any]:
+    """Train an empty learner."""
+    if len(body.episodes) > _MOST_EPISODES:
+        raise HTTPException(400, f"At most {_MOST_EPISODES} recordings can be taught together.")
+    services = services_of(request)
+    learner = body.learner or services.robot.loop.state.learner
+    store = persistence_of(request).episodes
+    services.retraining.begin(store, body.episodes, learner)
+    return services.retraining.describe()
+
+
+@router.post("/keep", dependencies=[NO_SESSION], status_code=201)
+def keep(request: Request, body: Named = NAMED) -> dict[str, str]:
+    """Save the result as a model and load it; 409 unless the robot is stopped."""
+    services, persistence = services_of(request), persistence_of(request)
+    model = services.retraining.take()
+    kept = persistence.models.free_name(body.name or services.identity.now.name)
+    persistence.models.save(kept, model)
+    try:
+        persistence.autosave.load(kept)
+    except BaseException:
+        persistence.models.delete(kept)
+        raise
+    services.retraining.drop()
+    return {"name": kept}
+
+
+@router.delete("")
+def drop(request: Request) -> dict[str, Any]:
+    """Drop the result, or cancel the run."""
+    services_of(request).retraining.drop()
+    return {"state": "idle"}

@@ -1,0 +1,274 @@
+"""`/api/episodes`: recordings and their edits. See docs/reference/http.md."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from fastapi import APIRouter, Depends, Request, Response
+from starlette.responses import FileResponse
+
+from robot.devices.png import encode_png
+from robot.devices.raw_value import RawValue, must_be, text
+from robot.driver import describe as describe_moves
+from robot.policy.image import to_rgb
+from robot.recordings.editing import choose, edit_of, moments
+from robot.recordings.edits import Notes
+from robot.recordings.store import EpisodeStore
+from robot.recordings.summary import EpisodeSummary
+from robot.types import Encoding
+from server.routes.answers import Route, answer, media
+from server.routes.bodies import Key
+from server.services import persistence_of
+
+router = APIRouter(prefix="/api", route_class=Route)
+_COLUMNS = {
+    "frame": "frame_id",
+    "relabelled": "is_relabelled",
+    "deleted": "is_deleted",
+    "intervention": "is_intervention",
+    **{name: name for name in ("at_s", "label", "predicted", "confidence", "driven_by", "sent")},
+    **{name: name for name in ("asks_pilot", "distance_m", "bumped", "pose")},
+}
+"""The columns of a timeline, and what of a picture is in each."""
+
+
+class EpisodeChange(RawValue):
+    """A new title, or protection from deletion."""
+
+    title: str | None = text(None)
+    protected: bool | None = must_be("true or false", None)
+
+
+class EpisodeEdit(RawValue):
+    """One edit of the frames from `first` to `last`, both included."""
+
+    verb: Literal["delete", "trim", "relabel"] = must_be("delete, trim or relabel")
+    first: int = must_be("a frame's number")
+    last: int = must_be("a frame's number")
+    label: str | None = text(None)
+
+
+class EpisodeSplit(RawValue):
+    """The first frame of the second part."""
+
+    frame: int = must_be("a frame's number")
+
+
+@dataclass
+class EpisodeAnswer:
+    """One episode as the page gets it."""
+
+    recording: bool
+    id: str
+    title: str
+    protected: bool
+    bytes: int
+    started_at_s: float
+    duration_s: float
+    frames: int
+    taught: dict[str, int]
+    lessons: int
+    robot: str
+    learner: str
+    source: str
+    edits: int
+    readable: bool
+    damage: str | None
+
+
+@dataclass
+class EpisodeList:
+    """All episodes, the newest first, and how the recording goes.
+
+    `offered` are those that could be deleted if they are too much for the disk.
+    """
+
+    recording: str | None
+    fault: str | None
+    dropped_frames: int
+    episodes: list[EpisodeAnswer]
+    offered: list[str]
+
+
+@dataclass
+class EditAnswer:
+    """One edit: what was done to which frames."""
+
+    verb: str
+    ranges: Sequence[Sequence[int]]
+    label: str | None
+
+
+Edits = dict[str, list[EditAnswer]]
+"""The edits of an episode, as `edit_list`."""
+
+
+@dataclass
+class EpisodeDetails(EpisodeAnswer):
+    """One episode with its edits and the run's metadata."""
+
+    run: dict[str, Any]
+    moves: list[str]
+    declared_moves: list[dict[str, Any]]
+    first_frame: int | None
+    last_frame: int | None
+    edit_list: Sequence[EditAnswer]
+    redoable: int
+
+
+@dataclass
+class EpisodeTimeline:
+    """Pictures as columns for drawing: those of `_COLUMNS`."""
+
+    columns: dict[str, list[Any]]
+    is_estimate: bool
+
+
+async def _store_of(request: Request) -> EpisodeStore:
+    return persistence_of(request).episodes
+
+
+STORE: Any = Depends(_store_of)
+
+
+def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeAnswer:
+    return answer(
+        EpisodeAnswer,
+        summary,
+        recording=summary.id == recording,
+        protected=summary.is_protected,
+        lessons=sum(summary.taught.values()),
+        readable=summary.is_readable,
+    )
+
+
+@router.get("/episodes", responses={200: {"model": EpisodeList}})
+def list_episodes(request: Request) -> Response:
+    """List all episodes, the newest first."""
+    persistence = persistence_of(request)
+    recorder = persistence.recorder.queue
+    found = EpisodeList(
+        recording=recorder.episode_id,
+        fault=recorder.fault,
+        dropped_frames=recorder.lost["frames"],
+        episodes=[_describe(one, recorder.episode_id) for one in persistence.episodes.summaries()],
+        offered=[one.id for one in persistence.episodes.offered()],
+    )
+    # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.
+    return Response(json.dumps(found, default=vars, allow_nan=False), media_type="application/json")
+
+
+@router.post("/episodes/restore")
+def restore_episode(body: Key, store: EpisodeStore = STORE) -> dict[str, str]:
+    """Restore a deleted episode."""
+    return {"id": store.restore(body.undo)}
+
+
+@router.get("/episodes/{episode_id}")
+def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE) -> EpisodeDetails:
+    """Describe one episode, with its edits and the run's metadata."""
+    episode, notes = store.open(episode_id), store.notes(episode_id)
+    ids = list(episode.frames)
+    declared = describe_moves(episode.moves, episode.declared_moves)
+    return answer(
+        EpisodeDetails,
+        _describe(store.summary(episode_id), persistence_of(request).recording),
+        run=episode.run,
+        moves=[move.value for move in episode.moves],
+        declared_moves=[move.describe() for move in declared],
+        first_frame=ids[0] if ids else None,
+        last_frame=ids[-1] if ids else None,
+        **_edits(notes),
+        redoable=len(notes.undone),
+    )
+
+
+@router.get("/episodes/{episode_id}/timeline")
+def show_timeline(
+    episode_id: str, count: int | None = None, store: EpisodeStore = STORE
+) -> EpisodeTimeline:
+    """Return each picture's label, prediction and driver; or of `count` at even distances."""
+    found = moments(store.open(episode_id), store.notes(episode_id))
+    shown = found if count is None else choose(found, max(count, 1))
+    columns = {name: [getattr(one, of) for one in shown] for name, of in _COLUMNS.items()}
+    columns["at_s"] = [round(one.at_s, 3) for one in shown]
+    is_estimate = any(moment.is_pose_estimate for moment in shown)
+    return EpisodeTimeline(columns=columns, is_estimate=is_estimate)
+
+
+@router.get("/episodes/{episode_id}/frames/{frame_id}", **media("image/jpeg", "image/png"))
+def show_frame(episode_id: str, frame_id: int, store: EpisodeStore = STORE) -> Response:
+    """Return one picture: JPEG as recorded, or PNG."""
+    frame = store.open(episode_id).frame(frame_id)
+    is_jpeg = frame.encoding is Encoding.JPEG
+    return Response(
+        frame.data if is_jpeg else encode_png(to_rgb(frame), level=1),
+        media_type="image/jpeg" if is_jpeg else "image/png",
+        headers={"cache-control": "private, max-age=3600"},
+    )
+
+
+@router.get("/episodes/{episode_id}/file", **media("application/octet-stream"))
+def download_episode(episode_id: str, store: EpisodeStore = STORE) -> Response:
+    """Download the recording without its edits."""
+    path = store.path(episode_id)
+    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+
+
+@router.patch("/episodes/{episode_id}")
+def change_episode(
+    episode_id: str, body: EpisodeChange, store: EpisodeStore = STORE
+) -> EpisodeAnswer:
+    """Set the title of an episode, or protect it."""
+    if body.title is not None:
+        store.set_title(episode_id, body.title)
+    if body.protected is not None:
+        store.protect(episode_id, body.protected)
+    return _describe(store.summary(episode_id))
+
+
+@router.post("/episodes/{episode_id}/edits", status_code=201)
+def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> Edits:
+    """Delete or relabel frames, or all others."""
+    between = (body.first, body.last)
+    edit = edit_of(body.verb, between, store.open(episode_id), body.label)
+    return _edits(store.edit(episode_id, edit))
+
+
+@router.delete("/episodes/{episode_id}/edits/last")
+def undo_edit(episode_id: str, store: EpisodeStore = STORE) -> Edits:
+    """Undo the last edit."""
+    return _edits(store.undo_edit(episode_id))
+
+
+@router.post("/episodes/{episode_id}/edits/redo")
+def redo_edit(episode_id: str, store: EpisodeStore = STORE) -> Edits:
+    """Redo the edit that was undone last."""
+    return _edits(store.redo_edit(episode_id))
+
+
+@router.post("/episodes/{episode_id}/split", status_code=201)
+def split_episode(
+    episode_id: str, body: EpisodeSplit, store: EpisodeStore = STORE
+) -> dict[str, str]:
+    """Split a recording in two."""
+    return {"id": store.split(episode_id, body.frame)}
+
+
+@router.post("/episodes/{episode_id}/compact")
+def compact_episode(episode_id: str, store: EpisodeStore = STORE) -> dict[str, str]:
+    """Apply the edits to the recording; `undo` restores the original."""
+    return {"undo": store.compact(episode_id)}
+
+
+@router.delete("/episodes/{episode_id}")
+def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> dict[str, str]:
+    """Move an episode to the trash; `undo` is the key that restores it."""
+    return {"undo": store.delete(episode_id)}
+
+
+def _edits(notes: Notes) -> Edits:
+    return {"edit_list": [answer(EditAnswer, edit) for edit in notes.edits]}

@@ -1,0 +1,93 @@
+"""`/api/world`: the simulated world around the robot from above, and another one for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import APIRouter, Request
+
+from robot.devices.raw_value import RawValue, text
+from robot.errors import ConfigurationError
+from robot.types import Mode
+from server.routes.answers import Route, answer
+from server.routes.bodies import NO_SESSION
+from server.services import services_of
+
+router = APIRouter(route_class=Route)
+
+
+@dataclass
+class ThingAnswer:
+    """One thing in a simulated world."""
+
+    name: str
+    shape: str
+    x_m: float
+    y_m: float
+    width_m: float
+    depth_m: float
+    heading_rad: float
+    moves: bool
+
+
+@dataclass
+class WorldMap:
+    """A world as the page draws it."""
+
+    name: str
+    width_m: float
+    depth_m: float
+    things: list[ThingAnswer]
+
+
+@dataclass
+class WorldAnswer:
+    """The world as it is now, in metres and radians, and where the robot can be carried; null and
+    none for a real robot."""
+
+    world: WorldMap | None
+    worlds: list[str]
+
+
+class WorldChange(RawValue):
+    """Where the robot is to be."""
+
+    name: str = text()
+
+
+@router.get("/api/world")
+def show_world(request: Request) -> WorldAnswer:
+    """Return the world as it is now, in metres and radians; null for a real robot."""
+    body: object = services_of(request).robot.driver
+    if not hasattr(body, "simulation"):
+        return WorldAnswer(world=None, worlds=[])
+    world = body.simulation.shown_world
+    things = [
+        answer(ThingAnswer, thing, moves=thing.is_movable or bool(thing.path))
+        for thing in world.obstacles
+    ]
+    return WorldAnswer(
+        world=answer(WorldMap, world, things=things), worlds=sorted(getattr(body, "worlds", ()))
+    )
+
+
+@router.put("/api/world", dependencies=[NO_SESSION])
+async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
+    """Carry a simulated robot to the start of another world, with all that it knows.
+
+    409 unless it is stopped, and while a participant's session is on.
+    """
+    services = services_of(request)
+    driver: Any = services.robot.driver
+    if not hasattr(driver, "worlds"):
+        raise ConfigurationError("only a robot of the simulator can be carried to another world")
+
+    def carry() -> None:
+        if services.robot.loop.mode is not Mode.STOPPED:
+            raise ConfigurationError("stop the robot before you carry it to another world")
+        driver.enter(body.name)
+        services.progress.trail.begin()
+
+    await services.on_loop(carry)
+    return show_world(request)

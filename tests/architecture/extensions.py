@@ -1,0 +1,82 @@
+"""Prints how many lines each extension and room has: `make extensions`.
+
+A room is what lies directly in `robot` or `server`; loose modules are rooms of their own. An
+extension is what `EXTENSIONS` says; all else is the core.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter, defaultdict
+from pathlib import Path
+
+from . import rules
+
+ROOT = Path(__file__).parents[2]
+EXTENSIONS = ("bodies", "lab", "study", "board", "exchange", "testing")
+KINDS = ("code", "docstring", "comment", "blank")
+
+
+def extension_of(file: Path) -> str:
+    """Return the extension that a module of the product stands in, by its path from the root."""
+    return file.parts[1] if file.parts[1] in EXTENSIONS else "core"
+
+
+def room_of(file: Path) -> str:
+    """Return the room: a folder of the package, or a loose module."""
+    return "/".join(file.parts[:2]).removesuffix(".py")
+
+
+def count_lines(text: str) -> Counter[str]:
+    """Return how many lines of a module are code, docstring, comment and blank."""
+    documented: set[int] = set()
+    for node in ast.walk(ast.parse(text)):
+        body = getattr(node, "body", None)
+        if not isinstance(body, list):
+            continue
+        for part in body:
+            # A text that stands alone is a docstring, of an attribute if it is not the first.
+            if not (isinstance(part, ast.Expr) and isinstance(part.value, ast.Constant)):
+                continue
+            if isinstance(part.value.value, str):
+                documented |= set(range(part.lineno, (part.end_lineno or part.lineno) + 1))
+    found: Counter[str] = Counter()
+    for number, line in enumerate(text.splitlines(), 1):
+        if number in documented:
+            found["docstring"] += 1
+        elif not line.strip():
+            found["blank"] += 1
+        else:
+            found["comment" if line.lstrip().startswith("#") else "code"] += 1
+    return found
+
+
+def count(root: Path) -> dict[str, dict[str, Counter[str]]]:
+    """Return the lines by extension, room and kind."""
+    found: dict[str, dict[str, Counter[str]]] = defaultdict(lambda: defaultdict(Counter))
+    for file in rules.modules(root):
+        inner = file.relative_to(root)
+        found[extension_of(inner)][room_of(inner)] += count_lines(file.read_text("utf-8"))
+    return found
+
+
+def render(root: Path) -> str:
+    """Return the table."""
+    counted = count(root)
+    lines = [f"{'':28}{'all':>8}" + "".join(f"{kind:>11}" for kind in KINDS)]
+    whole: Counter[str] = Counter()
+    for extension in ("core", *EXTENSIONS):
+        rooms = counted[extension]
+        total = sum(rooms.values(), Counter())
+        whole += total
+        lines.append(_line(extension, total))
+        lines += [_line(f"  {name}", rooms[name]) for name in sorted(rooms)]
+    return "\n".join([*lines, _line("everything", whole)])
+
+
+def _line(name: str, found: Counter[str]) -> str:
+    return f"{name:28}{found.total():8}" + "".join(f"{found[kind]:11}" for kind in KINDS)
+
+
+if __name__ == "__main__":
+    print(render(ROOT))

@@ -1,0 +1,268 @@
+"""Ready means ready: what counts, what sets it back, and that each gap says where."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot.coaching.readiness import (
+    CLEAN_S,
+    HARDLY_KNOWN,
+    STARTS,
+    TAUGHT_S,
+    GapKind,
+    Readiness,
+    Stage,
+)
+from robot.control.state import Tick
+from robot.policy.history import Replaced, Taught
+from robot.types import (
+    Action,
+    Decision,
+    DrivenBy,
+    Encoding,
+    Example,
+    Frame,
+    Mode,
+    Prediction,
+    Sensors,
+    StopReason,
+)
+
+F, L, R, STOP = Action.FORWARD, Action.LEFT, Action.RIGHT, Action.STOP
+
+
+class Drive:
+    """Ticks at some rate, and the readiness that follows them."""
+
+    def __init__(self, rate_hz: float = 10.0) -> None:
+        self.readiness = Readiness()
+        self.dt_s, self.now_s, self.number = 1 / rate_hz, 100.0, 0
+
+    def tick(self, who, action, proposed, *, novelty=0.0, events=(), is_new=True, **flags) -> None:
+        self.now_s += self.dt_s
+        self.number += is_new
+        reason = flags.pop("stop_reason", None)
+        self.readiness.note(
+            Tick(
+                now_s=self.now_s,
+                frame=Frame(
+                    frame_id=self.number,
+                    captured_s=self.now_s,
+                    width=160,
+                    height=120,
+                    encoding=Encoding.YUYV,
+                    data=b"",
+                )
+                if is_new
+                else None,
+                commands=(),
+                refused=(),
+                decision=Decision(
+                    action=action, driven_by=who, mode=Mode.AUTONOMOUS, stop_reason=reason
+                ),
+                sent=action,
+                prediction=Prediction(
+                    frame_id=self.number,
+                    action=proposed,
+                    confidence=1.0,
+                    probabilities={},
+                    novelty=novelty,
+                    **flags,
+                ),
+                sensors=Sensors(distance_m=0.3),
+                history_events=tuple(events),
+                cycle_s=0.0,
+            )
+        )
+
+    def teach(self, action, seconds, proposed=None, *, is_intervention=False) -> None:
+        for _ in range(round(seconds / self.dt_s)):
+            example = Example(
+                frame_id=self.number + 1, label=action, is_intervention=is_intervention
+            )
+            event = Taught(example=example, x=None, at_s=self.now_s + self.dt_s)
+            self.tick(DrivenBy.PILOT, action, proposed or action, events=[event])
+
+    def alone(self, seconds, action=F, **flags) -> None:
+        for _ in range(round(seconds / self.dt_s)):
+            self.tick(DrivenBy.ROBOT, action, action, **flags)
+
+    @property
+    def kinds(self):
+        return [gap.kind for gap in self.readiness.missing()]
+
+
+def taught(rate_hz: float = 10.0) -> Drive:
+    drive = Drive(rate_hz)
+    for _ in range(STARTS + 1):
+        drive.teach(F, TAUGHT_S / (STARTS + 1))
+        drive.teach(L, 2.0)
+    return drive
+
+
+def test_a_robot_that_knows_nothing_is_to_be_taught() -> None:
+    drive = Drive()
+    assert drive.readiness.stage is Stage.TEACH
+    assert drive.kinds == [GapKind.TOO_SHORT]
+    assert (drive.readiness.missing()[0].have, drive.readiness.missing()[0].need) == (0, TAUGHT_S)
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30])
+def test_after_a_clean_trial_it_is_ready_at_any_frame_rate(rate_hz) -> None:
+    drive = taught(rate_hz)
+    assert drive.readiness.stage is Stage.TRY
+    drive.alone(CLEAN_S - 2)
+    assert drive.readiness.stage is Stage.TRY
+    drive.alone(3)
+    assert drive.readiness.stage is Stage.READY
+    assert drive.readiness.missing() == []
+
+
+def test_a_move_begun_too_few_times_is_named() -> None:
+    drive = Drive()
+    drive.teach(F, TAUGHT_S)
+    drive.teach(R, 5.0)
+    [gap] = [gap for gap in drive.readiness.missing() if gap.move is R]
+    assert (gap.kind, gap.move, gap.have, gap.need) == (GapKind.RARE_MOVE, R, 1, STARTS)
+
+
+@pytest.mark.parametrize("straight_s", [60, 300, 900])
+def test_who_drives_straight_for_minutes_is_told_which_turn_is_missing(straight_s) -> None:
+    drive = Drive()
+    for _ in range(STARTS):
+        drive.teach(F, straight_s / STARTS)
+        drive.teach(R, 0.5 if straight_s < 100 else 1.0)
+    is_rare = straight_s > STARTS / 0.02
+    assert [gap.move for gap in drive.readiness.missing() if gap.kind is GapKind.RARE_MOVE] == (
+        [R] if is_rare else []
+    )
+    for _ in range(STARTS):
+        drive.teach(F, 1.0)
+        drive.teach(R, 1.0)
+    assert drive.readiness.stage is Stage.TRY
+
+
+def test_a_pilot_who_begins_with_what_the_robot_does_corrects_it_where_he_turns() -> None:
+    drive = taught()
+    drive.alone(5.0)
+    drive.teach(F, 0.5, is_intervention=True)
+    assert GapKind.CORRECTED not in drive.kinds
+    drive.teach(L, 0.5, proposed=F, is_intervention=True)
+    gap = drive.readiness.missing()[0]
+    assert (gap.kind, gap.move, gap.instead) == (GapKind.CORRECTED, L, F)
+    drive.alone(5.0)
+    drive.teach(F, 0.5, is_intervention=True)
+    drive.alone(1.0)
+    assert drive.kinds.count(GapKind.CORRECTED) == 1
+
+
+def test_a_slip_of_the_finger_is_no_move_to_be_taught() -> None:
+    drive = taught()
+    drive.teach(R, 0.3)
+    assert drive.readiness.stage is Stage.TRY
+    assert R not in drive.readiness.moves_in_use
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30])
+@pytest.mark.parametrize("slip_s", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("n_slips", [1, 2, 3, 4, 5])
+def test_who_never_turns_left_is_not_asked_for_it_however_often_the_finger_slips(
+    rate_hz, slip_s, n_slips
+) -> None:
+    drive = Drive(rate_hz)
+    for turn in range(14):
+        drive.teach(F, 3.0)
+        drive.teach(R, 3.0)
+        if turn < n_slips:
+            drive.teach(L, slip_s)
+    assert drive.readiness.stage is Stage.TRY
+
+
+@pytest.mark.parametrize(
+    ("what", "kind"),
+    [
+        (lambda drive: drive.teach(L, 1.0, is_intervention=True), GapKind.CORRECTED),
+        (lambda drive: drive.alone(0.6, is_stalled=True), GapKind.PUSHED),
+        (
+            lambda drive: drive.alone(0.2, STOP, stop_reason=StopReason.NEEDS_HELP),
+            GapKind.HELPLESS,
+        ),
+    ],
+)
+def test_whatever_goes_wrong_begins_the_trial_anew_and_says_where(what, kind) -> None:
+    drive = taught()
+    drive.alone(CLEAN_S + 5)
+    at_frame = drive.number
+    what(drive)
+    assert drive.readiness.stage is Stage.TRY
+    newest = drive.readiness.missing()[0]
+    assert newest.kind is kind
+    assert newest.frame is not None and newest.frame.frame_id > at_frame
+    assert newest.distance_m == 0.3
+    drive.alone(CLEAN_S + 1)
+    assert drive.readiness.stage is Stage.READY
+
+
+@pytest.mark.parametrize("novelty", [HARDLY_KNOWN, 1.0, 2.0])
+def test_a_view_that_it_hardly_knows_is_shown_and_keeps_it_from_ready(novelty) -> None:
+    drive = taught()
+    while drive.readiness.clean_s < CLEAN_S + 1:
+        drive.alone(3)
+        drive.alone(0.5, novelty=novelty)
+    assert drive.readiness.stage is Stage.TRY
+    assert GapKind.UNKNOWN_VIEW in drive.kinds
+
+
+def test_views_that_it_knows_well_enough_do_not_keep_it_from_ready() -> None:
+    drive = taught()
+    drive.alone(CLEAN_S + 1, novelty=HARDLY_KNOWN - 0.01)
+    assert drive.readiness.stage is Stage.READY
+
+
+@pytest.mark.parametrize("rate_hz", [10, 15, 30])
+@pytest.mark.parametrize("unknown_s", [0.0, 0.5, 1.0, 1.5])
+def test_it_is_ready_just_when_it_has_driven_for_as_long_as_it_says(rate_hz, unknown_s) -> None:
+    drive = taught(rate_hz)
+    drive.alone(unknown_s, novelty=HARDLY_KNOWN)
+    while drive.readiness.stage is not Stage.READY:
+        assert drive.readiness.clean_s < drive.readiness.needed_s
+        drive.alone(1 / rate_hz)
+        assert drive.now_s < 1000.0
+    assert drive.readiness.clean_s >= drive.readiness.needed_s >= CLEAN_S
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 1.0])
+def test_what_it_says_it_has_to_drive_is_never_without_an_end(share) -> None:
+    drive = taught()
+    for _ in range(300):
+        drive.alone(1.0 - share)
+        drive.alone(share, novelty=2.0)
+        assert CLEAN_S <= drive.readiness.needed_s <= 2 * CLEAN_S
+        assert drive.readiness.clean_s < drive.readiness.needed_s + 1.0
+    assert drive.readiness.stage is Stage.TRY
+
+
+def test_a_change_that_the_robot_would_not_have_made_is_told_with_its_place() -> None:
+    drive = taught()
+    drive.teach(F, 2.0)
+    drive.teach(L, 2.0, proposed=F)
+    gap = drive.readiness.missing()[0]
+    assert (gap.kind, gap.move, gap.instead) == (GapKind.UNFORESEEN, L, F)
+    seen = drive.readiness.foreseen
+    assert seen["foreseen"] == seen["changes"] - 1
+
+
+def test_another_model_begins_from_nothing() -> None:
+    drive = taught()
+    drive.alone(CLEAN_S + 1)
+    drive.tick(DrivenBy.NOBODY, STOP, None, events=[Replaced(policy_name="x")])
+    assert drive.readiness.stage is Stage.TEACH
+
+
+def test_a_gap_has_the_picture_of_its_place_although_its_tick_had_no_new_one() -> None:
+    drive = Drive()
+    drive.alone(1.0)
+    seen = drive.number
+    drive.tick(DrivenBy.PILOT, L, F, is_new=False)
+    [corrected] = [gap for gap in drive.readiness.missing() if gap.kind is GapKind.CORRECTED]
+    assert corrected.frame is not None and corrected.frame.frame_id == seen

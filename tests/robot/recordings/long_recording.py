@@ -1,0 +1,58 @@
+"""Writes a drive of any length at once, and cuts it short as a power cut does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from robot.recordings.messages import Topic
+from robot.recordings.writer import EpisodeWriter, describe_run
+from robot.types import DEFAULT_MOVES, Encoding, Frame
+
+RATE_HZ = 30
+_PICTURE_BYTES = 1900
+"""As heavy as a JPEG of the simulator's; nobody looks at it."""
+
+
+def write_cut_recording(path: Path, minutes: float) -> Path:
+    """Write what a robot records that is taught with every picture, without its end."""
+    rng = np.random.default_rng(1)
+    run = describe_run(
+        episode_id=path.stem,
+        run_id="long",
+        origin_ns=1_700_000_000 * 10**9,
+        started_at_s=1_700_000_000.0,
+        robot="sim",
+        learner="default-32",
+        moves=DEFAULT_MOVES,
+    )
+    decision = {
+        "mode": "train",
+        "driven_by": "pilot",
+        "action": "forward",
+        "sent": "forward",
+        "speed_scale": 1.0,
+        "stop_reason": None,
+        "asks_pilot": False,
+    }
+    with path.open("xb") as file:
+        writer = EpisodeWriter(file, run)
+        for number in range(1, round(minutes * 60 * RATE_HZ) + 1):
+            now_s = number / RATE_HZ
+            frame = Frame(
+                frame_id=number,
+                captured_s=now_s,
+                width=160,
+                height=120,
+                encoding=Encoding.JPEG,
+                data=rng.bytes(_PICTURE_BYTES),
+            )
+            label = DEFAULT_MOVES[number // 40 % len(DEFAULT_MOVES)]
+            taught = {"event": "taught", "frame": number, "label": label, "intervention": False}
+            writer.write_frame(frame)
+            writer.write_message(Topic.DECISION, now_s, decision | {"frame": number})
+            writer.write_message(Topic.LESSON, now_s, taught | {"at_s": now_s, "x": None})
+        writer.flush()
+        file.truncate(file.tell() - 1000)
+    return path

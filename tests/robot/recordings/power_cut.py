@@ -1,0 +1,214 @@
+"""Cuts the power of a robot at random moments, many times over one data folder.
+
+    python -m tests.robot.recordings.power_cut FOLDER [KILLS] [SEED]
+
+Each time a process starts on the same folder (loading the last model), is driven and taught in real
+time, and is killed with SIGKILL. What it had told of by then is compared with what is on the disk.
+Processes are forked, so that a start costs milliseconds. Prints JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+from robot.clock import RealClock
+from robot.control.state import Tick
+from robot.devices.rig import Rig
+from robot.errors import RobotError
+from robot.policy.history import Taught
+from robot.policy.registry import make_policy
+from robot.recordings.episode import open_episode
+from robot.recordings.queue import RecorderConfig
+from robot.store.folder import Storage
+from robot.testing import FakeCamera, FakeDriver
+from robot.types import Action, Mode, PilotCommand
+from server.persistence import Persistence
+
+LONGEST_LIFE_S = 0.8
+MOMENTS = ("start", "loaded", "tick", "written")
+"""What a life is counted from: on a busy machine a start alone would take longer than all of it."""
+UNDONE_S = 0.2
+
+
+@dataclass(slots=True)
+class Life:
+    """What one process told of, and what was found of it afterwards."""
+
+    life_s: float
+    reached: str = "starting"
+    loaded: int | None = None
+    """Lessons that the learner had at the start."""
+    told: list[int] = field(default_factory=list)
+    """The lessons that the learner had after each tick."""
+    kept: int = 0
+    """So many of these were in the journal."""
+    taught: int = 0
+    taught_on_disk: int = 0
+    lost_s: float = 0.0
+    failure: str | None = None
+
+
+def live(folder: Path, out: int, wall_s: float) -> None:
+    """Be a robot until the power goes. Each line written is something that had happened by then."""
+
+    def tell(kind: str, *values: object) -> None:
+        nonlocal n_told
+        n_told += kind == "tick"
+        os.write(out, (" ".join([kind, *map(str, values)]) + "\n").encode())
+
+    n_told = n_queued = lessons_queued = 0
+    tell("start")
+
+    def note(tick: Tick) -> None:
+        taught = [e.example.frame_id for e in tick.history_events if isinstance(e, Taught)]
+        if is_loaded and (tick.decision.mode is not Mode.STOPPED or tick.history_events):
+            n_examples = rig.loop.history.n_examples
+            for left in range(len(taught) - 1, 0, -1):  # each is a record of its own
+                tell("tick", tick.now_s, n_examples - left)
+            tell("tick", tick.now_s, n_examples, *taught)
+
+    def note_queued(tick: Tick) -> None:
+        nonlocal n_queued, lessons_queued
+        n_queued = n_told
+        lessons_queued += sum(isinstance(event, Taught) for event in tick.history_events)
+
+    def turns_told(kind: str, count: Callable[[], int]) -> Callable[[], None]:
+        """Return the last turn of a disk's thread: it tells what waited before the other turns."""
+        waited = 0
+
+        def turn() -> None:
+            nonlocal waited
+            if waited:
+                tell(kind, waited)
+            waited = count()
+
+        return turn
+
+    def undo() -> None:
+        """Say what an undo leaves before it is done: the power may go before the next tick."""
+        history = rig.loop.history
+        gone = len(history.last_examples(UNDONE_S))
+        tell("tick", rig.clock.now_s(), history.n_examples - gone)
+        history.undo(UNDONE_S)
+
+    clock = RealClock()
+    clock.wall_s = lambda: wall_s  # type: ignore[method-assign]
+    rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
+    persistence = Persistence(Storage(folder), rig, name="bench")
+    persistence.recorder.queue._config = RecorderConfig(spare_bytes=0)
+    is_loaded = False
+    rig.loop.subscribe(note)  # first: what is on the disk at any moment has been told before
+    with rig:
+        persistence._disk.add(turns_told("written", lambda: lessons_queued))
+        persistence.journal._thread.add(turns_told("kept", lambda: n_queued))
+        persistence.start()
+        rig.loop.subscribe(note_queued)  # last: what it counts waits for the disk already
+        persistence.autosave.load_last()
+        tell("loaded", rig.loop.submit(lambda: rig.loop.history.n_examples).result())
+        is_loaded = True
+        drive(rig, undo)
+
+
+def drive(rig: Rig, undo: Callable[[], object]) -> None:
+    """Teach for ever, changing the mode six times a second, and now and then undo the last bit."""
+    seq = 0
+    while True:
+        rig.loop.set_mode((Mode.TRAIN, Mode.AUTONOMOUS)[seq // 8 % 2])
+        for _ in range(8):
+            seq += 1
+            frame_id = rig.loop.state.frame_id
+            held = (Action.LEFT, Action.FORWARD)[seq // 3 % 2]
+            now_s = rig.clock.now_s()
+            rig.loop.command(PilotCommand(held=held, frame_id=frame_id, seq=seq, received_s=now_s))
+            time.sleep(0.02)
+        if seq % 24 == 0:
+            rig.loop.submit(undo)
+
+
+def cut(folder: Path, moment: str, life_s: float, wall_s: float) -> Life:
+    """Start a robot, kill it `life_s` after a moment that it tells of, and compare."""
+    before = set(folder.glob("episodes/*.mcap"))
+    read_end, write_end = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(read_end)
+        try:
+            live(folder, write_end, wall_s)
+        except BaseException as error:  # told to the parent, which counts it
+            os.write(write_end, f"failed {error!r}\n".encode())
+        os._exit(1)
+    os.close(write_end)
+    lines = []
+    with os.fdopen(read_end) as file:
+        for line in file:
+            lines.append(line)
+            if line.startswith(moment):
+                break
+        time.sleep(life_s)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        lines += file.readlines()
+    told = [line.rstrip("\n").partition(" ")[::2] for line in lines]
+    return compare(folder, before, Life(life_s), told[1:])
+
+
+def compare(folder: Path, before: set[Path], life: Life, told: list[tuple[str, str]]) -> Life:
+    taught, last_s = set(), None
+    for kind, rest in told:
+        if kind == "failed":
+            life.failure = rest
+        elif kind == "loaded":
+            life.loaded, life.reached = int(rest), "loaded"
+        elif kind == "kept":
+            life.kept = int(rest)
+        elif kind == "tick":
+            at_s, lessons, *frame_ids = rest.split()
+            last_s, life.reached = float(at_s), "driving"
+            life.told.append(int(lessons))
+            taught.update(map(int, frame_ids))
+    try:
+        look_at_episodes(folder, before, life, taught, last_s)
+    except RobotError as error:
+        life.failure = str(error)
+    return life
+
+
+def look_at_episodes(
+    folder: Path, before: set[Path], life: Life, taught: set[int], last_s: float | None
+) -> None:
+    on_disk: set[int] = set()
+    end_s = 0.0
+    for path in set(folder.glob("episodes/*.mcap")) - before:
+        if path.stat().st_size == 0:  # killed between making the file and its first flush
+            continue
+        episode = open_episode(path)
+        on_disk |= {
+            event.example.frame_id for _, event in episode.events if isinstance(event, Taught)
+        }
+        end_s = max(end_s, episode.start_s + episode.duration_s)
+    life.taught = len(taught)
+    life.taught_on_disk = len(on_disk & taught)
+    if last_s is not None:
+        life.lost_s = last_s - end_s if end_s else life.life_s
+
+
+def main() -> None:
+    folder, kills, seed = Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
+    rng = random.Random(seed)
+    lives = []
+    for _ in range(kills):
+        wall_s = 1.7e9 + rng.uniform(-60, 60) * 86_400  # a clock that is set anywhere
+        lives.append(cut(folder, rng.choice(MOMENTS), rng.uniform(0.0, LONGEST_LIFE_S), wall_s))
+    print(json.dumps([asdict(life) for life in lives]))
+
+
+if __name__ == "__main__":
+    main()

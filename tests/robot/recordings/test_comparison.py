@@ -1,0 +1,97 @@
+"""Before and after mending are judged on what neither was taught, and by what a person says now."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robot.devices.pictures import Picture
+from robot.exchange.drive import Drive, FrameEvent, write_episode
+from robot.policy.policy import Policy
+from robot.policy.registry import make_policy
+from robot.recordings.comparison import FEWEST_FRAMES, compare
+from robot.recordings.edits import Edit, Notes
+from robot.recordings.episode import Episode, open_episode
+from robot.recordings.teaching import plan
+from robot.types import Action, Encoding
+
+MOVES = (Action.FORWARD, Action.LEFT)
+
+
+def record(path: Path, labels: Sequence[Action], shown: Sequence[Action] | None = None) -> Episode:
+    """Record pictures that are bright on the left where to go left is right."""
+    noise = np.random.default_rng(len(labels))
+    shots = []
+    for i, (label, truth) in enumerate(zip(labels, shown or labels, strict=True)):
+        pixels = noise.integers(0, 60, (120, 160, 3), dtype=np.uint8)
+        half = slice(0, 80) if truth is Action.LEFT else slice(80, 160)
+        pixels[:, half] += 150
+        picture = partial(
+            Picture, data=pixels.tobytes(), encoding=Encoding.RGB, width=160, height=120
+        )
+        shots.append(FrameEvent(t_s=i / 10, picture=picture, label=label))
+    write_episode(Drive(name="r", source="test", shots=shots, moves=MOVES), path)
+    return open_episode(path)
+
+
+def new_policy() -> Policy:
+    return make_policy("default-16", MOVES)
+
+
+def alternating(n: int) -> list[Action]:
+    return [MOVES[i // 20 % 2] for i in range(n)]
+
+
+def test_what_nobody_mended_is_the_same_before_and_after(tmp_path: Path) -> None:
+    episode = record(tmp_path / "a.mcap", alternating(200))
+    found = compare([(episode, Notes())], new_policy)
+    assert found is not None
+    assert (found.before, found.mended, found.broken) == (found.after, (), ())
+    assert 30 <= found.frames <= 50
+
+
+@pytest.mark.parametrize(("first", "size"), [(0, 40), (37, 40), (120, 40), (20, 160), (40, 160)])
+def test_a_repair_never_makes_it_worse_and_a_large_one_shows(
+    tmp_path: Path, first: int, size: int
+) -> None:
+    truth = alternating(200)
+    spoiled = [*truth]
+    for i in range(first, first + size):
+        spoiled[i] = Action.LEFT if truth[i] is Action.FORWARD else Action.FORWARD
+    episode = record(tmp_path / "a.mcap", spoiled, shown=truth)
+    ids, notes = list(episode.frames), Notes()
+    for i in range(first, first + size):
+        edit = Edit(verb="relabel", ranges=((ids[i], ids[i]),), label=truth[i])
+        notes = notes.with_edit(edit)
+    steps: list[None] = []
+    found = compare([(episode, notes)], new_policy, lambda: steps.append(None))
+    assert found is not None
+    assert found.after >= found.before
+    if size > 100:
+        assert found.after > found.before
+        assert found.mended
+    assert {d.label for d in found.mended} == {d.after for d in found.mended}
+    assert 300 <= len(steps) <= len(plan([(episode, Notes())])) + len(plan([(episode, notes)]))
+
+
+def test_with_too_little_nothing_is_claimed(tmp_path: Path) -> None:
+    for n in (2, FEWEST_FRAMES - 1):
+        episode = record(tmp_path / f"{n}.mcap", alternating(n))
+        assert compare([(episode, Notes())], new_policy) is None
+
+
+def test_what_is_judged_was_taught_to_neither(tmp_path: Path) -> None:
+    mended = [(record(tmp_path / f"{n}.mcap", alternating(n)), Notes()) for n in (100, 140)]
+    made: list[Policy] = []
+
+    def counted() -> Policy:
+        made.append(new_policy())
+        return made[-1]
+
+    found = compare(mended, counted)
+    assert found is not None
+    assert [policy.n_seen for policy in made] == [240 - found.frames] * 2

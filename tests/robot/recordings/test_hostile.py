@@ -1,0 +1,177 @@
+"""Files made to harm: refused or read up to where they lie, and never believed."""
+
+from __future__ import annotations
+
+import resource
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zstandard
+from mcap.writer import CompressionType, Writer
+
+from robot.errors import RecordingError
+from robot.recordings.episode import open_episode
+from robot.recordings.messages import RUN, SUMMARY
+from robot.recordings.summary import read_summary
+
+from .drives import record_drive
+
+MAGIC = b"\x89MCAP0\r\n"
+
+
+@pytest.fixture(autouse=True)
+def _little_memory() -> Iterator[None]:
+    """Whoever believes an absurd length now fails for want of memory."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (used + 600 * 2**20, hard))
+    yield
+    resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+def record(opcode: int, body: bytes, length: int | None = None) -> bytes:
+    return struct.pack("<BQ", opcode, len(body) if length is None else length) + body
+
+
+def text(value: bytes, length: int | None = None) -> bytes:
+    return struct.pack("<I", len(value) if length is None else length) + value
+
+
+def chunk(data: bytes, claims: int, compression: bytes = b"zstd", crc: int = 0) -> bytes:
+    head = struct.pack("<QQQI", 0, 0, claims, crc)
+    return record(6, head + text(compression) + struct.pack("<Q", len(data)) + data)
+
+
+def beginning(folder: Path) -> bytes:
+    """The bytes of a real recording up to its first chunk."""
+    path = folder / "real"
+    path.mkdir()
+    data = record_drive(path, frames=5).path.read_bytes()
+    at = len(MAGIC)
+    while data[at] != 6:
+        at += 9 + struct.unpack_from("<Q", data, at + 1)[0]
+    return data[:at]
+
+
+@pytest.mark.parametrize("length", [2**63, 2**40, 2**32, 300 * 2**20])
+@pytest.mark.parametrize("opcode", [1, 3, 4, 5, 6, 9, 12, 0x7F])
+def test_absurd_lengths_end_the_reading(tmp_path: Path, opcode: int, length: int) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(beginning(tmp_path) + record(opcode, b"\0" * 64, length))
+    assert open_episode(path).damage
+    assert read_summary(path).damage
+
+
+@pytest.mark.parametrize("opcode", [1, 3, 4, 9, 12])
+def test_absurd_lengths_inside_a_record_end_the_reading(tmp_path: Path, opcode: int) -> None:
+    path = tmp_path / "x.mcap"
+    body = b"\x01\0" + text(b"x", 2**32 - 1) * 4 + b"\0" * 64
+    path.write_bytes(beginning(tmp_path) + record(opcode, body))
+    assert open_episode(path).damage
+
+
+def test_a_chunk_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None:
+    small = zstandard.compress(bytes(200 * 2**20))
+    assert len(small) < 2**16
+    start = beginning(tmp_path)
+    for claims in (2**62, 200 * 2**20, 1000):
+        path = tmp_path / f"{claims}.mcap"
+        path.write_bytes(start + chunk(small, claims))
+        assert "unpack" in str(open_episode(path).damage)
+
+
+def test_lengths_inside_a_chunk_are_bounded_by_the_chunk(tmp_path: Path) -> None:
+    inside = record(5, b"\0" * 30, 2**60)
+    path = tmp_path / "x.mcap"
+    path.write_bytes(beginning(tmp_path) + chunk(inside, len(inside), b""))
+    assert open_episode(path).damage
+
+
+def test_a_footer_that_points_elsewhere_is_not_followed(tmp_path: Path) -> None:
+    data = record_drive(tmp_path).path.read_bytes()
+    path = tmp_path / "x.mcap"
+    for start in (0, 7, len(data) - 5, 2**63, 2**40):
+        path.write_bytes(data[:-28] + struct.pack("<QQI", start, 0, 0) + MAGIC)
+        assert read_summary(path).frames > 50
+
+
+@pytest.mark.parametrize("data", [b"", b"\x89MCAP", b"PK\x03\x04" + b"\0" * 99, MAGIC, MAGIC * 9])
+def test_what_is_no_recording_is_refused_with_a_reason(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match=r"x\.mcap"):
+        open_episode(path)
+    summary = read_summary(path)
+    assert not summary.is_readable and summary.damage
+
+
+def test_a_recording_of_another_program_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("x", "jsonschema", b"{}")
+        writer.add_message(writer.register_channel("/x", "json", schema), 1, b"{}", 1)
+        writer.finish()
+    with pytest.raises(RecordingError, match="not a recording of this program"):
+        open_episode(path)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        b"[]",
+        b"{",
+        b"[" * 100_000,
+        b'{"event": "taught", "frame": "x"}',
+        b'{"event": "taught", "frame": 1, "label": "Fly away", "intervention": false, "at_s": 0}',
+        b'{"event": "taught", "frame": 1, "label": "left", "intervention": false, "at_s": 0,'
+        b' "x": {"dtype": "O", "shape": [1], "data": ""}}',
+        b'{"event": "taught", "frame": 1, "label": "left", "intervention": false, "at_s": 0,'
+        b' "x": {"dtype": "<f4", "shape": [99999999999], "data": "AAAA"}}',
+    ],
+)
+def test_words_of_another_form_end_the_reading(tmp_path: Path, words: bytes) -> None:
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE)
+        writer.start()
+        writer.add_metadata(RUN, {"format": "1", "origin_ns": "0"})
+        schema = writer.register_schema("x", "jsonschema", b"{}")
+        writer.add_message(writer.register_channel("/lesson", "json", schema), 1, words, 1)
+        writer.finish()
+    assert open_episode(path).damage
+
+
+def test_a_picture_that_is_no_picture_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata(RUN, {"format": "1", "origin_ns": "0"})
+        schema = writer.register_schema("foxglove.RawImage", "protobuf", b"")
+        channel = writer.register_channel("/camera", "protobuf", schema)
+        for i, data in enumerate((b"\xff" * 40, b"\x32\xff\xff\xff\xff\x0f", b"", b"\x0a\x05")):
+            writer.add_message(channel, 1, data, 1, i)
+        writer.finish()
+    episode = open_episode(path)
+    for frame_id in range(4):
+        with pytest.raises(RecordingError, match="damaged"):
+            episode.frame(frame_id)
+
+
+@pytest.mark.parametrize("began", ["1e300", "-1e300", "nan", "inf", "yesterday"])
+def test_a_time_that_no_list_can_show_is_refused(tmp_path: Path, began: str) -> None:
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        writer.add_metadata(RUN, {"format": "1", "origin_ns": "0", "started_at_s": began})
+        writer.add_metadata(SUMMARY, {"duration_s": "1", "frames": "1", "taught": "{}"})
+        writer.finish()
+    summary = read_summary(path)
+    assert (summary.is_readable, summary.started_at_s) == (False, 0.0)
+    with pytest.raises(RecordingError, match=r"x\.mcap"):
+        open_episode(path)

@@ -1,0 +1,75 @@
+"""Kills at random moments: recordings are whole up to the last flush, and the learner goes on.
+
+How much a kill may cost is judged in virtual time (test_recorder.py); here it is printed.
+
+`DRIVELESSON_KILLS=200` makes it the full number, which CI sets (a bit over two minutes).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from .power_cut import Life
+
+pytestmark = pytest.mark.realtime
+
+KILLS = int(os.environ.get("DRIVELESSON_KILLS", "20"))
+
+
+CHAINS = 2
+"""So many robots live and die side by side: a life is mostly waiting."""
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(240 + 3 * KILLS)
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are forked here")
+def test_a_power_cut_leaves_whole_recordings_and_undoes_no_undo(tmp_path: Path) -> None:
+    root = Path(__file__).parents[4]
+    running = []
+    for chain in range(CHAINS):
+        folder = tmp_path / str(chain)
+        folder.mkdir()
+        words = [str(folder), str(KILLS // CHAINS), str(1 + chain)]
+        command = [sys.executable, "-m", "tests.robot.recordings.power_cut", *words]
+        pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        running.append(subprocess.Popen(command, text=True, cwd=root, **pipes))
+    chains = []
+    for process in running:
+        said, errors = process.communicate()
+        assert process.returncode == 0, errors[-2000:]
+        chains.append([Life(**life) for life in json.loads(said)])
+    lives = [life for chain in chains for life in chain]
+    print_table(lives)
+    assert len(lives) == KILLS // CHAINS * CHAINS
+    assert [life.failure for life in lives if life.failure] == []
+    assert sum(life.taught_on_disk for life in lives) > 0
+    for chain in chains:
+        check_what_is_known(chain)
+
+
+def check_what_is_known(lives: list[Life]) -> None:
+    """Each life must begin with what those before it had in the journal, or had learned since."""
+    possible = {0}
+    for life in lives:
+        if life.loaded is not None:
+            assert life.loaded in possible, "lost, or an undo came undone"
+            possible = {life.loaded}
+        since = set(life.told[max(0, life.kept - 1) :])
+        possible = since if life.kept else possible | since
+
+
+def print_table(lives: list[Life]) -> None:
+    lost = sorted(life.lost_s for life in lives)
+    print(f"\n{len(lives)} kills")
+    for reached in ("starting", "loaded", "driving"):
+        print(f"  killed when {reached:9} {sum(life.reached == reached for life in lives)}")
+    print(f"  lost of an episode, s: median {lost[len(lost) // 2]:.2f}, most {lost[-1]:.2f}")
+    taught, kept = sum(x.taught for x in lives), sum(x.taught_on_disk for x in lives)
+    print(f"  lessons told {taught}, in the recordings {kept}")
+    print(f"  starts that failed: {sum(x.failure is not None for x in lives)}")

@@ -1,0 +1,306 @@
+"""Runs are recorded while driven: everything that happened, and never at the loop's cost."""
+
+from __future__ import annotations
+
+import io
+import json
+import random
+import threading
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, unknown_fields
+from jsonschema import Draft202012Validator
+from mcap.reader import make_reader
+
+from robot.clock import Clock
+from robot.coaching.gallery import images
+from robot.policy.history import Taught
+from robot.recordings.episode import open_episode, taught_frames
+from robot.recordings.messages import Topic
+from robot.recordings.queue import RecorderConfig
+from robot.store.disk import FLUSH_EVERY_S
+from robot.testing import VirtualClock
+from robot.types import Action, Mode
+
+from .drives import RecordedBench, record_drive
+
+
+def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path)
+    robot.drive(range(40))
+    [path] = robot.finish()
+    episode = open_episode(path)
+    assert episode.damage is None
+    assert episode.run["robot"] == "bench" and episode.run["learner"] == "published-8"
+    assert json.loads(episode.run["options"]) == {"world": "bench"}
+    assert len(episode.frames) >= 40
+    assert len(taught_frames(episode)) == robot.loop.history.n_examples == 40
+    held = [words["held"] for _, words in episode.messages[Topic.COMMAND]]
+    assert held[:5] == ["forward"] * 4 + ["left"]
+    assert {words["driven_by"] for _, words in episode.messages[Topic.DECISION]} >= {"pilot"}
+    assert [words["mode"] for _, words in episode.messages[Topic.MODE]] == ["train", "stopped"]
+    assert episode.messages[Topic.SENSORS][0][1]["distance_m"] == 0.5
+    assert episode.messages[Topic.PREDICTION][-1][1]["confidence"] > 0
+    assert [name for name, _ in robot.told] == ["recording_on", "recording_done"]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_power_that_goes_costs_what_was_not_flushed_yet(tmp_path: Path, seed: int) -> None:
+    """At any moment what is on the disk is a recording up to a fifth of a second before."""
+    chance, robot = random.Random(seed), RecordedBench(tmp_path)
+    start_s = robot.clock.now_s()
+    robot.start(Mode.TRAIN)
+    for scene in range(60):
+        robot.step(scene, Action.LEFT, chance.uniform(0.01, 0.1))
+        if chance.random() < 0.2:
+            paths = (path for path in tmp_path.glob("*.mcap") if path.stat().st_size)
+            kept = [open_episode(path) for path in paths]
+            ends_s = [episode.start_s + episode.duration_s for episode in kept]
+            lost_s = robot.clock.now_s() - max([start_s, *ends_s])
+            assert lost_s <= FLUSH_EVERY_S + 2 * 0.1  # it flushes when a step ends
+
+
+def test_pictures_come_back_as_the_camera_gave_them(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path)
+    given = {}
+    robot.start(Mode.TRAIN)
+    for scene in range(20):
+        robot.step(scene, Action.LEFT)
+        frame = robot.camera.latest()
+        assert frame is not None
+        given[frame.frame_id] = frame
+    episode = open_episode(robot.finish()[0])
+    for frame_id, frame in given.items():
+        back = episode.frame(frame_id)
+        assert back.data == frame.data and back.encoding is frame.encoding
+        assert (back.width, back.height) == (frame.width, frame.height)
+        assert back.captured_s == pytest.approx(frame.captured_s, abs=2e-9)
+
+
+def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
+    """Read by the library itself, with the schemas that the file carries."""
+    robot = RecordedBench(tmp_path)
+    robot.drive(range(30))
+    node = images(robot.loop.history.policy)[0].node_id
+    robot.loop.submit(lambda: robot.loop.history.edit("relabel", node, Action.LEFT))
+    robot.loop.submit(lambda: robot.loop.history.undo(0.3))
+    robot.tick()
+    [path] = robot.finish()
+    seen = set()
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+            assert schema is not None
+            seen.add(channel.topic)
+            if schema.encoding == "jsonschema":
+                described = json.loads(schema.data)
+                Draft202012Validator.check_schema(described)
+                Draft202012Validator(described).validate(json.loads(message.data))
+            else:
+                image = parse_protobuf(schema.name, schema.data, message.data)
+                assert schema.name == "foxglove.RawImage"
+                assert (image.width, image.height, image.encoding) == (160, 120, "rgb8")
+                assert len(image.data) == image.step * image.height
+                assert image.timestamp.seconds * 10**9 + image.timestamp.nanos == message.log_time
+    assert seen == {
+        "/camera",
+        "/command",
+        "/decision",
+        "/prediction",
+        "/sensors",
+        "/mode",
+        "/lesson",
+    }
+
+
+def parse_protobuf(name: str, schema: bytes, data: bytes) -> Any:
+    described = descriptor_pb2.FileDescriptorSet.FromString(schema)
+    pool = descriptor_pool.DescriptorPool()
+    for file in described.file:
+        pool.Add(file)
+    message = message_factory.GetMessageClass(pool.FindMessageTypeByName(name))()
+    message.ParseFromString(data)
+    assert len(unknown_fields.UnknownFieldSet(message)) == 0
+    return message
+
+
+def test_standing_for_a_while_ends_a_recording_and_the_next_drive_begins_another(
+    tmp_path: Path,
+) -> None:
+    robot = RecordedBench(tmp_path)
+    robot.drive(range(20))
+    robot.stand(5)
+    robot.drive(range(20, 40))
+    robot.stand(12)
+    robot.drive(range(40, 60))
+    paths = robot.finish()
+    assert [len(taught_frames(open_episode(path))) for path in paths] == [40, 20]
+
+
+def test_a_standing_robot_fills_no_disk(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path)
+    robot.drive(range(20))
+    frames = len(range(20))
+    robot.stand(9)
+    [path] = robot.finish()
+    assert len(open_episode(path).frames) <= frames + 5
+
+
+def test_pictures_from_before_the_start_go_along_when_they_are_labelled(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path)
+    seen = robot.camera.show(1)
+    robot.tick()
+    robot.start(Mode.TRAIN, 2)
+    robot.hold(Action.LEFT, frame_id=seen.frame_id)
+    robot.tick()
+    episode = open_episode(robot.finish()[0])
+    assert seen.frame_id in taught_frames(episode)
+    assert episode.frame(seen.frame_id).data == seen.data
+
+
+def test_large_pictures_from_before_the_start_leave_room_for_those_after_it(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path, config=RecorderConfig(queue_bytes=400_000, spare_bytes=0))
+    for _ in range(20):
+        robot.camera.show(1)  # 57,600 bytes each
+        robot.tick()
+    robot.start(Mode.TRAIN, 2)
+    robot.step(3, Action.LEFT)
+    assert robot.recorder.queue.lost["frames"] == 0
+
+
+class SlowFile(io.BytesIO):
+    """A disk that has gone to sleep: writing waits until the test lets it go on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.clock: Clock = VirtualClock()
+        self.awake = threading.Event()
+
+    def write(self, data: Any) -> int:
+        assert self.clock.wait(self.awake, 20)
+        return super().write(data)
+
+    def close(self) -> None:
+        self.whole = self.getvalue()
+        super().close()
+
+
+def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_path: Path) -> None:
+    file = SlowFile()
+    config = RecorderConfig(queue_bytes=1_000_000, spare_bytes=0)
+    robot = RecordedBench(tmp_path, config=config, open_file=lambda path: file)
+    queue, file.clock = robot.recorder.queue, robot.clock
+    robot.start(Mode.TRAIN)
+    most = 0
+    for scene in range(100):
+        robot.step(scene, Action.LEFT)
+        most = max(most, queue.waiting_bytes)
+    assert most <= 1_000_000
+    assert robot.recorder.queue.lost["frames"] >= 80
+    robot.recorder.finish()
+    file.awake.set()
+    robot.recorder.stop()
+    (tmp_path / "slow.mcap").write_bytes(file.whole)
+    episode = open_episode(tmp_path / "slow.mcap")
+    assert len(episode.events) == 100
+    assert all(
+        isinstance(event, Taught) and (event.x.size or event.example.frame_id in episode.frames)
+        for _, event in episode.events
+    )
+    assert (
+        "recording_lossy",
+        {"dropped_frames": robot.recorder.queue.lost["frames"]},
+    ) in robot.told
+
+
+class FullFile(io.BytesIO):
+    """A disk that is full after so many bytes."""
+
+    room = 300_000
+
+    def write(self, data: Any) -> int:
+        if self.tell() + len(data) > self.room:
+            raise OSError(28, "No space left on device")
+        return super().write(data)
+
+
+def test_a_full_disk_stops_recording_with_a_word_and_the_robot_drives_on(tmp_path: Path) -> None:
+    files: list[BinaryIO] = []
+
+    def open_file(path: Path) -> BinaryIO:
+        files.append(FullFile() if not files else path.open("xb"))
+        return files[-1]
+
+    config = RecorderConfig(spare_bytes=0)
+    robot = RecordedBench(tmp_path, config=config, open_file=open_file)
+    robot.start(Mode.TRAIN)
+    scene = 0
+    while robot.recorder.queue.fault is None and scene < 5000:
+        robot.step(scene, Action.LEFT)
+        scene += 1
+    assert robot.recorder.queue.fault is not None and "No space left" in robot.recorder.queue.fault
+    assert ("recording_off", {"detail": robot.recorder.queue.fault}) in robot.told
+    tick = robot.step(scene, Action.RIGHT)
+    assert tick.sent is Action.RIGHT
+
+    robot.stop()
+    robot.stand(12)
+    robot.drive(range(20))
+    assert robot.recorder.queue.fault is None
+    assert len(taught_frames(open_episode(robot.finish()[0]))) == 20
+
+
+def test_recording_keeps_room_on_the_disk_for_models(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path, config=RecorderConfig(spare_bytes=2**62))
+    robot.drive(range(5))
+    robot.recorder.finish()
+    robot.recorder.stop()
+    assert list(tmp_path.iterdir()) == []
+    assert robot.recorder.queue.fault is not None and "MB left" in robot.recorder.queue.fault
+
+
+def test_without_the_library_recording_is_off_with_a_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "mcap.writer", None)
+    robot = RecordedBench(tmp_path)
+    robot.drive(range(5))
+    assert (
+        robot.recorder.queue.fault is not None
+        and "drivelesson[episodes]" in robot.recorder.queue.fault
+    )
+    assert robot.finish() == []
+
+
+@pytest.mark.parametrize("learner", ["published-8", "default-8"])
+def test_a_recording_says_what_the_learner_knew_before_and_after(
+    tmp_path: Path, learner: str
+) -> None:
+    episode = record_drive(tmp_path, learner)
+    before, after = episode.model_before(), episode.model_after()
+    assert before is not None and before.summary.n_examples == 0
+    assert after is not None and after.summary.n_examples == 60
+
+
+def test_a_run_in_which_nothing_was_taught_is_dropped_unless_somebody_wants_it(
+    tmp_path: Path,
+) -> None:
+    def runs(folder: Path, *, keeps_drives: bool, is_asked_for: bool = False) -> list[int]:
+        folder.mkdir()
+        config = RecorderConfig(spare_bytes=0, keeps_drives=keeps_drives)
+        robot = RecordedBench(folder, config=config)
+        robot.drive(range(40))
+        robot.stand(12)
+        robot.start(Mode.AUTONOMOUS, 40)
+        for scene in range(40, 60):
+            robot.step(scene, None)
+        assert robot.loop.state.decision.action is not Action.STOP, "it drives itself"
+        if is_asked_for:
+            robot.recorder.keep()
+        robot.stop()
+        return [len(taught_frames(open_episode(path))) for path in robot.finish()]
+
+    assert runs(tmp_path / "all", keeps_drives=True) == [40, 0]
+    assert runs(tmp_path / "taught", keeps_drives=False) == [40]
+    assert runs(tmp_path / "study", keeps_drives=False, is_asked_for=True) == [40, 0]

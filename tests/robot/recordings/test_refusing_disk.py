@@ -1,0 +1,54 @@
+"""A disk that refuses for a moment: the next drive is recorded again, whenever it begins."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from robot.recordings.edits import Notes
+from robot.recordings.episode import open_episode, taught_frames
+from robot.recordings.teaching import learn_again
+from robot.store.models.model import same_nodes
+from robot.types import Action, Mode
+from tests.robot.store.models.lives import Disk
+
+from .drives import RecordedBench
+
+
+@pytest.mark.parametrize("stood_s", [0.0, 0.5, 5.0, 9.5, 12.0])
+@pytest.mark.parametrize("teaches_at_once", [False, True])
+def test_the_drive_after_a_disk_refused_is_recorded(
+    tmp_path: Path, stood_s: float, teaches_at_once: bool
+) -> None:
+    chance, disk = random.Random(f"{stood_s}"), Disk()
+    robot = RecordedBench(tmp_path, open_file=disk.open)
+    queue, history = robot.recorder.queue, robot.loop.history
+    robot.drive(range(chance.randrange(5, 20)))
+    queue.write_waiting()
+    disk.is_full = True
+    robot.drive(range(20, 40))
+    queue.write_waiting()
+    assert queue.fault is not None and "No space left" in queue.fault
+    disk.is_full = False
+    robot.stand(stood_s)
+
+    taught = history.n_examples
+    if teaches_at_once:  # in the very turn of the loop in which it starts
+        frame = robot.camera.show(100)
+        robot.loop.set_mode(Mode.TRAIN)
+        robot.clock.sleep(0.05)
+        robot.hold(Action.RIGHT, frame.frame_id)
+        robot.tick()
+    robot.drive(range(100, 140))
+    live = history.policy.get_state()
+    assert queue.fault is None and queue.episode_id is not None
+    episode = open_episode(robot.finish()[-1])
+    before = episode.model_before()
+    assert before is not None and episode.damage is None
+    assert before.summary.n_examples - taught in (0, teaches_at_once)
+    assert len(taught_frames(episode)) == history.n_examples - before.summary.n_examples >= 40
+    again = before.to_policy()
+    learn_again(again, [(episode, Notes())])
+    assert same_nodes(again.get_state(), live)

@@ -1,0 +1,277 @@
+"""Episodes on disk: listed whatever their state, mended, deleted, brought back, made compact."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
+from robot.policy.history import Taught
+from robot.policy.registry import make_policy
+from robot.recordings.editing import choose, moments, write_edited
+from robot.recordings.edits import Edit, Notes, notes_path, trim, write_notes
+from robot.recordings.episode import open_episode, taught_frames
+from robot.recordings.store import EpisodeStore
+from robot.recordings.summary import read_summary
+from robot.recordings.teaching import learn_again, plan
+from robot.store.folder import Storage
+from robot.store.lock import FolderLock
+from robot.store.models.model import same_nodes
+from robot.types import Action, Mode
+
+from .drives import RecordedBench, record_drive
+
+
+@pytest.fixture
+def storage(tmp_path: Path) -> Storage:
+    return Storage(tmp_path / "data")
+
+
+@pytest.fixture
+def store(storage: Storage) -> EpisodeStore:
+    record_drive(storage.episodes)
+    return EpisodeStore(storage)
+
+
+def test_a_title_that_is_no_text_is_kept_as_far_as_it_is(store: EpisodeStore) -> None:
+    [episode_id] = store.ids()
+    for title in ("Fl\udcfcr", "\ud83d", "Küche"):
+        store.set_title(episode_id, title)
+        assert store.notes(episode_id).title == title.encode(errors="replace").decode()
+
+
+def test_a_list_shows_what_an_episode_holds_without_reading_it_all(store: EpisodeStore) -> None:
+    [summary] = store.summaries()
+    episode = store.open(summary.id)
+    assert summary.damage is None and summary.is_readable
+    assert summary.frames == len(episode.frames)
+    assert dict(summary.taught) == {"forward": 20, "left": 20, "right": 20}
+    assert summary.duration_s == pytest.approx(episode.duration_s, abs=0.01)
+    assert summary.started_at_s == pytest.approx(episode.origin_ns / 1e9 + 100, abs=5)
+
+
+def test_a_recording_cut_at_any_byte_lists_and_replays_up_to_the_cut(tmp_path: Path) -> None:
+    whole = record_drive(tmp_path / "whole" if (tmp_path / "whole").mkdir() is None else tmp_path)
+    data = whole.path.read_bytes()
+    cut_path = tmp_path / "cut.mcap"
+    rng, lengths = random.Random(3), []
+    for _ in range(100):
+        length = rng.randrange(len(data))
+        cut_path.write_bytes(data[:length])
+        summary = read_summary(cut_path)
+        if not summary.is_readable:
+            assert length < 400, f"nothing of {length} bytes can be read: {summary.damage}"
+            continue
+        episode = open_episode(cut_path)
+        assert summary.damage and summary.frames == len(episode.frames)
+        assert list(episode.frames) == list(whole.frames)[: len(episode.frames)]
+        assert all(episode.frame(i).data == whole.frame(i).data for i in list(episode.frames)[::10])
+        learn_again(make_policy("published-8"), [(episode, Notes())])
+        lengths.append(len(episode.frames))
+    assert max(lengths) == len(whole.frames)
+
+
+def test_damaged_bytes_never_raise_anything_but_our_own_errors(tmp_path: Path) -> None:
+    data = bytearray(record_drive(tmp_path).path.read_bytes())
+    rng, path = random.Random(5), tmp_path / "damaged.mcap"
+    for _ in range(150):
+        damaged = bytearray(data)
+        for _ in range(rng.randrange(1, 20)):
+            damaged[rng.randrange(len(data))] = rng.randrange(256)
+        path.write_bytes(damaged)
+        assert read_summary(path).id == "damaged"
+        try:
+            episode = open_episode(path)
+            for frame_id in list(episode.frames)[::20]:
+                episode.frame(frame_id)
+        except RobotError:
+            pass
+
+
+def test_labels_predictions_and_drivers_stand_beside_each_picture(store: EpisodeStore) -> None:
+    episode = store.open(store.ids()[0])
+    found = moments(episode, Notes())
+    taught = [moment for moment in found if moment.label]
+    assert len(taught) == 60
+    assert taught[0].label is Action.FORWARD and taught[4].label is Action.LEFT
+    assert {moment.driven_by for moment in taught[1:]} == {"pilot"}
+    assert all(moment.predicted for moment in taught[2:])
+    assert [m.frame_id for m in choose(found, 3)] == [
+        found[0].frame_id,
+        found[len(found) // 2].frame_id,
+        found[-1].frame_id,
+    ]
+
+
+def test_edits_are_kept_beside_the_file_and_can_all_be_undone(store: EpisodeStore) -> None:
+    [episode_id] = store.ids()
+    path = store.path(episode_id)
+    before = path.read_bytes()
+    ids = list(store.open(episode_id).frames)
+    store.edit(episode_id, Edit(verb="delete", ranges=((ids[5], ids[9]),)))
+    store.edit(episode_id, Edit(verb="relabel", ranges=((ids[0], ids[20]),), label=Action.RIGHT))
+    store.set_title(episode_id, "  Flur, abends ")
+    store.protect(episode_id, True)
+    notes = EpisodeStore(Storage(path.parent.parent)).notes(episode_id)
+    assert (notes.title, notes.is_protected, len(notes.edits)) == ("Flur, abends", True, 2)
+    kept = [frame_id for frame_id in ids if not notes.is_deleted(frame_id)]
+    assert len(kept) == len(ids) - 5
+    assert path.read_bytes() == before
+    store.undo_edit(episode_id)
+    store.undo_edit(episode_id)
+    assert store.notes(episode_id).edits == ()
+    with pytest.raises(ConfigurationError, match="nothing to undo"):
+        store.undo_edit(episode_id)
+
+
+def test_compacting_works_the_edits_in_and_teaches_the_same(store: EpisodeStore) -> None:
+    [episode_id] = store.ids()
+    ids = list(store.open(episode_id).frames)
+    store.edit(episode_id, trim(ids, ids[5], ids[-5]))
+    store.edit(episode_id, Edit(verb="relabel", ranges=((ids[10], ids[20]),), label=Action.RIGHT))
+    before, size = make_policy("default-8"), store.summary(episode_id).bytes
+    learn_again(before, [(store.open(episode_id), store.notes(episode_id))])
+    undo = store.compact(episode_id)
+    assert store.summary(episode_id).bytes < size
+    assert store.notes(episode_id).edits == ()
+    after = make_policy("default-8")
+    learn_again(after, [(store.open(episode_id), Notes())])
+    assert same_nodes(after.get_state(), before.get_state())
+    assert len(store.open(episode_id).frames) == len(ids) - 9
+
+    assert store.restore(undo) == f"{episode_id} (2)"
+    assert len(store.notes(f"{episode_id} (2)").edits) == 2
+    assert len(store.open(f"{episode_id} (2)").frames) == len(ids)
+
+
+def test_a_compact_recording_knows_what_corrected_the_robot(storage: Storage) -> None:
+    robot = RecordedBench(storage.episodes, "default-8")
+    robot.drive(range(20))
+    robot.start(Mode.AUTONOMOUS)
+    for scene in range(100, 120):
+        robot.step(scene, Action.RIGHT if scene % 5 < 2 else None)
+    robot.finish()
+    store = EpisodeStore(storage)
+    [episode_id] = store.ids()
+
+    def corrections() -> list[int]:
+        steps = plan([(store.open(episode_id), store.notes(episode_id))])
+        examples = [step.event.example for step in steps if isinstance(step.event, Taught)]
+        return [example.frame_id for example in examples if example.is_intervention]
+
+    before = corrections()
+    store.edit(episode_id, Edit(verb="delete", ranges=((before[0], before[0]),)))
+    store.compact(episode_id)
+    assert len(before) > 3
+    assert corrections() == before[1:]
+
+
+def test_delete_and_restore_take_the_edits_along(store: EpisodeStore) -> None:
+    [episode_id] = store.ids()
+    store.set_title(episode_id, "kept")
+    undo = store.delete(episode_id)
+    assert store.ids() == []
+    assert store.restore(undo) == episode_id
+    assert store.summary(episode_id).title == "kept"
+    with pytest.raises(NotFoundError):
+        store.restore(undo)
+
+
+def test_notes_of_a_recording_that_is_gone_edit_no_new_one(store: EpisodeStore) -> None:
+    path = store.new_path("tub")
+    write_notes(path, Notes(edits=(Edit(verb="delete", ranges=((1, 9),)),)))
+    assert path.name == "tub.mcap" and store.new_path("Tub").name == "Tub (2).mcap"
+
+
+def test_what_is_being_recorded_is_left_alone(storage: Storage) -> None:
+    episode_id = record_drive(storage.episodes).id
+    store = EpisodeStore(storage, recording=lambda: episode_id)
+    for refused in (store.delete, store.compact):
+        with pytest.raises(ConfigurationError, match="being recorded"):
+            refused(episode_id)
+
+
+def test_what_another_program_is_recording_is_left_alone(
+    storage: Storage, store: EpisodeStore
+) -> None:
+    robot = RecordedBench(storage.episodes)
+    with FolderLock(storage.root):
+        robot.drive(range(20))
+        robot.stand(1.0)
+        episode_id, done = store.ids()
+        for refused in (store.delete, store.compact):
+            with pytest.raises(ConfigurationError, match=r"not finished: another drivelesson \("):
+                refused(episode_id)
+        store.compact(done)
+        robot.drive(range(20, 60))
+        robot.finish()
+        assert store.summary(episode_id).taught == {"forward": 20, "left": 20, "right": 20}
+        store.delete(episode_id)
+
+
+def test_what_was_cut_short_is_nobodys_any_more(store: EpisodeStore) -> None:
+    path = store.path(store.ids()[0])
+    path.write_bytes(path.read_bytes()[:-1])
+    store.compact(path.stem)
+    path.write_bytes(path.read_bytes()[:3])
+    store.delete(path.stem)
+
+
+def test_what_is_changed_while_it_is_made_compact_is_not_lost(
+    storage: Storage, store: EpisodeStore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    [episode_id] = store.ids()
+    other, path = EpisodeStore(storage), store.path(episode_id)
+    ids = list(store.open(episode_id).frames)
+
+    def refuse_after(change: Callable[[], object]) -> None:
+        def write_slowly(*what: Any) -> None:
+            write_edited(*what)
+            change()
+
+        monkeypatch.setattr("robot.recordings.store.write_edited", write_slowly)
+        with pytest.raises((ConfigurationError, NotFoundError)):
+            store.compact(episode_id)
+
+    refuse_after(lambda: other.edit(episode_id, trim(ids, ids[5], ids[-5])))
+    refuse_after(lambda: path.write_bytes(path.read_bytes() + b" "))
+    refuse_after(lambda: other.delete(episode_id))
+    assert store.ids() == []
+    [key] = [path.name for path in storage.trash.iterdir()]
+    store.restore(key)
+    assert len(store.notes(episode_id).edits) == 1 and store.ids() == [episode_id]
+
+
+def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_deleted(
+    storage: Storage,
+) -> None:
+    ids = [record_drive(storage.episodes, frames=20).id for _ in range(4)]
+    store = EpisodeStore(storage)
+    store.protect(ids[0], True)
+    size = store.summary(ids[0]).bytes
+    store.budget_bytes = size * 5 // 2
+    assert [summary.id for summary in store.offered()] == ids[1:3]
+    assert len(store.ids()) == 4
+    store.budget_bytes = size * 10
+    assert store.offered() == []
+
+
+@pytest.mark.parametrize("name", ["../x", "..", "/etc/passwd", "", "a/../b"])
+def test_no_name_leads_out_of_the_folder(store: EpisodeStore, name: str) -> None:
+    for attempt in (store.open, store.delete, store.notes, store.compact, store.restore):
+        with pytest.raises(NotFoundError):
+            attempt(name)
+
+
+@pytest.mark.parametrize("damaged", [b"{", b"\xf4", b"", b"[]", b'{"edits": 1}', b" " * 2**25])
+def test_damaged_notes_are_named_and_hide_no_episode(store: EpisodeStore, damaged: bytes) -> None:
+    [episode_id] = store.ids()
+    notes_path(store.path(episode_id)).write_bytes(damaged)
+    assert "edits.json is damaged" in str(store.summary(episode_id).damage)
+    assert len(taught_frames(store.open(episode_id))) == 60
+    with pytest.raises(RecordingError, match="damaged"):
+        store.set_title(episode_id, "x")

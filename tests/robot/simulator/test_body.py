@@ -1,0 +1,145 @@
+"""How the body moves, bumps and hears; the numbers are worked out by hand."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robot.simulator.body import (
+    RADIUS_M,
+    WHEELS_MPS,
+    bumpers,
+    move,
+    push_out,
+    ranges_m,
+    sonar_m,
+)
+from robot.simulator.world import Obstacle, World, load_world, world_names
+from robot.types import Action, Pose
+
+
+def drive(action: Action, seconds: float, pose: Pose) -> Pose:
+    return move(pose, *WHEELS_MPS[action], seconds)
+
+
+@pytest.fixture
+def box() -> World:
+    return load_world("box")
+
+
+MIDDLE = Pose(x_m=0.575, y_m=0.575, heading_rad=0.0)
+
+
+def test_forward_is_sixteen_centimetres_a_second() -> None:
+    assert drive(Action.FORWARD, 2.0, MIDDLE).x_m == pytest.approx(0.575 + 0.32)
+
+
+@pytest.mark.parametrize(("action", "sign"), [(Action.LEFT, 1), (Action.RIGHT, -1)])
+def test_a_turn_is_18_5_degrees_a_second_about_the_standing_wheel(
+    action: Action, sign: int
+) -> None:
+    pose = MIDDLE
+    for _ in range(100):
+        pose = drive(action, 0.01, pose)
+    assert math.degrees(pose.heading_rad) == pytest.approx(sign * 18.5)
+    for _ in range(1846):
+        pose = drive(action, 0.01, pose)
+    assert pose.x_m == pytest.approx(MIDDLE.x_m, abs=1e-3), "a full turn, 19.5 s, comes back"
+
+
+def test_a_wall_stops_the_body_and_presses_the_bumper(box: World) -> None:
+    pose, contacts = push_out(box, Pose(x_m=1.10, y_m=0.5, heading_rad=0.0))
+    assert pose.x_m == pytest.approx(1.15 - RADIUS_M)
+    assert bumpers(contacts) == (True, True)
+
+
+def test_a_wall_at_the_side_presses_only_that_side(box: World) -> None:
+    _, contacts = push_out(box, Pose(x_m=0.5, y_m=1.10, heading_rad=math.radians(45)))
+    assert bumpers(contacts) == (True, False)
+
+
+def test_a_wall_behind_presses_nothing(box: World) -> None:
+    _, contacts = push_out(box, Pose(x_m=0.05, y_m=0.5, heading_rad=0.0))
+    assert contacts and bumpers(contacts) == (False, False)
+
+
+def test_a_corner_pushes_out_of_both_walls(box: World) -> None:
+    pose, _ = push_out(box, Pose(x_m=1.2, y_m=1.2, heading_rad=0.8))
+    assert pose.x_m == pytest.approx(1.15 - RADIUS_M)
+    assert pose.y_m == pytest.approx(1.15 - RADIUS_M)
+
+
+def test_sonar_hears_the_wall_ahead(box: World) -> None:
+    assert sonar_m(box, MIDDLE) == pytest.approx(0.575 - RADIUS_M)
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder"])
+def test_sonar_and_body_meet_obstacles(box: World, shape: str) -> None:
+    thing = Obstacle(
+        name="thing",
+        shape=shape,
+        x_m=0.95,
+        y_m=0.575,
+        width_m=0.2,
+        depth_m=0.2,
+        height_m=0.2,
+        heading_rad=0.0,
+        colour=(0, 0, 0),
+    )
+    world = replace(box, obstacles=(thing,))
+    assert sonar_m(world, MIDDLE) == pytest.approx(0.85 - 0.575 - RADIUS_M)
+    pose, contacts = push_out(world, replace(MIDDLE, x_m=0.80))
+    assert pose.x_m == pytest.approx(0.85 - RADIUS_M)
+    assert contacts
+
+
+def test_a_turned_box_is_met_where_it_stands(box: World) -> None:
+    plank = Obstacle(
+        name="plank",
+        shape="box",
+        x_m=0.95,
+        y_m=0.575,
+        width_m=0.4,
+        depth_m=0.02,
+        height_m=0.2,
+        heading_rad=math.pi / 2,
+        colour=(0, 0, 0),
+    )
+    world = replace(box, obstacles=(plank,))
+    assert sonar_m(world, MIDDLE) == pytest.approx(0.94 - 0.575 - RADIUS_M)
+
+
+def is_free(world: World, x_m: float, y_m: float) -> bool:
+    """Whether a point is in the room and in no thing."""
+    if not (0 <= x_m <= world.width_m and 0 <= y_m <= world.depth_m):
+        return False
+    for thing in world.obstacles:
+        across, along = x_m - thing.x_m, y_m - thing.y_m
+        cos, sin = math.cos(thing.heading_rad), math.sin(thing.heading_rad)
+        own_x, own_y = across * cos + along * sin, along * cos - across * sin
+        is_in_box = abs(own_x) <= thing.width_m / 2 and abs(own_y) <= thing.depth_m / 2
+        is_round = thing.shape == "cylinder"
+        if math.hypot(own_x, own_y) <= thing.width_m / 2 if is_round else is_in_box:
+            return False
+    return True
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_each_range_is_free_as_far_as_it_says_and_no_farther(name: str) -> None:
+    world, dice = load_world(name), random.Random(name)
+    bearings = np.radians(np.arange(0.0, 360.0, 7.0))
+    for _ in range(20):
+        x_m, y_m = dice.uniform(0.0, world.width_m), dice.uniform(0.0, world.depth_m)
+        if not is_free(world, x_m, y_m):
+            continue
+        pose = Pose(x_m=x_m, y_m=y_m, heading_rad=dice.uniform(-math.pi, math.pi))
+        for bearing, range_m in zip(bearings, ranges_m(world, pose, bearings), strict=True):
+            step_x, step_y = (part(pose.heading_rad + bearing) for part in (math.cos, math.sin))
+            for way_m in [*np.arange(0.0, range_m, 0.02), range_m - 1e-9]:
+                assert is_free(world, x_m + way_m * step_x, y_m + way_m * step_y)
+            beyond_m = range_m + 1e-9
+            assert not is_free(world, x_m + beyond_m * step_x, y_m + beyond_m * step_y)

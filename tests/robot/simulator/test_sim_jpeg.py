@@ -1,0 +1,163 @@
+"""The simulated camera in real time: JPEG as a webcam gives it, small on the disk."""
+
+from __future__ import annotations
+
+import io
+import random
+
+import pytest
+
+from robot.devices.options import make_options
+from robot.errors import ConfigurationError
+from robot.policy.image import to_rgb
+from robot.recordings.recorder import Recorder
+from robot.simulator.camera import SimCamera, SimCameraOptions
+from robot.testing import VirtualClock
+from robot.types import Action, Encoding
+
+pytest.importorskip("panda3d")
+pytest.importorskip("mcap")
+
+from robot.control.loop import ControlLoop
+from robot.policy.registry import make_policy
+from robot.recordings.queue import RecorderConfig
+from robot.simulator.driver import SimDriver
+from robot.simulator.world import world_names
+from robot.types import Mode, PilotCommand
+
+RATE_HZ = 30
+MOVES = (Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGHT)
+
+
+@pytest.mark.parametrize("world", ["box", "office", "corridor"])
+def test_a_minute_of_driving_costs_at_most_eight_megabytes(tmp_path, world: str) -> None:
+    """Ten seconds of it, in the simulation's own time, through the real loop and recorder."""
+    clock = VirtualClock(1.0)
+    driver = SimDriver(make_options(SimDriver.options_type, {"world": world}))
+    driver.connect()
+    camera = SimCamera(driver, SimCameraOptions(), clock)
+    loop = ControlLoop(driver, camera, make_policy("default-32"), clock)
+    recorder = Recorder(loop, tmp_path, config=RecorderConfig(spare_bytes=0))
+    recorder.start()
+    seconds = 10
+    camera._take()
+    loop.tick(clock.now_s())
+    loop.set_mode(Mode.TRAIN)
+    loop.tick(clock.now_s())
+    for step in range(seconds * RATE_HZ):
+        clock.advance(1 / RATE_HZ)
+        driver.advance(1 / RATE_HZ)
+        frame = camera._take()
+        assert frame.encoding is Encoding.JPEG
+        held = MOVES[step // RATE_HZ % len(MOVES)]
+        now_s = clock.now_s()
+        loop.command(PilotCommand(held=held, frame_id=frame.frame_id, seq=step, received_s=now_s))
+        loop.tick(now_s)
+    before = model_bytes(loop)
+    recorder.finish()
+    recorder.stop()
+    [path] = tmp_path.glob("*.mcap")
+    driver.disconnect()
+    assert sum(loop.state.taught.values()) > 0.9 * seconds * RATE_HZ
+    a_minute = (path.stat().st_size - before) * 60 / seconds + before
+    print(f"{world}: {a_minute / 1e6:.2f} MB a minute")
+    assert a_minute <= 8e6
+
+
+def model_bytes(loop: ControlLoop) -> int:
+    """What the model at the end weighs, however long the drive."""
+    from collections import Counter
+
+    from robot.store.models.model import encode_model, take_model
+
+    model = take_model(loop.history.policy, Counter(), saved_at_s=0.0)
+    return len(encode_model(model, is_packed=True))
+
+
+def test_experiments_get_the_pixels_themselves() -> None:
+    driver = SimDriver(make_options(SimDriver.options_type, {}))
+    driver.connect()
+    camera = SimCamera(driver, SimCameraOptions(), VirtualClock())
+    raw, jpeg = camera.capture(), camera._take()
+    assert raw.encoding is Encoding.RGB and len(raw.data) == 160 * 120 * 3
+    assert abs(to_rgb(raw).astype(int) - to_rgb(jpeg)).mean() < 6
+    assert len(jpeg.data) < len(raw.data) / 8
+    driver.disconnect()
+    assert io.BytesIO(jpeg.data).read(2) == b"\xff\xd8"
+
+
+@pytest.mark.parametrize("quality", [0, 101, -1])
+def test_a_quality_that_there_is_not_is_refused(quality: int) -> None:
+    driver = SimDriver(make_options(SimDriver.options_type, {}))
+    with pytest.raises(ConfigurationError, match="jpeg-quality"):
+        SimCamera(driver, SimCameraOptions(jpeg_quality=quality), VirtualClock())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: int) -> None:
+    """Whoever looks, and however often: the frames are those of a robot that nobody looks at."""
+    chance = random.Random(seed)
+    world = chance.choice(world_names())
+    plan = [(chance.choice(MOVES), chance.random() < 0.5) for _ in range(60)]
+
+    def frames(is_looked_at: bool) -> list[bytes]:
+        driver = SimDriver(make_options(SimDriver.options_type, {"world": world, "seed": seed}))
+        driver.connect()
+        camera, taken = SimCamera(driver, SimCameraOptions(), VirtualClock()), []
+        n_large = 0
+        for move, looks in plan:
+            driver.send_action(move)
+            driver.advance(1 / RATE_HZ)
+            frame = camera._take()
+            taken.append(frame.data)
+            if is_looked_at and looks:
+                large = camera.for_the_eye(frame)
+                assert (large.frame_id, large.captured_s) == (frame.frame_id, frame.captured_s)
+                n_large += large is not frame
+                if large is not frame:
+                    assert (large.width, large.height) == (320, 240)
+                    half = to_rgb(large).reshape(120, 2, 160, 2, 3).mean(axis=(1, 3))
+                    assert abs(half - to_rgb(frame)).mean() < 8, "it shows the same"
+        if is_looked_at:
+            assert n_large >= sum(looks for _, looks in plan) - 1, "all but the first"
+        driver.simulation.close()
+        return taken
+
+    assert frames(True) == frames(False)
+
+
+def test_nobody_looks_and_nothing_is_made_for_the_eye() -> None:
+    driver = SimDriver(make_options(SimDriver.options_type, {}))
+    driver.connect()
+    camera = SimCamera(driver, SimCameraOptions(), VirtualClock())
+    camera.for_the_eye(camera._take())
+    large = [camera.for_the_eye(camera._take()).width for _ in range(3)]
+    assert large == [320, 320, 320]
+    for _ in range(40):
+        last = camera._take()
+    assert camera.for_the_eye(last) is last
+    driver.simulation.close()
+
+
+@pytest.mark.parametrize(("takes_s", "rate_hz"), [(0.005, 30.0), (0.03, 16.7), (0.08, 10.0)])
+def test_on_a_busy_computer_pictures_are_fewer(
+    monkeypatch: pytest.MonkeyPatch, takes_s: float, rate_hz: float
+) -> None:
+    clock = VirtualClock()
+    driver = SimDriver(make_options(SimDriver.options_type, {}))
+    driver.connect()
+    camera = SimCamera(driver, SimCameraOptions(), clock)
+    render = driver.simulation.render
+
+    def take_long() -> object:
+        clock.sleep(takes_s)
+        return render()
+
+    monkeypatch.setattr(driver.simulation, "render", take_long)
+    camera.start()
+    clock.sleep(3.0)
+    before = camera._last_frame_id
+    clock.sleep(4.0)
+    camera.stop()
+    assert (camera._last_frame_id - before) / 4.0 == pytest.approx(rate_hz, rel=0.1)
+    driver.disconnect()

@@ -1,0 +1,105 @@
+"""One browser, one session; and whose session is given to others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import quote
+
+import pytest
+
+from server.access.pairing import _SESSIONS, Paired, Pairing
+from server.access.rules import Refusal, Role
+
+
+def redeem(pairing: Pairing, token: str, before: str = "") -> str:
+    paired = pairing.redeem(token, 0.0, "", before)
+    assert isinstance(paired, Paired)
+    return paired.secret
+
+
+def invited(pairing: Pairing, before: str = "") -> str:
+    return redeem(pairing, pairing.invite(0.0)[0], before)
+
+
+def forms(token: str) -> Iterator[str]:
+    """Yield what a person has in hand: the token, its address, or a line of the terminal."""
+    joined = token.replace("-", "")
+    texts = [token, token.lower(), joined, token.replace("-", " "), token.replace("-", "–")]
+    for page in ("http://10.0.0.2:8000/pair", "https://drivelesson.local/robot/pair", "pair", ""):
+        texts += [f"{page}#{token}", f"{page}#{joined.lower()}", f"{page}%23{token}"]
+        texts += [quote(f"{page}#{token}", safe="")]
+    for text in texts:
+        yield from (text, f"  or open   {text}", f"To watch: {text}", f"{text} .", f"<{text}>")
+        yield f"The next one that is to drive: {text}\n\n"
+    yield " ".join(joined)  # typed letter by letter
+    yield "".join(chr(ord(letter) + 0xFEE0) for letter in joined)  # full width, as in Chinese
+
+
+def test_a_token_is_taken_in_every_form_that_a_person_has_in_hand() -> None:
+    pairing = Pairing(10)
+    every = list(forms("ABCD-EFGH-JKMN-PQRS"))
+    assert len(every) > 100
+    for form in every:
+        pairing.tokens[Role.PILOT] = "ABCD-EFGH-JKMN-PQRS"
+        assert isinstance(pairing.redeem(form, 0.0), Paired), form
+    for wrong in ("", "#", "ABCD-EFGH-JKMN", "#ABCD-EFGH-JKMN-PQRT", "x" * 5000):
+        pairing.tokens[Role.PILOT] = "ABCD-EFGH-JKMN-PQRS"
+        assert isinstance(pairing.redeem(wrong, 0.0), Refusal), wrong
+
+
+def test_redeeming_again_renews_the_session_that_a_browser_has() -> None:
+    pairing = Pairing(10)
+    phone = invited(pairing)
+    assert invited(pairing, phone) == phone
+    up = redeem(pairing, pairing.tokens[Role.PILOT], phone)
+    assert up != phone and pairing.find(phone) is None, "the terminal makes more of it"
+    assert invited(pairing, up) == up, "an invitation makes no less of it"
+    assert redeem(pairing, pairing.tokens[Role.VIEWER], up) != up and pairing.find(up) is None
+
+
+@pytest.mark.parametrize("are_used", [False, True])
+@pytest.mark.parametrize("times", [_SESSIONS + 2, 500])
+def test_nobody_who_was_there_is_pushed_out_by_who_redeems_again_and_again(
+    times: int, are_used: bool
+) -> None:
+    pairing = Pairing(10)
+    owner, eye = (redeem(pairing, pairing.tokens[role]) for role in (Role.PILOT, Role.EYE))
+    second, pupil = redeem(pairing, pairing.tokens[Role.PILOT]), invited(pairing)
+    assert pairing.find(pupil) and pairing.find(second), "they load the page"
+    for _ in range(times):
+        made = [invited(pairing)]
+        made += [redeem(pairing, pairing.tokens[role]) for role in (Role.PILOT, Role.VIEWER)]
+        assert not are_used or all(map(pairing.find, made))
+    assert all(map(pairing.find, (owner, second, eye, pupil)))
+
+
+def test_who_is_connected_stays_and_the_owner_does_for_ever(tmp_path: Path) -> None:
+    file = tmp_path / "paired.json"
+    pairing = Pairing(10, file)
+    owner, pilot = (redeem(pairing, pairing.tokens[Role.PILOT]) for _ in range(2))
+    session = pairing.find(pilot)
+    assert session is not None
+    pairing.is_in_use = lambda name: name == session.name
+    for _ in range(_SESSIONS + 36):  # all of them come and are used
+        assert pairing.find(redeem(pairing, pairing.tokens[Role.PILOT]))
+    assert pairing.find(pilot)
+    again = Pairing(10, file).find(owner)
+    assert again is not None and Pairing(10, file).is_owner(again.name)
+    pairing.is_in_use = lambda name: True
+    refused = pairing.redeem(pairing.tokens[Role.PILOT], 0.0)
+    assert isinstance(refused, Refusal) and refused.status == 503
+
+
+def test_who_comes_often_stays_after_a_restart(tmp_path: Path) -> None:
+    file = tmp_path / "paired.json"
+    first = Pairing(10, file)
+    redeem(first, first.tokens[Role.PILOT])  # the owner
+    daily, *others = (redeem(first, first.tokens[Role.PILOT]) for _ in range(_SESSIONS))
+    assert all(map(first.find, others)) and first.find(daily)
+    second = Pairing(10, file)
+    assert second.find(daily)
+    for _ in range(20):
+        third = Pairing(10, file)
+        assert third.find(redeem(third, third.tokens[Role.PILOT]))
+    assert Pairing(10, file).find(daily)

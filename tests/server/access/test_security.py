@@ -1,0 +1,408 @@
+"""Every refusal of the guard, over a served robot, with the status that a client sees."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import datetime as dt
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from websockets.exceptions import InvalidStatus
+
+from server.access.certificates import make_certificates
+from server.access.pairing import Pairing, cookie_name
+from server.access.rules import Role
+from server.config import Config, Limits
+from tests.server.live_robot import WEB
+from tests.server.virtual_connections import Exchange, VirtualSocket
+from tests.server.virtual_pilot import VirtualPilot
+from tests.server.virtual_server import VirtualServer, connect
+
+
+@pytest.fixture(scope="module")
+def here() -> Iterator[VirtualServer]:
+    with VirtualServer(Config(port=0, web=WEB, limits=Limits(requests_burst=5000))) as running:
+        yield running
+
+
+@pytest.fixture
+def lan(tmp_path: Path) -> Iterator[VirtualServer]:
+    limits = Limits(pairing_failures=3)
+    config = Config(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
+    pairing = Pairing(limits.pairing_failures, file=tmp_path / "paired.json")
+    with VirtualServer(config, pairing=pairing) as running:
+        yield running
+
+
+def _socket_status(server: VirtualServer, path: str = "/ws/drive", **headers: str) -> int:
+    """Open a websocket; 101 if it was admitted."""
+    options: dict[str, Any] = {"additional_headers": headers, "compression": None}
+    try:
+        with connect(server.ws(path), **options):
+            return 101
+    except InvalidStatus as refused:
+        return refused.response.status_code
+
+
+def _pairing(server: VirtualServer) -> Pairing:
+    pairing = server.services.pairing
+    assert isinstance(pairing, Pairing)
+    return pairing
+
+
+def _pair(server: VirtualServer, role: Role) -> dict[str, str]:
+    """Pair a new browser; return the header that it sends from then on."""
+    token = _pairing(server).tokens[role]
+    answer = httpx.post(server.address + "/api/pair", json={"token": token})
+    assert answer.json() == {"role": role.value}
+    return {"cookie": answer.headers["set-cookie"].split(";")[0]}
+
+
+# On loopback -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name", ["evil.example", "evil.example:8000", "", "127.0.0.1.evil.example"]
+)
+def test_dns_rebinding_is_refused(here: VirtualServer, name: str) -> None:
+    assert httpx.get(here.address, headers={"host": name}).status_code == 421
+
+
+def test_dns_rebinding_by_websocket_is_refused(here: VirtualServer) -> None:
+    assert _socket_status(here, host="evil.example") == 421
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"]
+)
+@pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])
+def test_cross_site_websocket_hijacking_is_refused(
+    here: VirtualServer, path: str, origin: str
+) -> None:
+    assert _socket_status(here, path, origin=origin) == 403
+
+
+def test_a_websocket_of_our_own_page_is_let_in(here: VirtualServer) -> None:
+    assert _socket_status(here, origin=here.address) == 101
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_requests_of_other_sites_are_refused(here: VirtualServer, site: str) -> None:
+    assert httpx.get(here.address, headers={"sec-fetch-site": site}).status_code == 403
+    assert (
+        httpx.post(
+            here.address + "/api/pair", headers={"origin": "http://evil.example"}
+        ).status_code
+        == 403
+    )
+
+
+def test_a_link_from_another_site_may_be_followed(here: VirtualServer) -> None:
+    headers = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
+    assert httpx.get(here.address, headers=headers).status_code == 200
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "PATCH", "DELETE"])
+def test_following_a_link_changes_nothing(here: VirtualServer, method: str) -> None:
+    headers = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate"}
+    answer = httpx.request(method, here.address + "/api/settings", headers=headers)
+    assert answer.status_code == 403
+    assert answer.json()["error"] == "origin"
+
+
+def test_large_bodies_are_refused(here: VirtualServer) -> None:
+    body = b"x" * 1_000_001
+    assert httpx.post(here.address + "/api/pair", content=body).status_code == 413
+
+
+def test_a_large_upload_that_does_not_say_so_is_refused_alike(tmp_path: Path) -> None:
+    config = Config(port=0, web=WEB, limits=Limits(upload_bytes=2000))
+    with VirtualServer(config, data=tmp_path) as server:
+        content = itertools.repeat(b"x" * 500, 9)
+        answer = httpx.put(server.address + "/api/models/Kitchen/file", content=content)
+        assert (answer.status_code, answer.json()["error"]) == (413, "size")
+
+
+def test_endless_bodies_are_cut_off(here: VirtualServer) -> None:
+    def endless() -> Iterator[bytes]:
+        for _ in range(64):
+            yield b"x" * 65536
+
+    with httpx.Client() as client:
+        try:
+            status = client.post(here.address + "/api/pair", content=endless()).status_code
+        except httpx.HTTPError:
+            return  # the server hung up in the middle: as good
+        assert status in (400, 404)
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../pyproject.toml",
+        "/%2e%2e/pyproject.toml",
+        "/..%2fpyproject.toml",
+        "/%00",
+        "//etc/passwd",
+    ],
+)
+def test_no_path_leads_out_of_the_page(here: VirtualServer, path: str) -> None:
+    answer = here.get_raw(path)
+    assert answer.status_code in (400, 404)
+    assert b"drivelesson" not in answer.read().lower()
+
+
+def test_the_page_may_load_nothing_from_elsewhere(here: VirtualServer) -> None:
+    headers = httpx.get(here.address).headers
+    policy = dict(
+        part.strip().split(" ", 1) for part in headers["content-security-policy"].split(";")
+    )
+    assert policy["default-src"] == "'none'"
+    assert policy["script-src"] == policy["style-src"]
+    own, *inline = policy["script-src"].split()
+    assert own == "'self'"
+    assert all(source.startswith("'sha256-") for source in inline)
+    assert policy["frame-ancestors"] == policy["base-uri"] == "'none'"
+    assert "unsafe" not in headers["content-security-policy"]
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["referrer-policy"] == "same-origin", "the document's own STOP is a form"
+    assert httpx.get(here.address + "/healthz").headers["referrer-policy"] == "no-referrer"
+
+
+def test_no_page_has_script_or_style_inside_but_the_first_one() -> None:
+    """What stands in that one is allowed by its hash (tests/server/hosting/test_joined_page.py)."""
+    for page in WEB.rglob("*.html"):
+        text = page.read_text().lower()
+        inside = int(page == WEB / "index.html")
+        assert " style=" not in text and " onclick=" not in text
+        assert text.count("<style") == inside
+        assert text.count("<script") == text.count('<script type="module" src=') + inside, page
+
+
+def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
+    limits = Limits(clients=4, clients_each=3)
+    config = Config(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
+    with VirtualServer(config, pairing=Pairing(3)) as server:
+        owner, greedy, second, third = (
+            _pair(server, role) for role in (Role.PILOT, *3 * [Role.VIEWER])
+        )
+        with contextlib.ExitStack() as stack:
+
+            def page(cookie: dict[str, str]) -> VirtualSocket:
+                socket = connect(server.ws("/ws/drive"), additional_headers=cookie)
+                server.forward(0.1)  # until who gave way is gone
+                return stack.enter_context(socket)  # type: ignore[no-any-return]
+
+            many = [page(greedy) for _ in range(5)]
+            assert [one.close_code for one in many] == [1013, 1013, None, None, None]
+            page(second)
+            page(third)  # who has most makes room
+            assert many[2].close_code == 1013
+            assert _socket_status(server, **third) == 503, "who would have as many as greedy"
+            stack.enter_context(VirtualPilot(server, headers=owner))
+            server.forward(0.1)
+            assert many[3].close_code == 1013, "the owner comes in whoever wants a place"
+
+
+def test_uploads_that_never_end_take_the_memory_of_two(tmp_path: Path) -> None:
+    """One pupil could have as many as connections, each of 64 MB, for as long as it liked."""
+    config = Config(port=0, web=WEB, lan=True, data=tmp_path)
+    with VirtualServer(config, pairing=Pairing(3), data=tmp_path) as server:
+        owner, *pupils = (_pair(server, Role.PILOT) for _ in range(4))
+
+        def begin(cookie: dict[str, str]) -> Exchange:
+            async def ask() -> Exchange:
+                path = f"{server.address}/api/models/mine/file"
+                request = httpx.Request("PUT", path, content=b"x", headers=cookie)
+                exchange = Exchange(server, request, None)
+                exchange._incoming.get_nowait()  # the end does not come
+                return exchange
+
+            exchange = server.run(ask())
+            server.forward(0.1)
+            return exchange
+
+        first, again, other = begin(pupils[0]), begin(pupils[0]), begin(pupils[1])
+        assert first.task.done() and not again.task.done() and not other.task.done()
+        assert begin(pupils[2]).status == 503
+        third = begin(owner)
+        assert not third.task.done() and again.task.done() != other.task.done()
+        for exchange in (again, other, third):
+            exchange.hang_up()
+        server.wait_until(lambda: server.services.admission.uploads.taken == 0)
+
+
+def test_too_many_requests_are_refused(tmp_path: Path) -> None:
+    limits = Limits(requests_burst=10, requests_per_second=1)
+    config = Config(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
+    with VirtualServer(config, pairing=Pairing(3)) as server, httpx.Client() as client:
+        statuses = [client.get(server.address + "/healthz").status_code for _ in range(12)]
+        assert statuses[:10] == [200] * 10
+        assert statuses[-1] == 429
+
+
+def test_too_many_words_are_refused_and_then_shown_out() -> None:
+    limits = Limits(messages_per_second=5, messages_burst=5, refused_before_closing=20)
+    with VirtualServer(Config(port=0, web=WEB, limits=limits)) as server, server.pilot() as pilot:
+        for _ in range(10):
+            pilot.send(type="ping", client_ms=1)
+        pilot.wait_for(lambda m: m.get("code") == "too_fast")
+        for _ in range(40):
+            pilot.send(type="ping", client_ms=1)
+        server.wait_until(lambda: pilot.socket.is_closed)
+        assert pilot.socket.close_code == 1008
+
+
+# On the local network --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/api/unpair", "/openapi.json", "/index.html", "/js/main.js", "/metrics"]
+)
+def test_an_unpaired_client_gets_nothing(lan: VirtualServer, path: str) -> None:
+    assert httpx.get(lan.address + path).status_code == 401
+
+
+@pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])
+def test_an_unpaired_client_gets_no_websocket(lan: VirtualServer, path: str) -> None:
+    assert _socket_status(lan, path) == 401
+    cookie = f"{cookie_name(lan.services.config)}=guess"
+    assert _socket_status(lan, path, cookie=cookie) == 401
+
+
+def test_a_token_that_an_app_put_into_the_path_comes_behind_the_mark_again(
+    lan: VirtualServer,
+) -> None:
+    answer = httpx.get(lan.address + "/pair%23ABCD-EFGH")
+    assert (answer.status_code, answer.headers["location"]) == (303, "pair#ABCD-EFGH")
+    forged = httpx.get(lan.address + "/pair%23a%0d%0ab: c")
+    assert forged.headers["location"] == "pair#a%0D%0Ab%3A%20c"
+
+
+def test_an_unpaired_browser_is_redirected_to_the_pairing_page(lan: VirtualServer) -> None:
+    answer = httpx.get(lan.address, headers={"accept": "text/html"})
+    assert (answer.status_code, answer.headers["location"]) == (303, "/pair")
+    for path in ("/pair", "/js/pair.js", "/css/pair.css", "/healthz"):
+        assert httpx.get(lan.address + path).status_code == 200
+
+
+def test_a_token_lets_one_browser_in_once(lan: VirtualServer) -> None:
+    token = _pairing(lan).tokens[Role.PILOT]
+    answer = httpx.post(lan.address + "/api/pair", json={"token": token.lower()})
+    cookie = answer.headers["set-cookie"]
+    assert "HttpOnly" in cookie and "samesite=strict" in cookie.lower()
+    again = httpx.post(lan.address + "/api/pair", json={"token": token})
+    assert again.status_code == 403
+    value = cookie.split(";")[0]
+    assert httpx.get(lan.address, headers={"cookie": value}).status_code == 200
+    assert _socket_status(lan, cookie=value) == 101
+
+
+def test_guessing_tokens_is_soon_refused(lan: VirtualServer) -> None:
+    guess = {"token": "AAAA-AAAA-AAAA-AAAA"}
+    statuses = [httpx.post(lan.address + "/api/pair", json=guess).status_code for _ in range(4)]
+    assert statuses == [403, 403, 403, 429]
+    right = {"token": _pairing(lan).tokens[Role.PILOT]}
+    assert httpx.post(lan.address + "/api/pair", json=right).status_code == 200
+
+
+@pytest.mark.parametrize("body", [b"", b"[]", b'{"token": 1}', b"\xff", b"[" * 100_000])
+def test_nonsense_is_no_token(lan: VirtualServer, body: bytes) -> None:
+    assert httpx.post(lan.address + "/api/pair", content=body).status_code == 400
+
+
+def test_a_viewer_watches_and_may_stop_but_not_drive(lan: VirtualServer) -> None:
+    with VirtualPilot(lan, headers=_pair(lan, Role.VIEWER)) as viewer:
+        assert viewer.hello["role"] == "viewer"
+        viewer.send(type="take")
+        viewer.wait_for(lambda m: m.get("code") == "not_pilot")
+        viewer.mode("train")
+        viewer.send(type="stop")
+        state = viewer.wait_for_state(emergency=True)
+        assert state["mode"] == "stopped" and state["pilot"] is None
+
+
+def test_a_viewer_can_change_nothing_but_its_own_pairing(lan: VirtualServer) -> None:
+    viewer, described = _pair(lan, Role.VIEWER), lan.app.openapi()["paths"]
+    allowed = set()
+    for path in sorted(described, key="/api/unpair".__eq__):  # it ends the session
+        for method in set(described[path]) - {"get"}:
+            answer = httpx.request(method, lan.address + path, headers=viewer)
+            if answer.status_code != 403:
+                allowed.add(path)
+    assert len(described) > 30, "extensions bring some of them"
+    assert allowed == {"/api/stop", "/api/pair", "/api/unpair"} | (CLASS_PATHS & described.keys())
+
+
+CLASS_PATHS = {"/api/class/hello", "/api/class/join"}
+"""A board is no browser: it proves itself in what it sends."""
+
+
+def test_a_browser_can_be_forgotten(lan: VirtualServer) -> None:
+    cookie = _pair(lan, Role.PILOT)
+    assert httpx.post(lan.address + "/api/unpair", headers=cookie).status_code == 200
+    assert httpx.get(lan.address, headers=cookie).status_code == 401
+
+
+@pytest.mark.parametrize("path", ["/api/unpair", "/api/pair"])
+def test_who_is_a_pilot_no_more_drives_in_no_other_tab(lan: VirtualServer, path: str) -> None:
+    cookie = _pair(lan, Role.PILOT)
+    body = {"token": _pairing(lan).tokens[Role.VIEWER]}
+    with connect(lan.ws("/ws/drive"), additional_headers=cookie):
+        lan.wait_until(lambda: bool(lan.hub.clients))
+        assert httpx.post(lan.address + path, json=body, headers=cookie).status_code == 200
+        lan.wait_until(lambda: not lan.hub.clients)
+
+
+def test_who_redeems_again_stays_connected(lan: VirtualServer) -> None:
+    cookie = _pair(lan, Role.PILOT)
+    body = {"token": _pairing(lan).tokens[Role.PILOT]}
+    with connect(lan.ws("/ws/drive"), additional_headers=cookie):
+        lan.wait_until(lambda: bool(lan.hub.clients))
+        assert httpx.post(lan.address + "/api/pair", json=body, headers=cookie).status_code == 200
+        lan.forward(1.0)
+        assert lan.hub.clients
+
+
+def test_pairings_outlive_a_restart_as_hashes_only(lan: VirtualServer, tmp_path: Path) -> None:
+    secret = _pair(lan, Role.PILOT)["cookie"].partition("=")[2]
+    file = tmp_path / "paired.json"
+    assert secret not in file.read_text()
+    assert file.stat().st_mode & 0o077 == 0
+    session = Pairing(3, file=file).find(secret)
+    assert session is not None and session.role is Role.PILOT
+
+
+def test_any_address_but_no_foreign_name_reaches_a_robot_on_the_network(lan: VirtualServer) -> None:
+    for host, status in (
+        ("192.168.1.7:8000", 200),
+        ("drivelesson.local", 200),
+        ("evil.example", 421),
+    ):
+        assert httpx.get(lan.address + "/healthz", headers={"host": host}).status_code == status
+
+
+# TLS -------------------------------------------------------------------------------------------
+
+
+def test_the_authority_vouches_for_private_names_only(tmp_path: Path) -> None:
+    from cryptography import x509
+
+    made = make_certificates(tmp_path, ["drivelesson.local"], dt.datetime.now(dt.UTC))
+    authority = x509.load_pem_x509_certificate(made.authority.read_bytes())
+    allowed = authority.extensions.get_extension_for_class(x509.NameConstraints).value
+    assert x509.DNSName("local") in (allowed.permitted_subtrees or [])
+
+
+# Configuration ---------------------------------------------------------------------------------
+
+
+def test_an_open_robot_cannot_be_put_on_the_network() -> None:
+    with pytest.raises(ValueError, match="--lan"):
+        Config(host="0.0.0.0")
+    assert dataclasses.replace(Config(), host="0.0.0.0", lan=True).lan

@@ -1,0 +1,130 @@
+"""Whoever announces whatever: the robots of the class are on the board, and STOP reaches them."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+from typing import Any
+
+import pytest
+
+from server.board.discovery import read_announcement
+from server.board.teacher_session import Status
+from server.board.transport import RobotAddress
+
+from .classroom_world import ClassWorld, in_class
+from .test_board import STOP_S, _latched
+
+FOREIGN, OWN = 1000, 10
+_DOES = ("gone", "silent", "refuses", "nonsense")
+
+
+class UnverifiedRobot:
+    """Somebody who announced a robot."""
+
+    def __init__(self, port: int, fault: str) -> None:
+        self.port, self.fault = port, fault
+
+
+def announce(world: ClassWorld, foreign: int, host: str = "127.0.0.1") -> list[RobotAddress]:
+    """Have strangers announce so many robots before, between and after those of the class."""
+    ports = range(20_000, 20_000 + foreign)
+    strangers = {port: UnverifiedRobot(port, world.dice.choice(_DOES)) for port in ports}
+    world.network.pupils = {**world.pupils, **strangers}
+    said = [RobotAddress(host, port) for port in ports]
+    said += [RobotAddress("127.0.0.1", port) for port in world.pupils]
+    world.dice.shuffle(said)
+    for address in said:
+        world.board.announce(address)
+    return said
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "10.0.0.66"])
+def test_a_thousand_foreign_announcements_keep_no_robot_of_the_class_away(host: str) -> None:
+    async def scenario(world: ClassWorld) -> tuple[float, int]:
+        announce(world, FOREIGN, host)
+        pupils = list(world.pupils.values())
+
+        def all_there() -> bool:
+            ours = world.board.robots.values()
+            return len(ours) == OWN and all(one.status is Status.THERE for one in ours)
+
+        came_s = await world.until(all_there, 300.0, "all of the class are there")
+        assert {one.address.port for one in world.board.robots.values()} == set(world.pupils)
+        await world.drive_all(pupils)
+        announce(world, FOREIGN, host)
+        world.board.stop()
+        took_s = await world.until(lambda: all(map(_latched, pupils)), 5.0, "all stand")
+        assert took_s < STOP_S
+        told = world.board.strangers.describe()
+        assert told["count"] == FOREIGN and 0 < len(told["some"]) < 100
+        return came_s, len(world.board.robots)
+
+    came_s, _ = in_class(scenario, robots=OWN, is_told=False)
+    if host != "127.0.0.1":
+        assert came_s < 10.0, "computers take turns"
+
+
+def test_who_is_announced_no_more_is_forgotten_and_one_that_proves_itself_later_is_taken() -> None:
+    async def scenario(world: ClassWorld) -> None:
+        one = next(iter(world.pupils.values()))
+        one.fault = "gone"
+        announce(world, 5)
+        await world.clock.pause(10.0)
+        assert world.board.strangers.describe()["count"] == 5 + len(world.pupils)
+        one.fault = "none"
+        for _ in range(4):
+            await world.clock.pause(60.0)
+            world.board.announce(RobotAddress("127.0.0.1", one.port))
+        await world.clock.pause(1.0)
+        assert [robot.address.port for robot in world.board.robots.values()].count(one.port) == 1
+        assert world.board.strangers.describe() == {"count": 0, "some": []}
+
+    in_class(scenario, robots=1, is_told=False)
+
+
+def test_a_robot_is_asked_where_its_announcement_came_from_and_nowhere_else() -> None:
+    zeroconf = pytest.importorskip("zeroconf")
+
+    def packet(said: str, port: int = 8123, kind: str = "_http._tcp.local.") -> bytes:
+        properties = {"path": "/", "drivelesson": "Ada", "address": said}
+        info: Any = zeroconf.ServiceInfo(
+            kind, f"Drivelesson x.{kind}", port=port, properties=properties, server="x.local.",
+            addresses=[bytes([10, 0, 0, 7])],
+        )  # fmt: skip
+        out = zeroconf.DNSOutgoing(0x8400)
+        for record in (info.dns_pointer(), info.dns_service(), info.dns_text()):
+            out.add_answer_at_time(record, 0)
+        return bytes(out.packets()[0])
+
+    here = RobotAddress("10.0.0.7", 8123)
+    assert read_announcement(packet("10.0.0.7"), "10.0.0.7") == [here]
+    assert read_announcement(packet(""), "10.0.0.7") == [here]
+    secure = packet("10.0.0.7", kind="_https._tcp.local.")
+    assert read_announcement(secure, "10.0.0.7") == [RobotAddress("10.0.0.7", 8123, is_tls=True)]
+    for elsewhere in ("10.0.0.8", "127.0.0.1", "localhost", "10.0.0.7:22"):
+        assert read_announcement(packet(elsewhere), "10.0.0.7") == []
+    assert read_announcement(packet("10.0.0.7", kind="_ipp._tcp.local."), "10.0.0.7") == []
+    dice, whole = random.Random(1), packet("10.0.0.7")
+    for _ in range(2000):
+        data = bytearray(whole)
+        for _ in range(dice.randrange(1, 4)):
+            data[dice.randrange(len(data))] = dice.randrange(256)
+        for found in read_announcement(bytes(data[: dice.randrange(len(data) + 1)]), "10.0.0.7"):
+            assert found.host == "10.0.0.7"
+
+
+def test_one_whose_name_is_looked_up_for_ever_is_shown_with_a_reason(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async def scenario(world: ClassWorld) -> dict[str, Any]:
+        async def locate(address: RobotAddress) -> Any:
+            await asyncio.Event().wait()
+
+        monkeypatch.setattr(world.network, "locate", locate)
+        world.board.announce(RobotAddress("lost.local", 8000))
+        await world.clock.pause(10.0)
+        return world.board.strangers.describe()
+
+    [lost] = in_class(scenario, robots=1, is_told=False)["some"]
+    assert (lost["status"], lost["detail"]) == ("away", "it does not answer in time")

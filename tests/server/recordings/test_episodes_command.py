@@ -1,0 +1,164 @@
+"""`drivelesson episodes`, as a user types it."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import unicodedata
+from pathlib import Path
+from typing import Any, Literal
+
+import pytest
+
+from robot.recordings.store import EpisodeStore
+from robot.store.folder import Storage
+from server.__main__ import main
+from tests.server.cli.typed import assert_refused_by_a_full_disk, say
+
+
+@pytest.mark.parametrize("words", ["episodes compact last", "episodes title last x"])
+def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
+    episode_id: str,
+    data: Path,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert_refused_by_a_full_disk(words, data, monkeypatch, capsys)
+
+
+def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert episode_id in say("episodes list", capsys)
+    shown = say("episodes show last", capsys)
+    assert "'forward': 20, 'left': 20, 'right': 20" in shown
+    pilot = next(line for line in shown.splitlines() if line.startswith("pilot"))
+    assert "FFFFLLLLRRRR" in pilot
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+@pytest.mark.parametrize("typed", ["Küche", "Kü", unicodedata.normalize("NFD", "Küche")])
+def test_a_name_is_found_however_its_accents_are_written(
+    episode_id: str,
+    data: Path,
+    form: Literal["NFC", "NFD"],
+    typed: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = EpisodeStore(Storage(data)).path(episode_id)
+    path.rename(path.with_stem(unicodedata.normalize(form, "Küche")))
+    say(f"episodes title {typed} Here", capsys)
+    assert [one.title for one in EpisodeStore(Storage(data)).summaries()] == ["Here"]
+
+
+def test_before_anything_is_recorded_that_is_said(
+    data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert "nothing is recorded yet" in say("episodes show last", capsys, status=1)
+
+
+def test_mend_and_undo(episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    store = EpisodeStore(Storage(data))
+    assert "1 edit; " in say("episodes trim last --from 0.5 --to 2.5", capsys)
+    say("episodes relabel last --from 1 --to 2 --label right", capsys)
+    assert "3 edits" in say("episodes delete last --from 2", capsys)
+    assert len(store.notes(episode_id).edits) == 3
+    shown = say(f"episodes show {episode_id[:12]}", capsys)
+    assert "x" in shown and "edit 2: relabel right" in shown
+    say("episodes undo last", capsys)
+    assert len(store.notes(episode_id).edits) == 2
+    before = store.summary(episode_id).bytes
+    say("episodes compact last", capsys)
+    assert store.summary(episode_id).bytes < before
+
+
+def test_delete_restore_and_the_trash(
+    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    say("episodes delete last", capsys)
+    assert "no episodes" in say("episodes list", capsys)
+    assert f"{episode_id} is back" in say("episodes restore", capsys)
+    say("episodes delete last", capsys)
+    say("episodes empty-trash", capsys)
+    say("episodes restore", capsys, status=1)
+
+
+def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
+    episode_id: str, data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = EpisodeStore(Storage(data)).path(episode_id)
+    for name in ("first", "second"):
+        shutil.copy(path, path.with_stem(name))
+    now_ns = iter((18 * 10**17, 17 * 10**17))
+    monkeypatch.setattr("time.time_ns", lambda: next(now_ns))
+    for name in ("first", "second"):
+        say(f"episodes delete {name}", capsys)
+    by_hand = data / "trash/old drives"
+    by_hand.mkdir()
+    path.rename(by_hand / path.name)
+    assert say("episodes restore", capsys) == "second is back\n"
+    assert say("episodes restore", capsys) == "first is back\n"
+    assert "no longer in the trash" in say("episodes restore", capsys, status=1)
+
+
+def test_the_budget_offers_and_deletes_nothing(
+    episode_id: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert f"could go: {episode_id}" in say("episodes budget --gigabytes 0", capsys)
+    assert f"{episode_id} is never offered" in say("episodes protect last", capsys)
+    assert "could go" not in say("episodes budget --gigabytes 0", capsys)
+    assert f"{episode_id} is again offered" in say("episodes unprotect last", capsys)
+    assert f"could go: {episode_id}" in say("episodes budget --gigabytes 0", capsys)
+    assert episode_id in say("episodes list", capsys)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("episodes show nobody", "no episode of this name"),
+        ("episodes trim last --from 90 --to 91", "no pictures between"),
+        ("episodes restore 17", "no longer in the trash"),
+        ("episodes list --data /proc/x", "cannot be used"),
+    ],
+)
+def test_what_cannot_be_done_is_one_clear_line(
+    episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = say(words, capsys, status=1)
+    assert complaint in told.splitlines()[-1]
+
+
+def test_a_title_is_said_as_it_is_kept(episode_id: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert say("episodes title last " + "x" * 300, capsys) == f"its title is {'x' * 200!r}\n"
+    assert "x" * 200 in say("episodes show last", capsys)
+    assert main(["episodes", "title", "last", ""]) == 0
+    assert capsys.readouterr().out == "it has no title\n"
+
+
+def test_what_stays_in_the_trash_is_not_said_to_be_free(
+    episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (data / "trash/by-hand.bin").write_bytes(bytes(3_000_000))
+    assert say("episodes empty-trash", capsys) == "0.0 MB are free again\n"
+    say("episodes delete last", capsys)
+    assert say("episodes empty-trash", capsys) != "0.0 MB are free again\n"
+
+
+def test_a_full_disk_can_be_made_room_on(
+    episode_id: str,
+    data: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    say("episodes delete last", capsys)
+    real = os.mkdir
+
+    def refuse(path: str, *more: Any, **named: Any) -> None:
+        if not Path(path).exists():
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        real(path, *more, **named)
+
+    monkeypatch.setattr(os, "mkdir", refuse)
+    assert "trash" in say("episodes budget", capsys)
+    say("episodes empty-trash", capsys)
+    assert not any((data / "trash").iterdir())

@@ -1,0 +1,64 @@
+"""The way that the robot went, asked for in parts over HTTP."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import httpx
+import pytest
+
+from robot.types import Pose, Sensors
+from tests.server.virtual_server import VirtualServer
+
+
+def path_of(server: VirtualServer, since: object = 0) -> httpx.Response:
+    return httpx.get(f"{server.address}/api/path", params={"since": str(since)})
+
+
+def test_the_way_comes_in_parts_and_says_who_drove(server: VirtualServer) -> None:
+    known: list[Any] = []
+    for step in range(1, 5):
+        server.rig.driver.sensors = Sensors(pose=Pose(x_m=step, y_m=0.5, heading_rad=0.1))
+        server.wait_until(lambda now=step: len(path_of(server).json()["pose"]) >= now)
+        part = path_of(server, len(known)).json()
+        assert part["first"] == len(known)
+        assert (len(part["driven_by"]), part["is_estimate"]) == (len(part["pose"]), False)
+        known += part["pose"]
+    assert [pose[0] for pose in known] == [1, 2, 3, 4]
+    again = path_of(server, len(known)).json()
+    assert (again["first"], again["pose"]) == (len(known), [])
+    for strange in (999, -5):
+        whole = path_of(server, strange).json()
+        assert (whole["first"], whole["pose"]) == (0, known)
+
+
+def test_an_estimate_is_said_to_be_one(server: VirtualServer) -> None:
+    pose = Pose(x_m=1.0, y_m=0.5, heading_rad=0.1, is_estimate=True)
+    server.rig.driver.sensors = Sensors(pose=pose)
+    server.wait_until(lambda: path_of(server).json()["is_estimate"])
+    with server.pilot() as pilot:
+        pilot.wait_for(
+            lambda m: (
+                m.get("pose") == {"x_m": 1.0, "y_m": 0.5, "heading_rad": 0.1, "is_estimate": True}
+            )
+        )
+
+
+def test_a_robot_that_does_not_know_where_it_is(server: VirtualServer) -> None:
+    server.wait_until(lambda: server.rig.loop.state.frame_id is not None)
+    answer = path_of(server).json()
+    assert (answer["first"], answer["pose"], answer["events"]) == (0, [], {})
+    assert httpx.get(f"{server.address}/api/world").json() == {"world": None, "worlds": []}
+
+
+@pytest.mark.parametrize("since", ["x", "1e3", ""])
+def test_a_number_that_is_none_is_refused(server: VirtualServer, since: str) -> None:
+    assert path_of(server, since).status_code in (400, 422)
+
+
+def test_no_real_robot_is_carried_elsewhere(server: VirtualServer) -> None:
+    url = f"{server.address}/api/world"
+    refused = httpx.put(url, json={"name": "box"})
+    assert (refused.status_code, "simulator" in refused.json()["detail"]) == (409, True)
+    for body in ({}, {"name": 3}, {"name": "x" * 999}, []):
+        assert httpx.put(url, json=body).status_code == 400, body
