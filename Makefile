@@ -84,14 +84,7 @@ mutate: $(VENV)/.dev ## Put faults into the modules on which safety rests, and s
 	$(BIN)/python -m tests.mutation $(ARGS)
 
 docs: $(VENV)/.dev ## Write the program's numbers, command line and faults into the docs, and draw the wiring
-	$(BIN)/python -m tests.docs.values
-	$(BIN)/python -m tests.docs.decisions
-	$(BIN)/python -m tests.docs.results
-	$(BIN)/python -m tests.docs.figure
-	$(BIN)/python -m tests.docs.command_line
-	$(BIN)/python -m tests.docs.sockets
-	$(BIN)/python -m tests.docs.wiring
-	$(BIN)/python -m tests.faults.page
+	$(BIN)/python -m tests.docs
 
 site: $(VENV)/.site ## Build the documents as a site in site/; every warning is an error
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet

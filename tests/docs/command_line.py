@@ -94,7 +94,3 @@ def _table(rows: list[tuple[str, str, str]]) -> str:
     lines = ["| option | default | meaning |", "|---|---|---|"]
     lines += [f"| {name} | {default} | {text} |" for name, default, text in rows]
     return "\n".join(lines) + "\n"
-
-
-if __name__ == "__main__":
-    PAGE.write_text(render(), encoding="utf-8")

@@ -11,10 +11,11 @@ from pathlib import Path
 
 from robot.devices.options import options_of
 from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
-from server.cli.main import commands, make_parser
+from server.cli import main
 from server.lab.bench_command import BENCHMARKS
 
 ROOT = Path(__file__).parents[2]
+commands, drivers = cache(main.commands), cache(driver_names)  # each reads what is installed
 _CODE = re.compile(r"```[^\n]*\n(.*?)```|^( {4}[^\n]*)$|(?<!`)`([^`\n]+)`", re.DOTALL | re.M)
 _CALL = re.compile(r"(?:^|[\s/\"(])drivelesson((?: [^|&;#()`\n]+)?)")
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
@@ -57,7 +58,7 @@ def _wrong_words(text: str) -> Iterator[str]:
         return
     known, verbs = _options_of(command)
     robot = words[words.index("--robot") + 1] if "--robot" in words[:-1] else "sim"
-    if robot not in driver_names():  # somebody's own, with options of its own
+    if robot not in drivers():  # somebody's own, with options of its own
         known = {*known, *(o for o in _OPTION.findall(text) if o.startswith(f"--{robot}-"))}
     if verbs and words and words[0].islower() and words[0] not in verbs:
         yield f"drivelesson {command} {words[0]}"
@@ -69,14 +70,14 @@ def _wrong_words(text: str) -> Iterator[str]:
 @cache
 def _options_of(command: str) -> tuple[set[str], set[str]]:
     """Return the options of a command and of its verbs, and the verbs."""
-    parsers = [make_parser(command)]
+    parsers = [main.make_parser(command)]
     verbs: set[str] = set()
     if command == "bench":
         verbs = set(BENCHMARKS)
-        parsers += [make_parser(command, [name]) for name in BENCHMARKS]
+        parsers += [main.make_parser(command, [name]) for name in BENCHMARKS]
     options = {"--version", "--help"}
     if command in ("serve", "calibrate"):
-        for names, load in ((driver_names(), load_driver), (camera_names(), load_camera)):
+        for names, load in ((drivers(), load_driver), (camera_names(), load_camera)):
             options |= {o.flag for name in names for o in options_of(load(name).options_type)}
     for parser in parsers:
         for action in parser._actions:

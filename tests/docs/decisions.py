@@ -85,7 +85,3 @@ def render() -> str:
     found = decisions()
     rows = [f"| {d.number} | [{d.title}]({d.file}) | {d.date} | {d.status} |\n" for d in found]
     return _TOP + "".join(rows) + _BOTTOM
-
-
-if __name__ == "__main__":
-    INDEX.write_text(render(), encoding="utf-8")

@@ -67,7 +67,3 @@ def render() -> str:
             below = 20 if column == "the teacher himself" else -10  # two dots may lie together
             lines.append(_text(x, y + below, cell, extra=' font-size="11"'))
     return "\n".join([*lines, "</svg>"]) + "\n"
-
-
-if __name__ == "__main__":
-    FIGURE.write_text(render(), "utf-8")

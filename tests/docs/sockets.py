@@ -219,7 +219,3 @@ def _ways() -> dict[str, dict[str, Schema]]:
 def render() -> str:
     """Return the file's text."""
     return json.dumps(describe(), indent=2) + "\n"
-
-
-if __name__ == "__main__":
-    PAGE.write_text(render(), "utf-8")

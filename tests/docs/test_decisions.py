@@ -9,10 +9,6 @@ import pytest
 from tests.docs import decisions
 
 
-def test_the_index_lists_them_as_they_are() -> None:
-    assert decisions.INDEX.read_text("utf-8") == decisions.render(), "run: make docs"
-
-
 def test_a_number_is_given_once_and_is_that_of_the_file() -> None:
     found = decisions.decisions()
     assert [d.number for d in found] == [int(d.file[:4]) for d in found]

@@ -10,8 +10,6 @@ from types import ModuleType
 
 import pytest
 
-from tests.docs import figure
-
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text("utf-8")
 HOME = "https://forge.example/somebody/drivelesson/"
@@ -58,10 +56,6 @@ def test_all_links_of_the_readme_stand_in_one_list() -> None:
     assert not re.search(r"\]\(", head)
     assert all(line.startswith("- ") for line in documents.strip().splitlines())
     assert head.count("<img ") == 2  # one picture, one figure
-
-
-def test_the_figure_is_drawn_as_it_was_measured() -> None:
-    assert figure.FIGURE.read_text("utf-8") == figure.render(), "run: make docs"
 
 
 def test_the_classifiers_name_every_python_that_is_tried() -> None:

@@ -20,10 +20,6 @@ DOWN, UP = sockets.downward(), sockets.upward()
 MOVES = tuple(CLASSIC)
 
 
-def test_the_file_is_written_from_the_types() -> None:
-    assert sockets.PAGE.read_text("utf-8") == sockets.render(), "run: make docs"
-
-
 def test_every_reference_leads_somewhere() -> None:
     described = sockets.describe()
 

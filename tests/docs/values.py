@@ -73,10 +73,3 @@ def _written(name: str, form: str | None, sources: Mapping[str, object]) -> str:
         return f"{1000 * value:g} ms"
     unit = " s" if attribute.lower().endswith("_s") and form != "bare" else ""
     return f"{value:.12g}{unit}"
-
-
-if __name__ == "__main__":
-    for page in pages():
-        text = page.read_text("utf-8")
-        if (new := fill(text)) != text:
-            page.write_text(new, "utf-8")

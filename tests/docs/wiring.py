@@ -244,8 +244,3 @@ def render() -> dict[Path, str]:
     """Return each picture's file and text."""
     made = [draw_now() for draw_now in DRAWINGS]
     return {FOLDER / f"{drawing.name}.svg": draw(drawing) for drawing in made}
-
-
-if __name__ == "__main__":
-    for file, text in render().items():
-        file.write_text(text, "utf-8")

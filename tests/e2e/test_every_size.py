@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+
+from tests.kit.sizes import IS_FULL
 
 from .boxes import drive_faults, faults, speak_longer
 from .class_world import LiveClass, running_class
@@ -30,6 +32,7 @@ SIZES = [
     (1920, 1080),
     (3840, 2160),
 ]
+LANGUAGES = ("en", "es", "zh", "longer")
 _STOP_LIES_ON_THE_PANEL = """() => innerHeight >= 480 && innerWidth < 700
   && document.querySelector('button.stop').getBoundingClientRect().bottom
      > document.querySelector('#panel .title').getBoundingClientRect().top
@@ -59,7 +62,7 @@ def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
         yield running
 
 
-@pytest.mark.parametrize("language", ["en", "es", "zh", "longer"])
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, language: str) -> None:
     locale = "en" if language == "longer" else language
     context = chromium.new_context(locale=locale, has_touch=True, service_workers="block")
@@ -67,13 +70,13 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, langu
         speak_longer(context)
     page = open_page(context, taught.address)
     assert page.evaluate("document.documentElement.lang") == locale
-    wrong = [f"drive {size}: {fault}" for size in _sizes(page) for fault in drive_faults(page)]
+    wrong = _everywhere(page, language, "drive", drive_faults)
     page.locator("app-bar [aria-controls=menu]").click()
-    wrong += [f"menu {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+    wrong += _everywhere(page, language, "menu")
     for screen in SCREENS:
         show(page, screen)
         _open_all(page)
-        wrong += [f"{screen} {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+        wrong += _everywhere(page, language, screen)
     context.close()
     assert wrong == []
 
@@ -101,7 +104,7 @@ def test_no_advice_moves_the_pad_under_the_hand(
 ) -> None:
     context = chromium.new_context(locale=language, has_touch=True, service_workers="block")
     page = open_page(context, taught.address)
-    for size in _sizes(page):
+    for size in _sizes(page, language):
         if int(size.split("x")[0]) < 360:
             continue  # a foldable phone, closed, or zoom: there a sentence may need two lines
         places = page.evaluate(_SAY_IN_TURN, language)
@@ -117,7 +120,7 @@ def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveClass]:
         yield running
 
 
-@pytest.mark.parametrize("language", ["en", "es", "zh", "longer"])
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_the_board_of_a_class_has_room_everywhere(
     chromium: Any, school: LiveClass, language: str
 ) -> None:
@@ -135,26 +138,32 @@ def test_the_board_of_a_class_has_room_everywhere(
     page.locator(".robot .release:visible").nth(2).wait_for()
     held, free = page.evaluate(_HEIGHTS)
     assert held == free, "STOP below them has moved under the hand"
-    wrong = [f"pictures {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+    wrong = _everywhere(page, language, "pictures")
     page.locator("[data-view=codes]").click()
     page.locator(".robot .code").nth(2).wait_for()
-    wrong += [f"codes {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
+    wrong += _everywhere(page, language, "codes")
     for opener in (".robot .acts button:last-child", "#bar > button:not(.stop)"):
         page.locator(opener).first.click()
-        wrong += [f"{opener} {size}: {fault}" for size in _sizes(page) for fault in faults(page)]
-        wrong += [
-            f"{opener} {size}: {fault}"
-            for size in _sizes(page)
-            for fault in faults(page, _STOP_LIES_ON_THE_PANEL)
-        ]
+        wrong += _everywhere(page, language, opener)
+        wrong += _everywhere(page, language, opener, lambda p: faults(p, _STOP_LIES_ON_THE_PANEL))
         page.locator("#panel .title button").click()
     context.close()
     assert not wrong, "\n".join(wrong)
 
 
-def _sizes(page: Any) -> Any:
+def _everywhere(
+    page: Any, language: str, what: str, found: Callable[[Any], list[str]] = faults
+) -> list[str]:
+    """Return what is wrong with what is shown now, at each size."""
+    sizes = _sizes(page, language)
+    return [f"{what} {size}: {fault}" for size in sizes for fault in found(page)]
+
+
+def _sizes(page: Any, language: str) -> Any:
+    """Go through all sizes in CI, otherwise through those that fall to this language."""
     devtools = page.context.new_cdp_session(page)
-    for width, height in SIZES:
+    first = LANGUAGES.index(language)
+    for width, height in SIZES if IS_FULL else SIZES[first :: len(LANGUAGES)]:
         size = {"width": width, "height": height, "screenWidth": width, "screenHeight": height}
         devtools.send(
             "Emulation.setDeviceMetricsOverride", {**size, "deviceScaleFactor": 1, "mobile": False}

@@ -24,6 +24,7 @@ from robot.control.state import Tick
 from robot.study.session import SessionStep
 from robot.types import Action, DrivenBy, Mode
 from server.study.extension import StudyExtension
+from tests.kit.sizes import size
 
 from .boxes import faults, speak_longer
 from .hand import Fingers, choose, drive_on, teach
@@ -32,7 +33,7 @@ from .world import PHONE, World, open_page, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
-PARTICIPANTS = int(os.environ.get("DRIVELESSON_PARTICIPANTS", "2"))
+PARTICIPANTS = size("PARTICIPANTS", 2, 2)
 WAITING, SLOW, FAST = 0.01, 2.0, 8.0
 """Seconds of a phase in one second: until enough was taught, while the robot drives, and else."""
 EXAMPLES = 20

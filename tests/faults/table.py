@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 
 import pytest
 
 from robot.testing import LinkConditions
+from tests.kit.sizes import size
 
 from . import bodies
 from .scenario import Change, Fault, FaultWorld, outcomes
@@ -16,7 +16,7 @@ from .scenario import Change, Fault, FaultWorld, outcomes
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "faults.md"
 MODES = ("train", "intervention", "autonomous")
 LIMIT_S = {"train": 0.5, "intervention": 0.5, "autonomous": 0.5}
-SEEDS = int(os.environ.get("DRIVELESSON_SEEDS", "20"))
+SEEDS = size("SEEDS", 6, 1_000)
 """How many drives there are in each cell of the table (`.ci/run`: 1,000)."""
 
 
@@ -206,7 +206,7 @@ def check(fault: Fault, mode: str, by: str) -> None:
 
 
 def render(measured_ms: dict[tuple[str, str], float]) -> str:
-    """Return the page; figures where a run has measured them."""
+    """Return the page; figures where a run has measured them (`figures`)."""
     head = "| fault | in `train` | in intervention | in `autonomous` | the robot says |"
     lines = [*_INTRODUCTION, "", head, "|---|---|---|---|---|"]
     for fault in FAULTS:
@@ -224,9 +224,18 @@ def render(measured_ms: dict[tuple[str, str], float]) -> str:
     return "\n".join([*lines, "", *_CLOSING]) + "\n"
 
 
-def without_figures(page: str) -> str:
-    """Return the page without what differs from run to run."""
-    return re.sub(r" \(\d+\)", "", page)
+def figures(page: str) -> dict[tuple[str, str], float]:
+    """Return the figures that the page has, by row and column."""
+    rows = {f"{fault.name}{fault.note}": (fault.name, MODES) for fault in FAULTS}
+    rows |= {f"`{name}`": (name, tuple(bodies.FAULTS)) for name in bodies.BODIES}
+    found = {}
+    for line in page.splitlines():
+        first, *cells = line.strip("| ").split(" | ")
+        name, columns = rows.get(first, ("", ()))
+        for column, cell in zip(columns, cells, strict=False):
+            if figure := re.search(r"\((\d+)\)", cell):
+                found[name, column] = float(figure[1])
+    return found
 
 
 def _cell(fault: Fault, mode: str, measured_ms: dict[tuple[str, str], float]) -> str:

@@ -21,9 +21,10 @@ from robot.types import Action, Example
 from server.access.pairing import Pairing
 from server.identity import IdentityFile
 from server.persistence import Persistence
+from tests.kit.sizes import size
 from tests.robot.recordings.drives import record_drive
 
-SEEDS = int(os.environ.get("DRIVELESSON_DAMAGE", "25"))
+SEEDS = size("DAMAGE", 8, 100)
 KINDS = (
     "flip", "cut", "empty", "not utf-8", "huge", "folder", "dangling", "loop", "link to folder",
     "fifo", "socket", "remove", "unreadable",

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import random
 import re
 import shutil
@@ -22,12 +21,13 @@ from robot.store.folder import Storage
 from server.access.pairing import Pairing
 from server.config import Config, Limits
 from server.identity import IdentityFile
+from tests.kit.sizes import size
 from tests.robot.recordings.drives import record_drive
 
 from .study.sessions import PLAN, answer, begin, drive, post, session, take_part
 from .virtual_server import WEB, VirtualServer
 
-SEEDS = int(os.environ.get("DRIVELESSON_DAMAGE", "25"))
+SEEDS = size("DAMAGE", 8, 100)
 VALUES = (
     "NaN", "Infinity", "-Infinity", "1e400", "-1", "0", "9" * 400, "null", "true", '""', '"x"',
     '"\\ud83d"', '"' + "y" * 9000 + '"', "[]", "{}", "[" * 500 + "]" * 500, '{"a": NaN}', "[NaN]",

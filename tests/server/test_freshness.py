@@ -8,9 +8,7 @@ app, hub and loop in virtual time.
 from __future__ import annotations
 
 import asyncio
-import itertools
 import json
-import os
 from collections.abc import Callable, Coroutine
 from typing import Any, NamedTuple
 
@@ -20,6 +18,7 @@ from robot.control.state import Tick
 from robot.testing import FakeCamera, FakePolicy, VirtualClock
 from robot.types import Action, Mode, Point, StopReason
 from server.protocol import encode_acknowledgement, parse_picture
+from tests.kit.sizes import combined, crossed, size
 from tests.robot.bench_robot import BenchRobot
 
 from .virtual import ServedWorld, Socket, virtually
@@ -28,14 +27,14 @@ FAULTS = ("freeze", "stall up", "stall down", "cut", "reorder")
 MOMENTS = ("before", "while", "after")
 CLIENTS = ("gone", "silent", "back")
 MESSAGES = ("drive", "mode", "stop", "release", "take", "yield", "ping")
-CASES = list(itertools.product(FAULTS, MOMENTS, CLIENTS, MESSAGES))
-RUNS = int(os.environ.get("DRIVELESSON_RUNS", "350"))
-"""At least every case once; `.ci/run` makes 1,000."""
-CHUNKS = 20
+STEERED = ("moves", "degrees")
+CASES = combined(FAULTS, MOMENTS, CLIENTS, MESSAGES, STEERED)
+RUNS = max(len(CASES), size("RUNS", 0, 2_000))
+"""Each case at least once."""
+CHUNKS = size("CHUNKS", 1, 20)
 OLDEST_S = 0.3
 STANDS_WITHIN_S = 0.5
 _EPSILON_S = 1e-6
-BY = pytest.mark.parametrize("by", ["moves", "degrees"])
 POINTS = {"forward": Point(0.1, 0.5), "left": Point(-0.7, 0.4)}
 _PICTURE = bytes(5000)
 """As heavy as a JPEG of 160x120."""
@@ -263,18 +262,12 @@ def on_a_cheap_robot(
     return clock.run(main())
 
 
-@BY
 @pytest.mark.parametrize("chunk", range(CHUNKS))
-def test_nothing_moves_without_a_fresh_message(chunk: int, by: str) -> None:
+def test_nothing_moves_without_a_fresh_message(chunk: int) -> None:
     for number in range(chunk, RUNS, CHUNKS):
-        case = CASES[number % len(CASES)]
+        *case, by = CASES[number % len(CASES)]
         faults = on_a_cheap_robot(lambda world, case=case: play(world, case), number, by)
         assert faults == [], f"run {number}: {case}"
-
-
-def test_the_runs_take_every_case() -> None:
-    assert len(CASES) == 315
-    assert {CASES[number % len(CASES)] for number in range(RUNS)} == set(CASES)
 
 
 def test_a_stop_passes_whatever_was_sent_before_it() -> None:
@@ -305,9 +298,7 @@ def test_a_stop_overtakes_what_is_queued_and_undoes_what_was_asked_before_it() -
     assert robot.loop.mode is Mode.STOPPED
 
 
-@BY
-@pytest.mark.parametrize("kind", ["drive", "mode"])
-@pytest.mark.parametrize("lie", ["no nonce", "another nonce", "no frame"])
+@crossed(kind=["drive", "mode"], lie=["no nonce", "another nonce", "no frame"], by=STEERED)
 def test_what_proves_nothing_moves_nothing(kind: str, lie: str, by: str) -> None:
     async def scenario(world: ServedWorld) -> None:
         world.driver.takes_points = by == "degrees"
@@ -352,7 +343,7 @@ def test_pictures_that_stop_while_the_heartbeat_goes_on_stop_the_robot() -> None
 
 
 @pytest.mark.parametrize("mode", ["train", "autonomous"])
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(size("STALLS", 2, 10)))
 def test_acknowledgements_that_stop_alone_stop_the_robot(mode: str, seed: int) -> None:
     """The words go on, with fresh nonces: what nobody has acknowledged nobody has seen."""
 

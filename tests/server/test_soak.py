@@ -1,6 +1,6 @@
 """Browsers come, drive and vanish, over and over: nothing of them may stay behind.
 
-DRIVELESSON_SOAK says how many, after half as many to warm up; `make test` takes 200, CI 2,000.
+DRIVELESSON_SOAK says how many, after half as many to warm up; `make test` takes 60, CI 2,000.
 What the pilots taught is forgotten before memory is measured: lessons grow to their bound with
 the time that is driven, whoever has gone.
 """
@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import os
 import random
 from pathlib import Path
 from typing import Any
@@ -19,13 +18,14 @@ import pytest
 
 from server.lab.bench.subject import ServerUnderTest
 from server.protocol import encode_acknowledgement, parse_picture
+from tests.kit.sizes import size
 
 pytest.importorskip("websockets.asyncio.client", reason="Debian 12's websockets has it not")
 from websockets.asyncio.client import connect
 
 pytestmark = pytest.mark.realtime
 
-VISITS = int(os.environ.get("DRIVELESSON_SOAK", "200"))
+VISITS = size("SOAK", 60, 2_000)
 AT_A_TIME = 20
 MOST_GROWTH_BYTES = 5_000_000
 MOST_OBJECTS_A_VISIT = 20  # one page with its socket and its queues is 350

@@ -8,7 +8,6 @@ in `test_strangers.py`.
 from __future__ import annotations
 
 import contextlib
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +25,7 @@ from robot.clock import RealClock
 from server.access.pairing import Pairing
 from server.access.rules import Role
 from server.config import Config, Limits
+from tests.kit.sizes import size
 from tests.server.access.unpaired_flood import PATIENCE_S
 
 from .lan_process import lan_process
@@ -43,7 +43,7 @@ LIMITS = Limits(
     refused_before_closing=20,
 )
 PEOPLE = ("owner", "pilot", "viewer", "pupil", "greedy")
-TRIES = int(os.environ.get("DRIVELESSON_STOPS", "5"))
+TRIES = size("STOPS", 3, 250)
 """Of each of two, by each of two ways (`.ci/run`: 250)."""
 OBEYED_S = 0.3
 person_st = st.sampled_from(PEOPLE)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 import shutil
 import tarfile
@@ -21,9 +20,10 @@ from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.sources import unpacked
 from robot.recordings.episode import open_episode
 from robot.types import Action
+from tests.kit.sizes import size
 from tests.robot.exchange.labels import drive_at, taught_labels
 
-TUBS = int(os.environ.get("DRIVELESSON_TUBS", "40"))
+TUBS = size("TUBS", 12, 500)
 LABELS = {-0.7: Action.LEFT, 0.0: Action.FORWARD, 0.6: Action.RIGHT}
 
 

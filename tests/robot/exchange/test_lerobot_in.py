@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import random
 import shutil
 import stat
@@ -29,11 +28,12 @@ from robot.policy.image import to_rgb
 from robot.recordings.edits import Edit, Notes
 from robot.recordings.episode import Episode, open_episode
 from robot.types import Action
+from tests.kit.sizes import size
 
 from .labels import taught_labels
 from .sim_drive import drive_in_simulator
 
-DATASETS = int(os.environ.get("DRIVELESSON_TUBS", "40"))
+DATASETS = size("TUBS", 12, 500)
 CAMERA = "observation.images.front"
 ANGLES = {-0.7: Action.LEFT, 0.0: Action.FORWARD, 0.6: Action.RIGHT}
 _BLOCK_PX, _BITS = 16, 8

@@ -19,6 +19,7 @@ from robot.policy.image import to_grey
 from robot.policy.registry import Design, make_policy
 from robot.types import DEFAULT_MOVES, Action
 from server.__main__ import main
+from tests.kit.sizes import in_ci
 
 FOUND = os.environ.get(
     "DRIVELESSON_RECORDINGS", str(Path(__file__).parents[3].parent / "shared/recordings")
@@ -191,14 +192,10 @@ README = {  # place: 9-nn, published BSOC-32, published BSOC-64
 }
 
 
-# Each place takes a quarter of a minute: `.ci/run` has time for all of them.
-PLACES = list(README) if os.environ.get("DRIVELESSON_PLACES") == "all" else ["office1"]
-
-
 @needs_recordings
 @pytest.mark.recordings
-@pytest.mark.slow
-@pytest.mark.parametrize("place", PLACES)
+@in_ci
+@pytest.mark.parametrize("place", README)
 def test_reproduces_the_figures_of_the_recordings(place):
     learners = ["knn-9", "published-32", "published-64"]
     pairs = [pair for pair in evaluation.load_pairs(FOUND) if pair.place == place]

@@ -16,6 +16,7 @@ from robot.errors import ConfigurationError
 from robot.lab.lessons import run_lesson
 from robot.lab.runner import Store, run_all
 from robot.lab.task import Params, Result, Task
+from tests.kit.sizes import in_ci
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
 pytest.importorskip("joblib", reason="the extra 'experiments' is not installed")
@@ -167,7 +168,7 @@ def test_an_interrupted_call_loses_no_finished_run(tmp_path: Path) -> None:
     assert {name: after[name] for name in kept} == kept
 
 
-@pytest.mark.slow
+@in_ci
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.realtime
 def test_a_dask_cluster_loses_no_run_when_a_worker_is_killed(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 How much a kill may cost is judged in virtual time (test_recorder.py); here it is printed.
 
-`DRIVELESSON_KILLS=200` makes it the full number, which CI sets (a bit over two minutes).
+CI kills 200 times (a bit over two minutes).
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.kit.sizes import size
+
 from .power_cut import Life
 
 pytestmark = pytest.mark.realtime
 
-KILLS = int(os.environ.get("DRIVELESSON_KILLS", "20"))
+KILLS = size("KILLS", 6, 200)
 
 
 CHAINS = 2

@@ -15,12 +15,13 @@ import pytest
 
 from robot.store.folder import Storage
 from robot.store.models import journal
+from tests.kit.sizes import IS_FULL, size
 from tests.robot.recordings.long_recording import write_cut_recording
 from tests.robot.store.models.lives import Life
 from tests.server.live_robot import wait_until
 from tests.server.own_process import own_process
 
-MINUTES = float(os.environ.get("DRIVELESSON_MINUTES", "2"))
+MINUTES = size("MINUTES", 1, 2)
 pytestmark = [pytest.mark.realtime, pytest.mark.slow]
 
 
@@ -28,7 +29,7 @@ def fill_journal(folder: Path) -> int:
     """Teach without ever saving until the journal's last part is as long as it may become."""
     life = Life(folder, [0.0], random.Random(1), "default-32")
     while life.journal._writer is None or life.journal._writer.written_bytes < (
-        journal.PART_BYTES if MINUTES >= 60 else journal.PART_BYTES // 2
+        journal.PART_BYTES if MINUTES >= 60 else journal.PART_BYTES // (2 if IS_FULL else 8)
     ):
         life.teach()
         life.write()

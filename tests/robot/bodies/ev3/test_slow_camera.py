@@ -8,7 +8,6 @@ time (tests/robot/control/test_camera_timing.py); the shares are printed as a re
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from typing import Any
 import pytest
 
 from robot.bodies.ev3.fake_brick import FakeBrick
+from tests.kit.sizes import IS_FULL
 from tests.robot.bodies.ev3.fake_video import C270_ON_EV3, DEVICE, QUICK, CameraTraits, FakeVideo
 from tests.robot.bodies.ev3.own_server import own_server
 from tests.robot.bodies.ev3.running_agent import SECRET, RunningAgent
@@ -73,7 +73,7 @@ def teach(pilot: Pilot) -> Shares:
 
 
 # What the loop does with each is tested in virtual time: CI alone drives with all of them.
-NAMES = list(TRAITS) if os.environ.get("DRIVELESSON_CAMERAS") == "all" else ["a C270 on an EV3"]
+NAMES = list(TRAITS) if IS_FULL else ["a C270 on an EV3"]
 
 
 def test_it_drives_and_learns_with_the_camera_that_it_has(

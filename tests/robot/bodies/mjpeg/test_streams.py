@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 import random
 import re
 from collections.abc import Callable
@@ -22,8 +21,9 @@ from robot.bodies.mjpeg.line import CameraLine
 from robot.errors import CameraError
 from robot.testing import VirtualClock
 from robot.types import Encoding
+from tests.kit.sizes import size
 
-STREAMS = int(os.environ.get("DRIVELESSON_STREAMS", "60"))
+STREAMS = size("STREAMS", 20, 1_000)
 SOURCE = "http://camera.local/stream?key=hush"
 
 

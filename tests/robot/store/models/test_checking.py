@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import itertools
 import json
-import os
 import tracemalloc
 import zipfile
 from collections.abc import Callable, Iterator
@@ -24,9 +23,10 @@ from robot.store.models.model import _checksum, decode_model, encode_model, take
 from robot.store.models.store import ModelStore
 from robot.store.models.trial import try_model
 from robot.types import Action, Encoding, Frame
+from tests.kit.sizes import IS_FULL
 from tests.learners import installed
 
-EVERY = 1 if os.environ.get("DRIVELESSON_MALFORMED") == "all" else 5
+EVERY = 1 if IS_FULL else 10
 """One of how many malformed models is tried: all in CI."""
 LEARNERS = installed("default-4", "published-4", "whole-numbers-4", "integer-4", "knn-3")
 Arrays = dict[str, NDArray[Any]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,10 +20,11 @@ from robot.policy.registry import make_policy
 from robot.store.models.model import Model, decode_model, encode_model, take_model
 from robot.store.models.trial import try_model
 from robot.types import Action, Example, Point
+from tests.kit.sizes import size
 from tests.learners import installed
 from tests.robot.store.models.test_checking import FRAME
 
-CRAFTED = int(os.environ.get("DRIVELESSON_CRAFTED", "120"))
+CRAFTED = size("CRAFTED", 40, 2_000)
 LEARNERS = installed("default-4", "default-9", "published-4", "whole-numbers-4", "integer-4")
 BY_DEGREES = ("default-9", "integer-4")
 EXTREMES = (0, -1, 1, 2, 31, 32, 255, 256, 1e-300, 1e3, -1e3, 1e6, 1e11, 1e12, -1e12, 2**31, 2**53)

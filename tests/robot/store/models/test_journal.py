@@ -24,11 +24,12 @@ from robot.store.models.replay import recover
 from robot.store.models.store import ModelStore
 from robot.store.records import RecordWriter, frame_record, read_records
 from robot.types import Action
+from tests.kit.sizes import size
 from tests.learners import installed
 
 from .lives import Life, same
 
-SEEDS = int(os.environ.get("DRIVELESSON_LIVES", "300")) // 10
+SEEDS = size("LIVES", 100, 1_000) // 10
 OPS = ("teach",) * 6 + ("undo", "edit", "undo_edit", "save", "begin", "load") + ("write",) * 4
 DAMAGE = ("flip", "cut", "empty", "remove", "folder", "dangling", "loop", "fifo", "none")
 

@@ -24,7 +24,7 @@ import pytest
 
 from tests.e2e.hand import Fingers, pad
 from tests.e2e.world import PHONE, open_page, running_chromium
-from tests.kit.environment import OwnEnvironment
+from tests.plugin.environment import OwnEnvironment
 from tests.standins.mjpeg import MjpegServer
 
 ROOT = Path(__file__).parents[2]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.kit.environment import OwnEnvironment
+from tests.plugin.environment import OwnEnvironment
 
 HOWTO = Path(__file__).parents[2] / "docs/howto/write-a-driver.md"
 

@@ -1,0 +1,8 @@
+"""Writes into the documents what the program knows: `make docs`."""
+
+from __future__ import annotations
+
+from .made import made
+
+for path, text in made().items():
+    path.write_text(text, "utf-8")

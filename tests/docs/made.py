@@ -1,0 +1,27 @@
+"""All that the program writes into the documents: one build, and one test of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.faults import table
+
+from . import command_line, decisions, figure, results, sockets, values, wiring
+
+
+def made() -> dict[Path, str]:
+    """Return each file that is written, as it should be.
+
+    The table of faults keeps the figures that it has: `python -m tests.faults.page` measures them.
+    """
+    whole = {
+        command_line.PAGE: command_line.render(),
+        decisions.INDEX: decisions.render(),
+        figure.FIGURE: figure.render(),
+        results.PAGE: results.render(),
+        sockets.PAGE: sockets.render(),
+        table.PAGE: table.render(table.figures(table.PAGE.read_text("utf-8"))),
+        **wiring.render(),
+    }
+    pages = {page: whole.get(page, page.read_text("utf-8")) for page in values.pages()}
+    return {**whole, **{page: values.fill(text) for page, text in pages.items()}}

@@ -1,0 +1,79 @@
+"""Sizes of tests: small in `make test`, full in CI (`DRIVELESSON_FULL=1`)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from itertools import combinations, product
+from typing import Any
+
+import pytest
+
+IS_FULL = os.environ.get("DRIVELESSON_FULL") == "1"
+"""True in CI, which runs every combination and every size."""
+
+in_ci = pytest.mark.skipif(not IS_FULL, reason="takes long: CI runs it (DRIVELESSON_FULL=1)")
+
+
+def size(name: str, small: int, full: int) -> int:
+    """Return how many a test takes: `DRIVELESSON_<name>` where it is set, else `small` or `full`.
+
+    Args:
+        name: In capitals, as in the environment.
+        small: In `make test`.
+        full: In CI.
+    """
+    return int(os.environ.get(f"DRIVELESSON_{name}", full if IS_FULL else small))
+
+
+def few(values: Iterable[Any], small: int) -> list[Any]:
+    """Return all values in CI, otherwise `small` of them: the first, the last, and evenly between.
+
+    >>> few(range(10), 3) if not IS_FULL else [0, 4, 9]
+    [0, 4, 9]
+    """
+    every = list(values)
+    if IS_FULL or len(every) <= small:
+        return every
+    return [every[i * (len(every) - 1) // max(small - 1, 1)] for i in range(small)]
+
+
+def crossed(**axes: Iterable[Any]) -> pytest.MarkDecorator:
+    """Parametrize with what `combined` returns."""
+    return pytest.mark.parametrize(list(axes), combined(*axes.values()))
+
+
+def combined(*axes: Iterable[Any]) -> list[tuple[Any, ...]]:
+    """Return every combination in CI, otherwise as many as have every pair of values.
+
+    Of two axes each value comes once at least, beside another value each time.
+    """
+    values = [list(axis) for axis in axes]
+    return list(product(*values)) if IS_FULL else covering(values, min(2, len(values) - 1))
+
+
+def covering(axes: Sequence[Sequence[Any]], strength: int = 2) -> list[tuple[Any, ...]]:
+    """Return combinations in which every `strength` values of different axes come together.
+
+    Greedy, and the same in every run: of all combinations, that which adds most comes next.
+    """
+    every = list(product(*(range(len(axis)) for axis in axes)))
+    groups = list(combinations(range(len(axes)), max(strength, 1)))
+    together = {case: {(g, *(case[i] for i in g)) for g in groups} for case in every}
+    wanted = set().union(*together.values())
+    used = [[0] * len(axis) for axis in axes]
+    chosen = []
+    while wanted:
+        best = max(
+            every,
+            key=lambda case: (
+                len(together[case] & wanted),
+                -sum(used[i][at] for i, at in enumerate(case)),
+                -sum((at - case[0]) % len(axes[i]) for i, at in enumerate(case)),
+            ),
+        )
+        wanted -= together[best]
+        for i, at in enumerate(best):
+            used[i][at] += 1
+        chosen.append(tuple(axes[i][at] for i, at in enumerate(best)))
+    return chosen
