@@ -74,6 +74,8 @@ class BSOC(Clusters):
     @property
     def touched_(self) -> NDArray[np.int64]:
         """When each node last got a frame, as a count of frames, shape (n,); a pinned one: now."""
+        if not self._edges.n_pinned:
+            return self._touched[: self.n_nodes_].copy()
         return np.where(self._edges.pinned, self.n_trained_, self._touched)[: self.n_nodes_]
 
     def distances(self, x: Vector) -> Floats:

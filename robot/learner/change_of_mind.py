@@ -91,12 +91,13 @@ class ChangeOfMind(Stateful):
         if label == usual:
             return
         near = distances < CLEARLY**2 * distances[owners == usual].min(initial=np.inf)
-        is_apart = distances >= APART**2 * distances[owners == label].min(initial=np.inf)
+        apart = APART**2 * distances[owners == label].min(initial=np.inf)
         others = [other for other in range(len(self._taken_up)) if other not in (label, usual)]
         for old in others:
             if not self._against[old, label]:
                 self._since[old, label] = now
-            images = near & ~is_apart & (owners == old) & (taught < self._since[old, label])
+            images = near & (distances < apart)
+            images &= (owners == old) & (taught < self._since[old, label])
             most = min(self._before[old] + MOST_A_TURN, 2 * ENOUGH)
             now_against = self._against[old, label] + (1.0 if images.any() else -1.0)
             self._against[old, label] = min(max(now_against, 0.0), most)
@@ -117,20 +118,22 @@ class ChangeOfMind(Stateful):
     ) -> Floats:
         """Return the labels' shares of a view, shape (n_labels,), after what was labelled anew."""
         usual = int(self._taken_up.argmax())
-        nearest = {
-            label: int(np.where(owners == label, distances, np.inf).argmin())
-            for label in np.flatnonzero(np.bincount(owners + 1)[1:]).tolist()  # unique() sorts
-            if label != usual
-        }
+        nearest: dict[int, tuple[float, int]] = {}  # of each label: how far away, and when taught
+        for label in range(len(shares)):
+            if label != usual:
+                image = int(np.where(owners == label, distances, np.inf).argmin())
+                if owners[image] == label:
+                    nearest[label] = float(distances[image]), int(taught[image])
+        if len(nearest) < 2:
+            return shares
         after = shares.copy()
-        for old, image in nearest.items():
-            is_before = taught[image] < self._since[old]
+        for old, (distance, old_s) in nearest.items():
             followers = [
-                (distances[other], new)
-                for new, other in nearest.items()
-                if (self._against[old, new] >= ENOUGH and is_before[new])
-                or taught[image] < self._outdated_before <= taught[other]
-                or (distances[other] <= distances[image] and taught[other] > taught[image] + LATER)
+                (other, new)
+                for new, (other, new_s) in nearest.items()
+                if (self._against[old, new] >= ENOUGH and old_s < self._since[old, new])
+                or old_s < self._outdated_before <= new_s
+                or (other <= distance and new_s > old_s + LATER)
             ]
             if followers:
                 passed = (1.0 - STILL_VALID) * shares[old]

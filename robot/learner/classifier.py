@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -35,6 +36,27 @@ CONTEXT_SHARE = 0.85
 """Weight of the linear part within a context: images do not know what is under way."""
 SHARPNESS = 1.6
 """Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
+
+
+class _Counted:
+    """What follows from the labels that the nodes counted, shape (n, n_labels)."""
+
+    def __init__(self, histograms: NDArray[np.int64]) -> None:
+        self.n = len(histograms)
+        self._histograms = histograms
+
+    @cached_property
+    def owners(self) -> NDArray[np.int64]:
+        """Return which label has most votes of each node, shape (n,); -1 without votes."""
+        most = self._histograms.argmax(axis=1)
+        has_votes = self._histograms[np.arange(self.n), most] > 0
+        return np.where(has_votes, most, -1)
+
+    @cached_property
+    def per_label(self) -> NDArray[np.int64]:
+        """Return how many votes each label has, shape (n_labels,)."""
+        total: NDArray[np.int64] = self._histograms.sum(axis=0)
+        return total
 
 
 class BSOCClassifier(Stateful, Learner):
@@ -108,6 +130,7 @@ class BSOCClassifier(Stateful, Learner):
         self.novelty_ = votes.Novelty(margin=novelty_margin)
         self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
+        self._counts: _Counted | None = None
         # Of each node's frames the sums of the terms of their angles, from -1 to 1.
         self._node_angles: votes.Floats | None = None
 
@@ -148,8 +171,9 @@ class BSOCClassifier(Stateful, Learner):
         self._know(y)
         if self._mind is not None:  # as it was before any merge
             distances, taught = cluster.last_distances_, cluster.last_touched_
-            owners = _owners(self._histograms[: len(distances)])
+            owners = self._counted(len(distances)).owners
             self._mind.note(column, distances, owners, taught, cluster.n_trained_)
+        self._counts = None
         if cluster.last_merge_ is not None:
             kept, removed = cluster.last_merge_
             for sums in self._sums():
@@ -166,8 +190,18 @@ class BSOCClassifier(Stateful, Learner):
         if cluster.last_distance_ is not None:
             self.novelty_.learn(cluster.last_distance_)
         if self.linear is not None:
-            targets = np.eye(len(self.labels_))[column]
+            targets = np.zeros(len(self.labels_))
+            targets[column] = 1.0
             self.linear.learn(x, targets, steered, contexts)
+
+    def _counted(self, n: int) -> _Counted:
+        """Return what follows from the labels counted of the first `n` nodes.
+
+        It is found anew only after a change: a frame that is shown and then taught asks twice.
+        """
+        if self._counts is None or self._counts.n != n:
+            self._counts = _Counted(self._histograms[:n])
+        return self._counts
 
     def _know(self, y: Label) -> int:
         """Return the column of a label; adds one for a new label."""
@@ -195,13 +229,15 @@ class BSOCClassifier(Stateful, Learner):
             share = max(self.linear_share, CONTEXT_SHARE) if is_known else self.linear_share
             scores = np.maximum(linear.scores(x, context), 0.0)
             shares = share * scores + (1.0 - share) * shares
+        counted = self._counted(cluster.n_nodes_)
         if self.balance:
-            shares = shares * votes.rarity(histograms.sum(axis=0), self.balance)
+            shares = shares * votes.rarity(counted.per_label, self.balance)
         if mind is not None:
-            shares = mind.applied(shares, distances, _owners(histograms), cluster.touched_)
+            shares = mind.applied(shares, distances, counted.owners, cluster.touched_)
         shares = votes.shares(shares)
         node = int(distances.argmin())
-        listed, best = shares.tolist(), int(shares.argmax())
+        listed = shares.tolist()
+        best = listed.index(max(listed))
         angle, size, spread = self._angle(x, distances)
         return Evidence(
             label=self.labels_[best],
@@ -254,7 +290,7 @@ class BSOCClassifier(Stateful, Learner):
     def set_state(self, state: State) -> None:
         if state.kind != self._kind:
             raise ValueError(f"the model is a {state.kind}, not a {self._kind}")
-        self.labels_ = list(state.labels)
+        self.labels_, self._counts = list(state.labels), None
         self.load(state.params, state.arrays, sizes={"n_labels": len(self.labels_)})
 
     def faults(self) -> Iterator[str]:
@@ -274,7 +310,7 @@ class BSOCClassifier(Stateful, Learner):
     def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
         _check(y, angle)
         index = self._index(node_id)
-        column = self._know(y)
+        column, self._counts = self._know(y), None
         before = self._histograms[index].copy()
         self._histograms[index] = 0
         n = self._histograms[index, column] = max(int(before.sum()), 1)
@@ -289,7 +325,7 @@ class BSOCClassifier(Stateful, Learner):
     def delete_node(self, node_id: int) -> None:
         index = self._index(node_id)
         image, frames = self.cluster.nodes_[index], float(self.cluster.counts_[index])
-        last = self.cluster.delete(index)
+        last, self._counts = self.cluster.delete(index), None
         angle = 0.0 if self._node_angles is None else self._node_angles[index, :2] / frames
         if self.linear is not None:
             self.linear.forget(image, self._histograms[index] / frames, frames, angle)
@@ -315,12 +351,6 @@ class BSOCClassifier(Stateful, Learner):
         if found.size == 0:
             raise LookupError(f"there is no node {node_id}")
         return int(found[0])
-
-
-def _owners(histograms: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return which label has most votes of each node, shape (n_nodes,); -1 without votes."""
-    has_votes = histograms @ np.ones(histograms.shape[1]) > 0  # of 1024, a third of any()'s time
-    return np.where(has_votes, histograms.argmax(axis=1), -1)
 
 
 def _check(label: Label, angle: float) -> None:

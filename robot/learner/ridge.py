@@ -3,8 +3,9 @@
 Source: recursive least squares, Haykin, "Adaptive Filter Theory", with a forgetting factor of 1.
 After any number of frames the weights are those of batch ridge regression on all of them.
 
-The inverse is large, and writing it is what a frame would cost. So its last few changes wait as
-vectors, which count as if they were in it, and are written together: three times as fast.
+The inverse is large, and reading and writing it is what a frame costs. So it is kept in single
+precision (`_ROUNDED` bounds what that may cost), and its last changes wait as vectors, which count
+as if they were in it, and are written together.
 
 A driver begins a turn late and ends it late. Between the two the same view means FORWARD to who
 drives straight and LEFT to who turns, and a single linear map takes the mean. So there is one ridge
@@ -28,12 +29,19 @@ from robot.learner.part import MOST_VALUES, Array, Arrays, Params, Stateful
 from robot.learner.values import demand
 from robot.learner.votes import Floats
 
+Singles = NDArray[np.float32]
 Angle = Floats | float
 """An angle and its size, shape (2,), or 0 where no angle is learned."""
-_WAITING = 8
-"""So many changes of the inverse are written at once."""
+_WAITING = 32
+"""Changes of the inverse that are written at once: more would cost more to wait with than they
+save. Earlier versions had 8."""
+_ROUNDED = 1e-5
+"""By how much rounding may move an eigenvalue of the inverse, as a share of the largest that it can
+have. Single precision adds 6e-8 of it at each write, in all directions."""
 _MOST_INVERSE = 1e3
 """Beyond what an inverse holds: 1 / penalty at first, and less with every frame."""
+_EITHER = np.float32, np.float64
+"""Earlier versions kept the inverse in double precision."""
 N_CONTEXTS = 2
 EVERY = range(N_CONTEXTS)
 
@@ -93,9 +101,16 @@ class RecursiveRidge(LinearPart):
     """
 
     fields: Sequence[Array] = (
-        Array("triangle", np.float64, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
+        Array("triangle", _EITHER, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
         Array("linear", np.float64, ("size", "n_labels"), -1e9, 1e9, attribute="_weights"),
-        Array("waiting", np.float64, (_WAITING, "size"), -MOST_VALUES, MOST_VALUES),
+        Array(
+            "waiting",
+            _EITHER,
+            (_WAITING, "size"),
+            -MOST_VALUES,
+            MOST_VALUES,
+            attribute="_kept_waiting",
+        ),
         Array("angles", np.float64, ("size", 2), -1e9, 1e9, may_miss=True),
     )
 
@@ -105,19 +120,19 @@ class RecursiveRidge(LinearPart):
         self.n_features, self.penalty, self.scale = n_features, penalty, scale
         self.size = size = n_features + 1
         self.n_triangle = size * (size + 1) // 2
-        self._inverse = np.eye(size) / penalty
+        self._inverse = np.eye(size, dtype=np.float32) / np.float32(penalty)
         self._most = 2.0 / penalty
         self._weights = np.zeros((size, 0))
         self._angles: Floats | None = None
-        self._work = np.zeros((size, size))
-        self._waiting = np.zeros((_WAITING, size))
+        self._work = np.zeros((size, size), np.float32)
+        self._waiting = np.zeros((_WAITING, size), np.float32)
         self._n_waiting = 0
 
     def add_label(self) -> None:
         self._weights = np.hstack([self._weights, np.zeros((len(self._weights), 1))])
 
     def scores(self, x: Vector, context: int | None = None) -> Floats:
-        scores: Floats = self._scaled(x) @ self._weights
+        scores: Floats = self._scaled(x).dot(self._weights)
         return scores
 
     def begin_angles(self, of_labels: Floats) -> None:
@@ -138,15 +153,16 @@ class RecursiveRidge(LinearPart):
         self._add(-frames, self._scaled(x), targets, angle)
 
     def _add(self, weight: float, z: Floats, targets: Floats, angle: Angle = 0.0) -> None:
-        direction = self._solve(z)
-        rest = 1.0 + weight * float(z @ direction)
+        single = z.astype(np.float32)
+        direction = self._solve(single)
+        rest = 1.0 + weight * float(single @ direction)
         if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
             return  # not all of it was learned here: less than nothing would be left
         gain = weight / rest
-        error = targets - z @ self._weights
-        self._weights += (gain * direction)[:, None] * error
+        step = np.multiply(direction, gain, dtype=np.float64)[:, None]
+        self._weights += step.dot((targets - z.dot(self._weights))[None])  # faster than np.outer
         if self._angles is not None:
-            self._angles += (gain * direction)[:, None] * (angle - z @ self._angles)
+            self._angles += step.dot((angle - z.dot(self._angles))[None])
         if gain < 0.0:  # a frame taken back is rare
             self._write()
             self._inverse -= gain * np.outer(direction, direction)
@@ -164,15 +180,17 @@ class RecursiveRidge(LinearPart):
         self._n_waiting = 0
 
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
-        direction = self._solve(self._scaled(x))
+        direction = self._solve(self._scaled(x).astype(np.float32))
         self._weights += np.outer(direction, change)
         if self._angles is not None:
             self._angles += np.outer(direction, angle)
 
-    def _solve(self, z: Floats) -> Floats:
+    def _solve(self, z: Singles) -> Singles:
         """Return the inverse times `z`, with the changes that wait."""
-        waiting = self._waiting[: self._n_waiting]
-        solution: Floats = self._inverse @ z - (waiting @ z) @ waiting
+        solution: Singles = self._inverse.dot(z)
+        if self._n_waiting:
+            waiting = self._waiting[: self._n_waiting]
+            solution -= waiting.dot(z).dot(waiting)
         return solution
 
     def _scaled(self, x: Vector) -> Floats:
@@ -182,31 +200,43 @@ class RecursiveRidge(LinearPart):
         return z
 
     @property
-    def _triangle(self) -> Floats:
+    def _triangle(self) -> Singles:
         """The upper half of the inverse, which is symmetric to the last bit."""
         return self._inverse[_upper(self.size)]
 
     @_triangle.setter
-    def _triangle(self, triangle: Floats) -> None:
+    def _triangle(self, triangle: Floats | Singles) -> None:
         upper = _upper(self.size)
         self._inverse[upper] = triangle
         self._inverse.T[upper] = triangle
 
+    @property
+    def _kept_waiting(self) -> Singles:
+        return self._waiting
+
+    @_kept_waiting.setter
+    def _kept_waiting(self, waiting: Floats | Singles) -> None:
+        self._waiting = waiting.astype(np.float32)
+
     def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Take the half of an inverse that an early version kept whole."""
+        """Take the half of an inverse that an early version kept whole, and fewer that wait."""
         if "inverse" in arrays and arrays["inverse"].shape == self._inverse.shape:
             arrays["triangle"] = arrays.pop("inverse")[_upper(self.size)]
             arrays["waiting"] = np.zeros_like(self._waiting)
+        waiting = arrays.get("waiting")
+        if waiting is not None and waiting.shape == (8, self.size):
+            arrays["waiting"] = np.pad(waiting, ((0, _WAITING - 8), (0, 0)))
 
     def restored(self) -> None:
         self._n_waiting = int(self._waiting.any(axis=1).sum())
 
     @property
     def is_indefinite(self) -> bool:
-        """True if the inverse is of numbers, but the inverse of nothing."""
-        inverse = self._inverse - self._waiting.T @ self._waiting
+        """True if the inverse is of numbers, but the inverse of nothing, rounding aside."""
+        waiting = self._waiting.astype(np.float64)
+        inverse = self._inverse - waiting.T @ waiting
         try:
-            np.linalg.cholesky(inverse)
+            np.linalg.cholesky(inverse + _ROUNDED / self.penalty * np.eye(self.size))
         except np.linalg.LinAlgError:
             return bool(np.isfinite(inverse).all())
         return False
@@ -261,13 +291,13 @@ class ContextRidge(RecursiveRidge):
     ) -> None:
         if len(contexts) < N_CONTEXTS and not self._ridges:
             self._ridges = [self._copy() for _ in EVERY]
-        super().learn(x, targets, angle)
-        column = int(targets.argmax())
+        z, column = self._scaled(x), int(targets.argmax())
+        self._add(1.0, z, targets, angle)
         self._counts[0, column] += 1
         for context in contexts:
             self._counts[1 + context, column] += 1
             if self._ridges:
-                self._ridges[context].learn(x, targets)
+                self._ridges[context]._add(1.0, z, targets)
 
     def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
         super().forget(x, targets, frames, angle)

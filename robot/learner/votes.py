@@ -32,23 +32,26 @@ def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters:
     if n_voters == 1:
         return shares(histograms[int(distances.argmin())].astype(np.float64))
     voters, weights = _weighed(distances, histograms, n_voters)
-    counts = histograms[voters]
-    totals = np.maximum(counts.sum(axis=1), 1)
-    return shares((weights / totals) @ counts)
+    summed = [0.0] * histograms.shape[1]  # of a few numbers: no task for numpy
+    for weight, counts in zip(weights, histograms[voters].tolist(), strict=True):
+        each = weight / max(sum(counts), 1)
+        summed = [votes + each * count for votes, count in zip(summed, counts, strict=True)]
+    return shares(np.array(summed))
 
 
 def _weighed(
     distances: Distances, counts: NDArray[np.int64], n_voters: int
-) -> tuple[NDArray[np.intp], Floats]:
+) -> tuple[NDArray[np.intp], list[float]]:
     """Return the `n_voters` nearest nodes, and how heavy each is: the nearer the heavier."""
     voters = np.arange(distances.size)
     if distances.size > n_voters:
-        voters = np.argpartition(distances, n_voters - 1)[:n_voters]
+        voters = distances.argpartition(n_voters - 1)[:n_voters]
         if not counts[voters].any():  # of images that are the same one has all the votes
             voting = np.unique(counts.nonzero()[0])
             voters = voting[distances[voting].argsort()[:n_voters]]
-    near = distances[voters]
-    return voters, 1.0 / (near.astype(np.float64) + 1e-3 * float(near.max(initial=0.0)) + 1e-12)
+    near = distances[voters].tolist()
+    least = 1e-3 * max(near, default=0.0)
+    return voters, [1.0 / (distance + least + 1e-12) for distance in near]
 
 
 def angle_terms(angle: Floats | float) -> Floats:
@@ -67,8 +70,8 @@ def mean_angle(
         frames: How many frames each node stands for, shape (n,).
         n_voters: How many nodes count at most, the nearer the more.
     """
-    voters, weights = _weighed(distances, frames, n_voters)
-    weights = weights * (frames[voters] > 0)
+    voters, each = _weighed(distances, frames, n_voters)
+    weights = np.array(each) * (frames[voters] > 0)
     shares = weights / ((weights.sum() or 1.0) * np.maximum(frames[voters], 1))
     means: Floats = shares @ sums[voters]
     return means[:2], math.sqrt(max(float(means[2] - means[0] ** 2), 0.0))

@@ -49,10 +49,13 @@ def to_small_grey(frame: Frame, width: int, height: int) -> Pixels:
 
 def rgb_to_grey(rgb: Pixels) -> Pixels:
     """Return the brightness of pixels, shape (height, width)."""
-    red, green, blue = np.moveaxis(rgb.astype(np.uint32), 2, 0)
-    # ITU-R BT.601 in 16 fractional bits: whole numbers alone, for machines without an FPU.
-    grey: Pixels = ((19595 * red + 38470 * green + 7471 * blue + 32768) >> 16).astype(np.uint8)
-    return grey
+    # ITU-R BT.601 in 16 fractional bits: whole numbers only, for machines without an FPU.
+    sums = np.full(rgb.shape[:2], 32768, np.uint32)
+    part = np.empty_like(sums)
+    for channel, weight in enumerate((19595, 38470, 7471)):
+        sums += np.multiply(rgb[:, :, channel], np.uint32(weight), out=part, dtype=np.uint32)
+    sums >>= 16
+    return sums.astype(np.uint8)
 
 
 def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
@@ -114,9 +117,12 @@ def _shrink_by_halves(pixels: Pixels, halvings: int) -> Pixels:
 
     Rows come first: they lie together in memory, whatever the number of channels.
     """
-    wide, step = pixels.astype(np.uint16), 1 << halvings
-    lines = sum(wide[row::step] for row in range(1, step)) + wide[0::step]
-    sums = sum(lines[:, column::step] for column in range(1, step)) + lines[:, 0::step]
+    step = 1 << halvings
+    blocks = pixels.reshape(-1, step, *pixels.shape[1:])
+    lines = blocks.sum(axis=1, dtype=np.uint16)
+    sums = lines[:, 0::step] + lines[:, 1::step]
+    for column in range(2, step):
+        sums += lines[:, column::step]
     # Adding just less than a half, and 1 where the quotient is odd, rounds halves to the even
     # neighbour.
     bits = 2 * halvings

@@ -9,6 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot.learner.base import Vector
 from robot.learner.part import Value
 from robot.learner.values import number
@@ -37,7 +40,7 @@ class LightAdaptation(PolicyPart):
         self._driven: float | None = None
 
     def on_frame(self, seen: Seen) -> None:
-        brightness = float(seen.picture.mean())
+        brightness = _brightness(seen.picture)
         driven = brightness if self._driven is None else self._driven
         driven += (1.0 - math.exp(-seen.step_s / SECONDS)) * (brightness - driven)
         self._driven = driven
@@ -48,10 +51,15 @@ class LightAdaptation(PolicyPart):
     def on_example(self, lesson: Lesson) -> None:
         if lesson.is_learned:
             self._examples = min(self._examples + 1.0, EXAMPLES)
-            self._taught += (float(lesson.picture.mean()) - self._taught) / self._examples
+            self._taught += (_brightness(lesson.picture) - self._taught) / self._examples
 
     def reset(self) -> None:
         self._driven = None
 
     def restored(self) -> None:
         self.reset()
+
+
+def _brightness(picture: NDArray[np.uint8]) -> float:
+    """Return the mean grey value; `mean()` takes twice as long."""
+    return float(picture.sum()) / max(picture.size, 1)

@@ -81,7 +81,7 @@ def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):
     ridge.forget(x, np.eye(3)[column], 1.0)
     expected = alone(everywhere[1:])
     for scores in opinions(ridge, x):
-        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-9)
+        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-5)
 
 
 def test_each_context_changes_by_its_share_of_the_label(examples):
@@ -118,12 +118,12 @@ def test_a_model_from_before_contexts_has_the_same_opinion_in_all(examples):
     ridge.load({}, {"inverse": inverse, "linear": inverse @ z.T @ targets})
     x, expected = examples[0][0], alone(examples)
     for scores in opinions(ridge, x):
-        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-12)
+        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-5)
     change = np.array([-1.0, 1.0, 0.0])
     for one in (ridge, expected):
         one.retarget(x, change)
     for scores in opinions(ridge, x):
-        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-12)
+        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-5)
     ridge.learn(x, np.eye(3)[1], contexts=(0,))
     assert np.ptp([scores[1] for scores in opinions(ridge, x)]) > 0.0
 
