@@ -216,6 +216,11 @@ class Driver(ABC):
     def __init__(self, options: Any) -> None: ...
 
     @property
+    def device(self) -> str:
+        """Which device was found by searching, as `'Anna' (00:16:53:00:00:01)`; else empty."""
+        return ""
+
+    @property
     def moves(self) -> tuple[Action, ...]:
         """Names of what this body can do besides standing, in the order of `declared_moves`."""
         return names(self.declared_moves)

@@ -66,6 +66,7 @@ class DriverThread(Driver):
         self._request_s: float | None = None
 
     name = _of_body("name")
+    device = _of_body("device")
     default_camera = _of_body("default_camera")
     options_type = _of_body("options_type")
     declared_moves = _of_body("declared_moves")

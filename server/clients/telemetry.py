@@ -74,7 +74,8 @@ def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
 
 def describe_body(driver: Driver) -> dict[str, Any]:
     moves = [move.describe() for move in describe(driver.moves, driver.declared_moves)]
-    return {"declared_moves": moves, "takes_points": driver.takes_points}
+    device = {"device": driver.device} if driver.device else {}
+    return {"declared_moves": moves, "takes_points": driver.takes_points, **device}
 
 
 def _milliseconds(seconds: float | None) -> float | None:

@@ -18,6 +18,7 @@ class DoubleMotor:
     """What LEGO's library and motor do."""
 
     BUTTON_STATE_PRESSED = 1
+    MOTOR_END_STATE_BRAKE = 1
 
     def __init__(self, clock: VirtualClock, chance: random.Random) -> None:
         self._clock, self._chance = clock, chance
@@ -47,6 +48,12 @@ class DoubleMotor:
         self, ms: int, direction: str, speed: int, *, blocking: bool
     ) -> None:
         self._take(ms / 1000)
+
+    def movement_set_end_state(self, state: int) -> None: ...
+
+    def movement_set_acceleration(self, up: int, down: int) -> None: ...
+
+    def movement_set_turn_steering(self, steering: int) -> None: ...
 
     def movement_stop(self, *, blocking: bool) -> None:
         self._take(0.0)

@@ -35,12 +35,19 @@ def find_library() -> Any:
 
 
 class FakeDoubleMotor:
-    """`told` has (direction, percent, milliseconds); `cut` carries it out of reach."""
+    """`told` has (direction, percent, milliseconds); `cut` carries it out of reach.
 
-    def __init__(self) -> None:
+    What one program has set (`end_state`, `acceleration`, `steering`) holds in the next one, as in
+    the motor. `others` are motors that are in reach as well.
+    """
+
+    def __init__(self, address: str = "A4:34:F1:00:00:01") -> None:
         self.library = find_library()
         self.rpc = importlib.import_module("legoeducation.rpc_message")
-        self.name = "Double Motor"
+        self.name, self.address = "Double Motor", address
+        self.others: list[FakeDoubleMotor] = []
+        self.end_state, self.acceleration, self.steering = 0, (20, 5), 100
+        self.search_fails: Exception | None = None
         self.told: list[tuple[int, int, int]] = []
         self.percent, self.ends_s = 0, 0.0
         self.is_in_reach, self.is_pressed = True, False
@@ -55,8 +62,11 @@ class FakeDoubleMotor:
 
         class Transport(seam.BLETransport):  # type: ignore[name-defined,misc]
             async def scan_devices(self, timeout: float, filters: Any = None) -> list[Any]:
+                if motor.search_fails is not None:
+                    raise motor.search_fails
                 wanted = (filters or {}).get("device_name") or ""
-                return [motor] if motor.is_in_reach and wanted in motor.name else []
+                all_motors = [motor, *motor.others]
+                return [one for one in all_motors if one.is_in_reach and wanted in one.name]
 
             async def connect(self, device: Any, say: Any, lost: Any) -> bool:
                 motor._say, motor._lost = say, lost
@@ -113,6 +123,18 @@ class FakeDoubleMotor:
                 size = 1
                 (self.percent,) = struct.unpack_from("<b", rest)
                 answer = rpc.MovementSetSpeedResult(0)
+            elif kind == rpc.MOVEMENT_SET_END_STATE_COMMAND:
+                size = 1
+                (self.end_state,) = struct.unpack_from("<b", rest)
+                answer = rpc.MovementSetEndStateResult(0)
+            elif kind == rpc.MOVEMENT_SET_ACCELERATION_COMMAND:
+                size = 2
+                self.acceleration = struct.unpack_from("<BB", rest)
+                answer = rpc.MovementSetAccelerationResult(0)
+            elif kind == rpc.MOVEMENT_SET_TURN_STEERING_COMMAND:
+                size = 1
+                (self.steering,) = struct.unpack_from("<B", rest)
+                answer = rpc.MovementSetTurnSteeringResult(0)
             elif kind == rpc.MOVEMENT_MOVE_FOR_TIME_COMMAND:
                 size = 5
                 run_ms, direction = struct.unpack_from("<LB", rest)

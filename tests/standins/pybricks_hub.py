@@ -40,10 +40,14 @@ LOST_AFTER_S = 1.0
 
 
 class FakeHub:
-    """`ends_s` says of each motor when its firmware ends what it was told last."""
+    """`ends_s` says of each motor when its firmware ends what it was told last.
 
-    def __init__(self, name: str = "Pybricks Hub") -> None:
-        self.name = name
+    `others` are hubs that are in reach as well.
+    """
+
+    def __init__(self, name: str = "Pybricks Hub", address: str = "00:16:53:00:00:01") -> None:
+        self.name, self.address = name, address
+        self.others: list[FakeHub] = []
         self.ends_s: dict[str, float] = {}
         self.told: list[tuple[str, float, int]] = []
         self.light = ""
@@ -74,7 +78,7 @@ class FakeHub:
         """Return a driver that reaches this hub."""
         driver = PybricksDriver(options)
         driver._open_line = lambda: HubLine(  # type: ignore[method-assign]
-            self.bluetooth, options.hub, RealClock()
+            self.bluetooth, options.hub, RealClock(), driver._same
         )
         return driver
 
@@ -178,13 +182,15 @@ class FakeHub:
 
     async def _find(self, matches: Any, timeout: float, **_: Any) -> Any:
         """As `BleakScanner.find_device_by_filter`; it gives up at once."""
-        found = SimpleNamespace(name=self.name, address="00:16:53:00:00:01")
-        said = SimpleNamespace(service_uuids=[_SERVICE], local_name=self.name)
-        is_free = self.is_in_reach and not self.clients
-        return found if is_free and matches(found, said) else None
+        for hub in (self, *self.others):
+            found = SimpleNamespace(name=hub.name, address=hub.address, hub=hub)
+            said = SimpleNamespace(service_uuids=[_SERVICE], local_name=hub.name)
+            if hub.is_in_reach and not hub.clients and matches(found, said):
+                return found
+        return None
 
     def _make_client(self, device: Any, disconnected_callback: Any = None, **_: Any) -> _Client:
-        return _Client(self, disconnected_callback)
+        return _Client(getattr(device, "hub", self), disconnected_callback)
 
 
 class BleakError(Exception):

@@ -9,7 +9,7 @@ import { declare } from '../../web/js/moves.js';
 const MOVES = ['forward', 'left', 'right', 'backward'];
 const FRAME_MS = 16;
 /** How many generated pads; more by hand. */
-const PADS = Number(process.env.DRIVELESSON_PADS ?? 100);
+const PADS = Number(process.env.DRIVELESSON_PADS ?? (process.env.DRIVELESSON_FULL ? 500 : 100));
 
 /** A page in Teach whose pilot has the wheel; `look` is the browser's next frame. */
 function drivingPage(takesPoints = false) {

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import logging
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock
+from robot.devices.bluetooth import name_trouble
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
+from robot.devices.same_device import Found, SameDevice
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, describe
 from robot.errors import DriveError, need, told_as
 from robot.types import Action, Point, Sensors
@@ -18,6 +24,14 @@ GONE_S = 0.4
 """The motor tells its state ten times a second; without a word for so long it counts as gone."""
 AGAIN_S = 2.0
 _NOTE_EVERY_MS = 100
+FULL_PERCENT = 100
+"""Acceleration and deceleration, in percent: a motor that brakes gently stops too late."""
+TURN_STEERING = 50
+"""A turn goes about the inner wheel, as `left` and `right` are declared; 100 would spin."""
+_ADDRESS = re.compile(
+    r"(?:[\dA-F]{2}:){5}[\dA-F]{2}|[\dA-F]{8}(?:-[\dA-F]{4}){3}-[\dA-F]{12}", re.I
+)
+"""A Bluetooth address; macOS shows programs a UUID in its place."""
 _DIRECTIONS = {
     Action.FORWARD: "MOVEMENT_DIRECTION_FORWARD",
     Action.LEFT: "MOVEMENT_DIRECTION_LEFT",
@@ -30,7 +44,7 @@ _DIRECTIONS = {
 class LegoEducationOptions(Options):
     """Which double motor, and how fast."""
 
-    hub: str = option("", "part of the double motor's name; empty: the first found")
+    hub: str = option("", "part of the double motor's name, or its address; needed for several")
     straight_percent: int = option(50, "speed straight on, in percent", range=(1, 100))
     turn_percent: int = option(25, "speed of turns, in percent", range=(1, 100))
 
@@ -50,23 +64,48 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         super().__init__(options, clock)
         self._library = library
         self._found: Any = None
+        self._same = SameDevice("double motor")
         self._heard_s = self._tried_s = 0.0
         self._was_pressed = False
 
     def _open(self) -> Any:
         if self._library is None:
             self._library = need("legoeducation", "the robot 'lego-education'", "lego-education")
-        with told_as(DriveError, "no double motor can be sought", Exception, do="is Bluetooth on?"):
-            motor = self._library.DoubleMotor()
-            found = motor.search(timeout=SEARCH_S, device_name=self.options.hub or None)
+        motor = self._library.DoubleMotor()
+        found = {_as_found(one): one for one in self._search(motor)}
         if not found:
             name = f" with {self.options.hub!r} in its name" if self.options.hub else ""
             raise DriveError(
                 f"no double motor{name} is in reach; is it on, and not connected elsewhere?"
             )
+        with told_as(DriveError, "which double motor?", ConnectionError):
+            chosen = self._same.pick(found)
+        if chosen is None:
+            raise DriveError(f"the double motor {self._same.name_absent(found)}")
         motor.set_notification_callback(self._note)
-        self._found = found[0]
+        self._same.chosen, self._found = chosen, found[chosen]
         return motor
+
+    def _search(self, motor: Any) -> list[Any]:
+        """Return the double motors in reach whose name or address fits.
+
+        The library logs what fails in a search, with its traceback, and returns None.
+        """
+        wanted = self.options.hub
+        name = None if _ADDRESS.fullmatch(wanted) else wanted or None
+        try:
+            with _logged_errors(getattr(motor, "logger", None)) as errors:
+                found = motor.search(timeout=SEARCH_S, device_name=name)
+            if errors:
+                raise errors[0]
+        except Exception as error:
+            why = name_trouble(error) or f"{error}; is Bluetooth on?"
+            raise DriveError(f"no double motor can be sought: {why}") from error
+        return [one for one in found or () if name or _as_found(one).is_called(wanted)]
+
+    @property
+    def device(self) -> str:
+        return str(self._same.chosen or "")
 
     def _begin(self) -> None:
         self._reach(self._connected())
@@ -79,7 +118,15 @@ class LegoEducationDriver(ConnectedDriver[Any]):
             motor.connect(self._found, device_notification_delay=_NOTE_EVERY_MS)
         if not motor.connected:
             raise DriveError("the double motor does not connect; switch it off and on again")
+        self._set_up(motor)
         self._heard_s = self._clock.now_s()
+
+    def _set_up(self, motor: Any) -> None:
+        """Set all that a motor keeps from the program before: it drives as declared, and brakes."""
+        with told_as(DriveError, "the double motor takes no settings", Exception):
+            motor.movement_set_end_state(self._library.MOTOR_END_STATE_BRAKE)
+            motor.movement_set_acceleration(FULL_PERCENT, FULL_PERCENT)
+            motor.movement_set_turn_steering(TURN_STEERING)
 
     def _close(self, connection: Any) -> None:
         with contextlib.suppress(Exception):
@@ -138,3 +185,30 @@ class LegoEducationDriver(ConnectedDriver[Any]):
             raise DriveError(
                 f"the double motor has told nothing for {silent_s:.1f} s; is it on and in reach?"
             )
+
+
+def _as_found(device: Any) -> Found:
+    """Return what the library's device is called, and its address; older ones have none."""
+    name = str(getattr(device, "name", "") or "")
+    return Found(name, str(getattr(device, "address", "") or name))
+
+
+@contextmanager
+def _logged_errors(logger: logging.Logger | None) -> Iterator[list[BaseException]]:
+    """Collect the errors that a library logs with a traceback, and keep them off the terminal."""
+    errors: list[BaseException] = []
+
+    def take(record: logging.LogRecord) -> bool:
+        error = record.exc_info[1] if record.exc_info else None
+        if error is not None:
+            errors.append(error)
+        return error is None
+
+    if logger is None:
+        yield errors
+        return
+    logger.addFilter(take)
+    try:
+        yield errors
+    finally:
+        logger.removeFilter(take)

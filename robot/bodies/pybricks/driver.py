@@ -10,6 +10,7 @@ from robot.bodies.remote.driver import MessageLine, ReportingDriver
 from robot.bodies.remote.orders import moves_option, parse_moves
 from robot.clock import Clock
 from robot.devices.options import Options, option
+from robot.devices.same_device import SameDevice
 from robot.errors import need
 
 
@@ -17,7 +18,7 @@ from robot.errors import need
 class PybricksOptions(Options):
     """Which hub, and what its program can do."""
 
-    hub: str = option("", "the hub's name; needed if several are in reach")
+    hub: str = option("", "the hub's name or address; needed if several are in reach")
     body_moves: str = moves_option("forward,left,right,backward")
 
 
@@ -32,7 +33,12 @@ class PybricksDriver(ReportingDriver):
     def __init__(self, options: PybricksOptions, clock: Clock | None = None) -> None:
         super().__init__(options, f"the hub {options.hub!r}" if options.hub else "the hub", clock)
         self.declared_moves = parse_moves(options.body_moves)
+        self._same = SameDevice("hub", options.hub)
+
+    @property
+    def device(self) -> str:
+        return str(self._same.chosen or "")
 
     def _open_line(self) -> MessageLine:
         bluetooth = need("bleak", "the robot 'pybricks'", "pybricks")
-        return HubLine(bluetooth, self.options.hub, self._clock)
+        return HubLine(bluetooth, self.options.hub, self._clock, self._same)

@@ -13,7 +13,8 @@ from typing import Any
 
 from robot.bodies.remote.reconnecting import ReconnectingLink
 from robot.clock import Clock
-from robot.errors import told_as
+from robot.devices.bluetooth import name_trouble
+from robot.devices.same_device import Found, SameDevice
 
 SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
 COMMAND_EVENT = "c5f50002-8280-46da-89f4-6d8051e4aeef"
@@ -22,19 +23,63 @@ START_PROGRAM, WRITE_STDIN = 1, 6
 STATUS_REPORT, WRITE_STDOUT = 0, 1
 PROGRAM_RUNS = 1 << 6
 SCAN_S = 8.0
+TWINS_S = 2.0
+"""How long a search goes on after the first hub, to find a second one that fits as well. A hub
+advertises itself several times a second."""
 SEND_S = 0.3
 """A write that takes longer has failed; the one under way is never followed by a second."""
 _LONGEST_LINE = 200
 
 
-class HubLine(ReconnectingLink):
-    """Lines to and from the program on a hub: the first that is found, or the one of this name.
+async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Found, Any]:
+    """Return the one hub in reach that is meant, and bleak's own object for it.
 
-    `bluetooth` is the module `bleak`, or what has its `BleakScanner` and `BleakClient`.
+    The first connection looks for twins, too; later ones know their hub by its address.
+
+    Raises:
+        ConnectionError: If none is there, several fit, or this computer has no Bluetooth.
+    """
+    seen: dict[str, tuple[Found, Any]] = {}
+    since_s: float | None = None
+
+    def note(device: Any, said: Any) -> bool:
+        nonlocal since_s
+        if SERVICE not in said.service_uuids:
+            return False
+        hub = Found(said.local_name or device.name or "", device.address)
+        seen[hub.address] = (hub, device)
+        if not same.may_be(hub):
+            return False
+        since_s = clock.now_s() if since_s is None else since_s
+        n_fit = sum(same.may_be(one) for one, _ in seen.values())
+        return same.is_certain(hub) or n_fit > 1 or clock.now_s() - since_s >= TWINS_S
+
+    try:
+        await bluetooth.BleakScanner.find_device_by_filter(
+            note, timeout=SCAN_S, service_uuids=[SERVICE]
+        )
+    except Exception as error:  # bleak has errors of its own, and passes on the system's
+        raise ConnectionError(name_trouble(error) or f"the search failed ({error})") from error
+    hubs = [hub for hub, _ in seen.values()]
+    chosen = same.pick(hubs)
+    if chosen is None:
+        none = "" if same.chosen else "no hub with Pybricks that fits is in reach; "
+        raise ConnectionError(none + same.name_absent(hubs))
+    return seen[chosen.address]
+
+
+class HubLine(ReconnectingLink):
+    """Lines to and from the program on a hub: the only one in reach, or the one of this name.
+
+    `bluetooth` is the module `bleak`, or what has its `BleakScanner` and `BleakClient`. A hub that
+    was lost is waited for; no other hub is taken in its place.
     """
 
-    def __init__(self, bluetooth: Any, hub: str, clock: Clock) -> None:
-        self._bluetooth, self._hub = bluetooth, hub
+    def __init__(
+        self, bluetooth: Any, hub: str, clock: Clock, same: SameDevice | None = None
+    ) -> None:
+        self._bluetooth = bluetooth
+        self._same = same or SameDevice("hub", hub)
         self._client: Any = None
         self._runs = True
         self._rest = b""
@@ -52,20 +97,22 @@ class HubLine(ReconnectingLink):
 
     async def _connect_once(self, connected: Callable[[], None]) -> None:
         """Find the hub, start its program, and return when the connection is lost."""
-        with told_as(ConnectionError, "this computer's Bluetooth is off or missing"):
-            device = await self._bluetooth.BleakScanner.find_device_by_filter(
-                lambda found, said: (
-                    SERVICE in said.service_uuids and self._hub in ("", said.local_name, found.name)
-                ),
-                timeout=SCAN_S,
-                service_uuids=[SERVICE],
-            )
-        if device is None:
-            raise ConnectionError(
-                "none in reach says that it has Pybricks; is it on, and not connected elsewhere?"
-            )
+        hub, device = await find_hub(self._bluetooth, self._same, self._clock)
         lost = asyncio.Event()
         client = self._bluetooth.BleakClient(device, disconnected_callback=lambda _: lost.set())
+        try:
+            await self._talk(client, hub, lost, connected)
+        except (self._bluetooth.BleakError, OSError, TimeoutError) as error:
+            if (why := name_trouble(error)) is not None:
+                raise ConnectionError(why) from error
+            told = str(error) or type(error).__name__
+            raise ConnectionError(
+                f"{hub} does not connect ({told}); is it in reach, and not connected elsewhere?"
+            ) from error
+
+    async def _talk(
+        self, client: Any, hub: Found, lost: asyncio.Event, connected: Callable[[], None]
+    ) -> None:
         async with client:
             most, *_ = struct.unpack_from("<H", await client.read_gatt_char(CAPABILITIES))
             self._chunk, self._rest = max(19, most - 1), b""
@@ -73,11 +120,12 @@ class HubLine(ReconnectingLink):
             # A program that runs already makes the hub refuse, which is as good.
             with contextlib.suppress(self._bluetooth.BleakError):
                 await client.write_gatt_char(COMMAND_EVENT, bytes([START_PROGRAM]), True)
+            self._same.chosen = self._same.chosen or hub
             self._runs, self._client = True, client
             connected()
             try:
                 await lost.wait()
-                self.trouble = "the connection was lost"
+                self.trouble = f"the connection to {hub} was lost"
             finally:
                 self._client = None
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -18,6 +19,9 @@ from robot.errors import ConfigurationError
 from robot.types import Action, Point, Sensors
 
 MAX_BYTES = 512
+_NO_NUMBER = re.compile(rb'("(?:[^"\\]|\\.)*")|[-+]?\b(?:inf(?:inity)?|nan|ovf)\b', re.I)
+"""What small computers write for a number that is none: MicroPython's json `inf` and `nan`,
+Arduino's print `ovf` as well. JSON has no such words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +67,7 @@ def encode_order(order: Order, nonce: str, secret: str) -> bytes:
 
 def parse_report(data: bytes) -> BodyReport | None:
     try:
-        plain = json.loads(data[:MAX_BYTES])
+        plain = json.loads(_NO_NUMBER.sub(lambda found: found[1] or b"null", data[:MAX_BYTES]))
         nonce, seq, ms = plain["nonce"], plain["seq"], plain["ms"]
         if not isinstance(nonce, str) or not _is_count(seq) or not _is_count(ms):
             return None

@@ -90,6 +90,7 @@ export default {
   emergency: 'Emergency stop. The robot stands until you release it.',
   teacher_stop: 'Your teacher has stopped the robot, and will release it.',
   fault: '{fault}',
+  device_back: 'Connected to {device}, as before.',
   asks: "I don't know this view. Show me.",
   asks_help: 'I tried and got nowhere. Show me the way out.',
   asks_empty: 'I have learned nothing yet. Hold a direction and show me.',

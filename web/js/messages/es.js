@@ -89,6 +89,7 @@ export default {
   emergency: 'Parada de emergencia. El robot no se mueve hasta que lo liberes.',
   teacher_stop: 'Tu profesor ha parado el robot y él lo liberará.',
   fault: '{fault}',
+  device_back: 'Conectado a {device}, como antes.',
   asks: 'No conozco esta vista. Enséñame.',
   asks_help: 'Lo he intentado y no avanzo. Enséñame la salida.',
   asks_empty: 'Aún no he aprendido nada. Mantén una dirección y enséñame.',

@@ -89,6 +89,7 @@ export default {
   emergency: '已急停。解除之前机器人不会动。',
   teacher_stop: '老师已让机器人停下，由老师解除。',
   fault: '{fault}',
+  device_back: '已重新连接到 {device}，与之前相同。',
   asks: '我不认识这个画面。请教我。',
   asks_help: '我试过了，走不出去。请带我出去。',
   asks_empty: '我还什么都没学。按住一个方向教我。',

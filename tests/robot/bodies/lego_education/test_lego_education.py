@@ -47,6 +47,8 @@ def test_a_motor_is_driven_stopped_by_its_button_and_lost(motor: FakeDoubleMotor
 
 def moves_are_timed_by_the_motor_and_scaled(motor: FakeDoubleMotor) -> None:
     with driver_for(motor) as driver:
+        state = (motor.end_state, motor.acceleration, motor.steering)
+        assert state == (motor.library.MOTOR_END_STATE_BRAKE, (100, 100), 50)
         for move in driver.moves:
             driver.send_action(move, speed_scale=0.5)
         assert driver.sense().battery_share == 0.8
@@ -76,6 +78,7 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
         with pytest.raises(DriveError, match="in reach"):
             driver.send_action(Action.FORWARD)
         motor.is_in_reach = True
+        motor.end_state = 3  # another program had it meanwhile
 
         def drives() -> bool:
             try:
@@ -86,6 +89,7 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
                 return False
 
         until(drives)
+        assert motor.end_state == motor.library.MOTOR_END_STATE_BRAKE
 
 
 def test_what_is_wrong_is_a_sentence(motor: FakeDoubleMotor) -> None:
@@ -96,6 +100,23 @@ def test_what_is_wrong_is_a_sentence(motor: FakeDoubleMotor) -> None:
         driver_for(motor).connect()
 
 
+def test_of_two_motors_the_one_that_is_named_is_driven(motor: FakeDoubleMotor) -> None:
+    motor.others.append(FakeDoubleMotor("A4:34:F1:00:00:02"))
+    with pytest.raises(DriveError, match=r"2 double motors .*--hub A4:34:F1:00:00:01"):
+        driver_for(motor).connect()
+    with driver_for(motor, "a4:34:f1:00:00:01") as driver:
+        assert driver.device == "'Double Motor' (A4:34:F1:00:00:01)"
+
+
+def test_the_library_s_own_traceback_is_a_sentence(
+    motor: FakeDoubleMotor, caplog: pytest.LogCaptureFixture
+) -> None:
+    motor.search_fails = OSError("[org.freedesktop.DBus.Error.ServiceUnknown] org.bluez")
+    with pytest.raises(DriveError, match=r"sought: this computer's Bluetooth is off or missing"):
+        driver_for(motor).connect()
+    assert not [record for record in caplog.records if record.exc_info]
+
+
 def test_a_computer_without_bluetooth_is_told_so() -> None:
     """The library has no errors of its own there: they are those of what it uses."""
 
@@ -103,7 +124,7 @@ def test_a_computer_without_bluetooth_is_told_so() -> None:
         raise RuntimeError("Bluetooth device is turned off")
 
     library = SimpleNamespace(DoubleMotor=lambda: SimpleNamespace(search=fail))
-    with pytest.raises(DriveError, match=r"device is turned off; is Bluetooth on\?"):
+    with pytest.raises(DriveError, match=r"Bluetooth is off; switch it on"):
         LegoEducationDriver(LegoEducationOptions(), library=library).connect()
 
 

@@ -20,7 +20,7 @@ from robot.types import Action, Sensors
 from tests.contract.real_parts import check_driver_on_its_real_line
 from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import ROOT
-from tests.standins.pybricks_hub import PROGRAM, FakeHub
+from tests.standins.pybricks_hub import PROGRAM, BleakError, FakeHub
 
 FOREIGN = ROOT / "var/pybricksdev"
 
@@ -76,6 +76,7 @@ def test_a_hub_is_found_driven_hung_up_and_lost_and_driven_again(hub: FakeHub) -
     a_program_that_hangs_ends_its_move_and_obeys_nothing_old(hub)
     a_hub_that_nobody_talks_to_shows_it(hub)
     a_hub_that_comes_back_into_reach_is_driven_again(hub)
+    a_lost_hub_is_not_replaced_by_its_twin(hub)
     the_hubs_button_ends_the_drive_and_starts_it_again(hub)
     for lines in (replayed_late_and_unknown_orders_only_stop, rubbish_is_harmless):
         hub.end_program()
@@ -169,6 +170,29 @@ def a_hub_that_comes_back_into_reach_is_driven_again(hub: FakeHub) -> None:
         send_until(driver)
 
 
+def a_lost_hub_is_not_replaced_by_its_twin(hub: FakeHub) -> None:
+    with FakeHub(address="00:16:53:00:00:02") as twin, mock.patch.object(hub, "others", [twin]):
+        with pytest.raises(DriveError, match=r"2 hubs .* fit:.*--hub 00:16:53:00:00:01"):
+            driver_for(hub).connect()
+        with driver_for(hub, hub.address) as driver:
+            assert driver.device == "'Pybricks Hub' (00:16:53:00:00:01)"
+            hub.cut()
+            until(lambda: not hub.clients or time.sleep(0.02))
+
+            def tells_of_both() -> bool:
+                try:
+                    driver.send_action(Action.FORWARD)
+                except DriveError as error:
+                    return ":01) was lost, and is not in reach (another one is" in str(error)
+                return False
+
+            until(tells_of_both)
+            assert not twin.told and not twin.clients
+            hub.is_in_reach = True
+            send_until(driver)
+            assert not twin.told
+
+
 def a_hub_is_found_by_its_name(hub: FakeHub) -> None:
     with mock.patch.object(hub, "name", "Anna"), driver_for(hub, "Anna"):
         pass
@@ -194,14 +218,25 @@ def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
         PybricksDriver(PybricksOptions()).connect()
 
 
-def test_a_computer_without_bluetooth_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+NO_BLUETOOTH = (
+    FileNotFoundError(2, "No such file or directory"),
+    BleakError("[org.freedesktop.DBus.Error.ServiceUnknown] The name org.bluez was not provided"),
+    BleakError("No Bluetooth adapters found."),
+)
+
+
+@pytest.mark.parametrize("error", NO_BLUETOOTH, ids=str)
+def test_a_computer_without_bluetooth_says_so(
+    monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
     async def find(*_: object, **__: object) -> None:
-        raise FileNotFoundError(2, "No such file or directory")
+        raise error
 
     scanner = SimpleNamespace(find_device_by_filter=find)
     monkeypatch.setitem(sys.modules, "bleak", SimpleNamespace(BleakScanner=scanner))
-    with pytest.raises(DriveError, match="this computer's Bluetooth is off or missing"):
+    with pytest.raises(DriveError, match="this computer's Bluetooth is off or missing") as told:
         PybricksDriver(PybricksOptions()).connect()
+    assert "org." not in str(told.value)
 
 
 def test_a_foreign_client_finds_a_hub(hub: FakeHub) -> None:

@@ -40,6 +40,18 @@ def test_a_sensor_that_says_what_cannot_be_says_nothing(number: bytes) -> None:
     assert report.sensors == Sensors()
 
 
+@pytest.mark.parametrize("word", ["inf", "-inf", "nan", "-nan", "NaN", "Infinity", "INF", "ovf"])
+def test_a_small_computer_writes_that_it_sees_nothing(word: str) -> None:
+    """As MicroPython's `json.dumps(float("inf"))`; the report was dropped, and the robot silent."""
+    text = (
+        f'{{"nonce": "inf nan \\" inf", "distance_m": {word}, "seq": 3, "ms": 9, "battery":{word}}}'
+    )
+    report = parse_report(text.encode())
+    assert report is not None
+    assert (report.nonce, report.seq, report.sensors) == ('inf nan " inf', 3, Sensors())
+    assert parse_report(b'{"nonce": "a", "seq": %s, "ms": 9}' % word.encode()) is None
+
+
 def test_an_order_holds_for_one_robot_one_start_and_one_secret() -> None:
     report = parse_report(b'{"nonce": "aa", "seq": 3, "ms": 99, "distance_m": 1, "battery": 0.5}')
     other = parse_report(b'{"nonce": "ab", "seq": 3, "ms": 99}')
