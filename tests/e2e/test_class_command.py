@@ -15,11 +15,13 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.kit.sizes import size
+
 from .hand import Fingers, pad
 from .world import PHONE, wait_for
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
-ROBOTS, TRIES = 3, 300
+ROBOTS, TRIES = size("ROBOTS", 2, 3), 300
 PORTS_APART = 16
 CLAIMS: list[socket.socket] = []
 READ_CODES = """async () => {

@@ -23,11 +23,11 @@ import httpx
 import pytest
 
 from server.cli.main import make_parser
+from tests.kit.sizes import in_ci
 from tests.server.live_robot import Pilot
 
 from .test_class_command import free_ports
 
-pytestmark = [pytest.mark.slow]
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "docs" / "examples"
 SERVICE = EXAMPLES / "raspberry-pi" / "drivelesson.service"
@@ -124,6 +124,7 @@ def contained(tmp_path: Path, port: int) -> Iterator[tuple[subprocess.Popen[str]
             process.kill()
 
 
+@in_ci
 @pytest.mark.timeout(600)
 def test_the_image_drives_without_root_and_writes_its_data_alone(tmp_path: Path) -> None:
     (port,) = [free_ports(1)]

@@ -24,6 +24,7 @@ import pytest
 
 from tests.e2e.hand import Fingers, pad
 from tests.e2e.world import PHONE, open_page, running_chromium
+from tests.kit.sizes import IS_FULL
 from tests.plugin.environment import OwnEnvironment
 from tests.standins.mjpeg import MjpegServer
 
@@ -54,12 +55,11 @@ def test_with_a_strangers_plugin_our_own_suite_passes(
     listed = environment.run("drivelesson serve --help", followed[0])
     assert "wheely" in listed
     cases = (f"[{kind}" for kind in _OVER_SOCKETS)
-    own = " and ".join(f"not {name}" for name in (*cases, "slow_body", "strict_type_check"))
-    printed = environment.run(
-        "pytest -q -p no:cacheprovider tests/docs tests/robot/devices "
-        f"tests/contract/test_drivers.py tests/contract/test_cameras.py -k '{own}'",
-        ROOT,
-    )
+    own = " and ".join(f"not {name}" for name in (*cases, "slow_body"))
+    files = "tests/docs tests/robot/devices tests/contract"
+    if not IS_FULL:
+        files, own = "tests/docs/test_made.py tests/robot/devices/test_options.py", ""
+    printed = environment.run(f"pytest -q -p no:cacheprovider {files} -k '{own}'", ROOT)
     assert " passed" in printed and "failed" not in printed
 
 
