@@ -7,14 +7,8 @@ import threading
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.gymnasium.environment import (
-    PICTURES,
-    Environment,
-    is_car_racing,
-    moves_of,
-    read_options,
-    steering_of,
-)
+from robot.bodies.gymnasium.actions import is_car_racing, moves_of, steering_of
+from robot.bodies.gymnasium.environment import PICTURES, Environment, read_options
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S
@@ -31,7 +25,8 @@ class GymnasiumOptions(Options):
     env: str = option("CarRacing-v3", "name of a Gymnasium environment, or module:NAME")
     env_moves: str = option(
         "",
-        "its moves, as 'left=-0.6,0,0; right=0.6,0,0' or 'left=0; right=1'; default: its own names",
+        "its moves, as 'left=-0.6,0,0; right=0.6,0,0' or 'left=0; right=1'; default: its own "
+        "names, or each number by itself",
     )
     env_options: str = option("", "for its maker, as obs_width=160,obs_height=120")
     env_picture: str = option(

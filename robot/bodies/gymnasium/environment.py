@@ -1,41 +1,35 @@
-"""A Gymnasium environment with pictures: opened, stepped and closed on one thread; and its moves.
+"""A Gymnasium environment with pictures: opened, stepped and closed on one thread.
 
-What it is given for each move is told by its own names, or by a table.
+Environments differ in more than their pictures and actions: some take no seed or no `render_mode`,
+some have rewards that are lists, some keep the older form of `reset` and `step`.
 """
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import inspect
 import json
 import os
-import re
-from collections.abc import Callable, Mapping
+import sys
+from collections.abc import Mapping
+from ctypes.util import find_library
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from robot.devices.wheels import USUAL_THROTTLE
-from robot.driver import Move, side_of
+from robot.bodies.gymnasium.pictures import Pixels, describe, picture_in
 from robot.errors import CameraError, ConfigurationError, need, told_as
-from robot.types import Action, Game, Point
+from robot.types import Game
 
-Pixels = NDArray[np.uint8]
 PICTURES = ("auto", "observed", "rendered")
-_CAR_RACING = (
-    "left=-0.6,0.1,0; right=0.6,0.1,0; forward=0,0.3,0; brake=0,0,0.5; coast=0,0,0",
-    "left=2; right=1; forward=3; brake=4; coast=0",
-)
-"""Its moves have no names: tables for its continuous and its discrete form."""
-_SIDES = {"left": -1.0, "right": 1.0}
-"""Steering of moves with such a word in their names: on the page they stand on that side."""
-_STANDING = ("noop", "coast", "nothing", "stop")
-_BACK = ("back", "down", "brake")
-_HELP = (
-    "name its moves with --env-moves, such as 'left=-0.6,0,0; right=0.6,0,0; forward=0,0.3,0' "
-    "(numbers for each move), or 'left=0; right=1' for one that numbers its actions"
-)
+_LEAST_OBSERVED = (120, 160)
+"""Height and width of an observation that is shown as it is; of a smaller one the rendering is."""
+_RENDER_MODES = ("rgb_array", "rgb_array_list", None)
+"""What is asked of an environment in turn; None: nothing, for those that take no such argument."""
+_LARGEST_REWARD = 1e12
+"""What a reward counts at most, in either direction: a score stays a number that can be written."""
 
 
 def read_options(text: str) -> dict[str, Any]:
@@ -53,6 +47,22 @@ def read_options(text: str) -> dict[str, Any]:
     return options
 
 
+def render_without_a_screen() -> None:
+    """Have libraries that draw do it in memory where there is no screen, unless a person has chosen
+    otherwise. On macOS and Windows there always is one."""
+    if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        return
+    gl = "osmesa" if find_library("OSMesa") and not find_library("EGL") else "egl"
+    gl = os.environ.setdefault("MUJOCO_GL", gl)  # MuJoCo, dm_control, robosuite, Meta-World
+    if gl in ("egl", "osmesa"):
+        os.environ.setdefault("PYOPENGL_PLATFORM", gl)
+    os.environ.setdefault("PYGLET_HEADLESS", "1")  # MiniWorld
+    os.environ.setdefault("SDL_VIDEODRIVER", "dummy")  # pygame
+    os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
+    os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+    os.environ.setdefault("MPLBACKEND", "agg")
+
+
 def make(name: str, options: Mapping[str, Any]) -> Any:
     """Return a Gymnasium environment that renders pictures, if it can.
 
@@ -62,19 +72,37 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
         options: For its maker.
 
     Raises:
-        ConfigurationError: If there is no such environment; says what Gymnasium says.
+        ConfigurationError: If there is no such environment, or it is of another kind; says what
+            Gymnasium says.
         MissingExtraError: If Gymnasium is not installed.
     """
     gymnasium = need("gymnasium", "the robot gymnasium", "gymnasium")
-    if not os.environ.get("DISPLAY"):
-        os.environ.setdefault("PYGLET_HEADLESS", "1")  # MiniWorld's library asks for a screen
+    render_without_a_screen()
     module, _, attribute = name.rpartition(":")
     wrong = f"the environment {name!r} cannot be made"
     do = "--env is a name such as CarRacing-v3, or MODULE:NAME for one that another package brings"
     with told_as(ConfigurationError, wrong, Exception, do=do):  # it is other people's code
         made = getattr(importlib.import_module(module), attribute, None) if module else None
-        maker = made or partial(gymnasium.make, name)
-        return maker(**{"render_mode": "rgb_array", **options})
+        maker = made or partial(gymnasium.make, name, disable_env_checker=True)
+        env = _made(maker, options)
+    if not hasattr(getattr(env, "action_space", None), "sample"):
+        several = hasattr(env, "possible_agents") or hasattr(env, "agents")
+        why = "it is for several players" if several else "it has no action space"
+        raise ConfigurationError(f"{wrong} into a robot: {why}, and a robot is one player")
+    return env
+
+
+def _made(maker: Any, options: Mapping[str, Any]) -> Any:
+    """Return what a maker makes with the first render mode that it takes."""
+    modes = (options["render_mode"],) if "render_mode" in options else _RENDER_MODES
+    failures: list[Exception] = []
+    for mode in modes:
+        asked = {} if mode is None else {"render_mode": mode}
+        try:
+            return maker(**{**asked, **options})
+        except Exception as error:  # other people's code
+            failures.append(error)
+    raise failures[0]
 
 
 class Environment:
@@ -82,7 +110,7 @@ class Environment:
 
     Args:
         picture: `observed`, `rendered`, or `auto`: observed if 160x120 or more.
-        seed: Of the first game; each further game has the next.
+        seed: Of the first game; each further game has the next, if the environment takes seeds.
     """
 
     def __init__(self, name: str, options: Mapping[str, Any], picture: str, seed: int) -> None:
@@ -90,158 +118,108 @@ class Environment:
         self.env = make(name, options)
         self._picture = picture
         self._seed = seed
+        self._takes_seeds = True
         self._seen: Any = None
+        self._shown: Pixels | None = None
+        self._render_failure = ""
         self.game = Game(number=0, score=0.0, reward=0.0, is_over=False)
 
     def reset(self) -> None:
         before = self.game.number
-        self._seen, _ = self.env.reset(seed=self._seed + before)
+        with self._told("cannot begin a game"):
+            begun = self._begin(self._seed + before)
+        has_facts = isinstance(begun, tuple) and len(begun) == 2 and isinstance(begun[1], Mapping)
+        self._seen = begun[0] if has_facts else begun
         self.game = Game(number=before + 1, score=0.0, reward=0.0, is_over=False)
 
     def step(self, action: Any) -> None:
         """Act once; after the end of a game this does nothing."""
         if self.game.is_over:
             return
-        self._seen, given, is_terminated, is_truncated, _ = self.env.step(action)
-        reward = float(np.nan_to_num(given))
-        self.game = Game(
-            number=self.game.number,
-            score=self.game.score + reward,
-            reward=reward,
-            is_over=bool(is_terminated or is_truncated),
-        )
+        with self._told("failed in a step"):
+            outcome = self.env.step(action)
+        if not isinstance(outcome, tuple) or len(outcome) not in (4, 5):
+            raise CameraError(
+                f"the environment {self.name!r} returned {describe(outcome)} from a step, not the "
+                "five values of Gymnasium: observation, reward, terminated, truncated, info"
+            )
+        self._seen, given, *ends, _ = outcome
+        reward = reward_in(given)
+        score = min(max(self.game.score + reward, -_LARGEST_REWARD), _LARGEST_REWARD)
+        is_over = any(bool(np.any(end)) for end in ends)
+        self.game = Game(number=self.game.number, score=score, reward=reward, is_over=is_over)
 
     def picture(self) -> Pixels:
         """Return what there is to see, RGB, shape (height, width, 3); CameraError if the
         environment gives no picture."""
-        found = None if self._picture == "rendered" else _picture_in(self._seen)
-        is_small = found is None or found.shape[0] < 120 or found.shape[1] < 160
+        observed = rendered = None
+        if self._picture != "rendered":
+            observed = picture_in(self._seen, getattr(self.env, "observation_space", None))
+        is_small = observed is None or any(np.less(observed.shape[:2], _LEAST_OBSERVED))
         if is_small and self._picture != "observed":
-            rendered = _picture_in(self.env.render())
-            found = found if rendered is None else rendered
+            rendered = self._rendered()
+        found = observed if rendered is None else rendered
         if found is None:
             raise CameraError(
-                f"the environment {self.name!r} gives no pictures in this way; try another "
-                f"--env-picture ({', '.join(PICTURES)})"
+                f"the environment {self.name!r} gives no picture: {self._what_came()}"
             )
         return found
 
     def close(self) -> None:
         self.env.close()
 
+    def _begin(self, seed: int) -> Any:
+        if self._takes_seeds:
+            try:
+                return self.env.reset(seed=seed)
+            except TypeError as error:
+                if "seed" not in str(error):
+                    raise
+                self._takes_seeds = False
+        return self.env.reset()
 
-def _picture_in(seen: Any) -> Pixels | None:
-    """Return the picture that an observation is, or that is among its parts."""
-    if isinstance(seen, Mapping):
-        return next(
-            (found for part in seen.values() if (found := _picture_in(part)) is not None), None
-        )
-    array = np.asarray(seen)
-    if array.dtype != np.uint8 or array.ndim not in (2, 3) or min(array.shape[:2]) < 16:
-        return None
-    if array.ndim == 2:
-        array = array[:, :, None]
-    if array.shape[2] not in (1, 3):
-        return None
-    return np.ascontiguousarray(np.broadcast_to(array, (*array.shape[:2], 3)))
+    def _rendered(self) -> Pixels | None:
+        """Return what the environment renders; None, from then on, for one that cannot."""
+        if self._render_failure:
+            return None
+        try:
+            takes_mode = "mode" in inspect.signature(self.env.unwrapped.render).parameters
+            came = self.env.render(mode="rgb_array") if takes_mode else self.env.render()
+        except Exception as error:  # other people's code, which may lack a library or a screen
+            self._render_failure = f"rendering failed: {str(error)[:200] or repr(error)}"
+            return None
+        if not (isinstance(came, list) and not came):  # no frame is new since the last time
+            self._shown = picture_in(came)
+        if self._shown is None:
+            self._render_failure = f"it renders {describe(came)}"
+        return self._shown
+
+    def _what_came(self) -> str:
+        told = []
+        if self._picture != "rendered":
+            told.append(f"it observes {describe(self._seen)}")
+        if self._picture == "observed":
+            told.append("try --env-picture rendered")
+        else:
+            told.append(self._render_failure)
+        return ", and ".join(told)
+
+    def _told(self, what: str) -> contextlib.AbstractContextManager[None]:
+        """Tell what goes wrong in other people's code as a sentence about this environment."""
+        return told_as(CameraError, f"the environment {self.name!r} {what}", Exception)
 
 
-def is_car_racing(name: str) -> bool:
-    return name.split(":")[-1].startswith("CarRacing")
+def reward_in(given: Any) -> float:
+    """Return a reward as one number: the sum of one that has parts; what is no number counts 0.
 
-
-def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
-    """Return each move with the action that the environment is given for it, in their order.
-
-    `table` is a person's own, as `left=-0.6,0,0; right=0.6,0,0`; empty: the environment's names.
-
-    Raises:
-        ConfigurationError: If the table cannot be read or does not fit, or there are no names.
+    Example:
+        >>> reward_in([1.5]), reward_in({"speed": 1, "crash": -2.0}), reward_in(float("nan"))
+        (1.5, -1.0, 0.0)
     """
-    space = env.action_space
-    is_discrete = hasattr(space, "n") and np.ndim(space.n) == 0 and not space.shape
-    if not table and is_car_racing(name):
-        table = _CAR_RACING[is_discrete]
-    if table:
-        actions = _read(table, space)
-    elif is_discrete:
-        actions = _named(env, int(space.start), int(space.n))
-    else:
-        raise ConfigurationError(f"the actions of {name} are {space}: {_HELP}")
-    if len(actions) < 2:
-        raise ConfigurationError(f"{name} needs two moves or more: {_HELP}")
-    return {_describe(move): action for move, action in actions.items()}
-
-
-def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any] | None:
-    """Return what tells the action for a point, in a box of fractions; None for other spaces.
-
-    Steering leads from the move ahead to the turns, throttle from what coasts to the moves ahead
-    and back. None, too, if the table has no move ahead, or no turn to either side.
-    """
-    known = {
-        (side_of(move.point.steering), side_of(move.point.throttle, 0.0)): np.asarray(action, float)
-        for move, action in reversed(list(table.items()))  # the first of those alike
-        if move.point is not None
-    }
-    is_box = bool(space.shape) and np.issubdtype(space.dtype, np.floating)
-    if not is_box or not {(0, 1), (-1, 1), (1, 1)} <= set(known):
-        return None
-    ahead = known[0, 1]
-    coast = known.get((0, 0), np.zeros(space.shape))
-    back = known.get((0, -1), coast)
-
-    def action_at(point: Point) -> Any:
-        way, side = side_of(point.throttle, 0.0), side_of(point.steering, 0.0)
-        turn = known[side, 1] - ahead
-        drive = (back if way < 0 else ahead) - coast
-        action = coast + abs(point.steering) * turn + abs(point.throttle) / USUAL_THROTTLE * drive
-        return np.clip(action, space.low, space.high).astype(space.dtype)
-
-    return action_at
-
-
-def _read(table: str, space: Any) -> dict[Action, Any]:
-    actions: dict[Action, Any] = {}
-    for part in filter(None, (part.strip() for part in table.split(";"))):
-        name, _, numbers = part.partition("=")
-        bad = f"--env-moves: {part!r}"
-        with told_as(ConfigurationError, f"{bad} is unclear", ValueError, OverflowError, do=_HELP):
-            move = Action(name.strip())
-            values = [float(number) for number in numbers.split(",")]
-            action: Any = np.asarray(values, dtype=space.dtype)
-        if not space.shape:
-            action = int(values[0]) if values[0].is_integer() and len(values) == 1 else None
-        if action is None or not space.contains(action) or move is Action.STOP or move in actions:
-            raise ConfigurationError(f"{bad} is no action of {space}; {_HELP}")
-        actions[move] = action
-    return actions
-
-
-def _named(env: Any, start: int, n: int) -> dict[Action, Any]:
-    """Return the numbered actions by the names that Atari and MiniWorld have for theirs."""
-    inner = env.unwrapped
-    names: list[str] = [f"move_{i}" for i in range(start, start + n)]
-    if callable(getattr(inner, "get_action_meanings", None)):
-        names = [str(meaning) for meaning in inner.get_action_meanings()]
-    elif isinstance(
-        members := getattr(getattr(inner, "actions", None), "__members__", None), Mapping
-    ):
-        for word, number in members.items():
-            if start <= int(number) < start + n:
-                names[int(number) - start] = word
-    return {_as_action(word): start + i for i, word in enumerate(names[:n])}
-
-
-def _as_action(word: str) -> Action:
-    name = re.sub(r"[^a-z0-9]+", "_", word.lower()).strip("_")
-    name = re.sub(r"^(turn|move)_(?=[a-z])", "", name)
-    name = {"up": "forward", "back": "backward", "stop": "noop"}.get(name, name)
-    return Action(name[:32] if name[:1].isalpha() else f"move_{name}"[:32])
-
-
-def _describe(name: Action) -> Move:
-    side = sum(value for word, value in _SIDES.items() if word in name)
-    throttle = -0.5 if any(word in name for word in _BACK) else 0.5 * (name not in _STANDING)
-    label = name.replace("_", " ").capitalize()[:24]
-    return Move(name, label, steering=side, throttle=throttle)
+    parts = given.values() if isinstance(given, Mapping) else [given]
+    total = 0.0
+    for part in parts:
+        with contextlib.suppress(TypeError, ValueError, RuntimeError):
+            numbers = np.nan_to_num(np.asarray(part, float), posinf=np.inf, neginf=-np.inf)
+            total += float(numbers.clip(-_LARGEST_REWARD, _LARGEST_REWARD).sum())
+    return min(max(total, -_LARGEST_REWARD), _LARGEST_REWARD)

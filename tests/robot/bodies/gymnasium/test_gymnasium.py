@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,9 +14,12 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="NOT TESTED: Gymnasium is not installed")
 
+import gymnasium
+
+from robot.bodies.gymnasium.actions import moves_of
 from robot.bodies.gymnasium.camera import GymnasiumCamera, GymnasiumCameraOptions
 from robot.bodies.gymnasium.driver import OVER_S, GymnasiumDriver, GymnasiumOptions
-from robot.bodies.gymnasium.environment import read_options
+from robot.bodies.gymnasium.environment import read_options, render_without_a_screen
 from robot.control.loop import ControlLoop
 from robot.devices.rig import Rig
 from robot.errors import CameraError, ConfigurationError
@@ -48,6 +54,77 @@ def test_numbers_without_names_are_moves_too() -> None:
     assert body.declared_moves[0].labels == {"en": "Move 0"}
 
 
+@pytest.mark.parametrize(
+    ("kept", "start", "names"),
+    [
+        ({"get_action_meanings": lambda: ["A", "LEFT", "left!"]}, 0, "a left left_2"),
+        ({"get_action_meanings": lambda: ["STOP", "noop", "up"]}, 0, "noop noop_2 forward"),
+        ({}, -1, "move_minus_1 move_0 move_1"),
+        ({"action_names": ["<<", "", "-1"]}, 0, "move move_1 move_1_2"),
+        ({"action_names": ["a" * 40, "a" * 50, "a"]}, 0, f"{'a' * 32} {'a' * 30}_2 a"),
+        ({"actions": {"right": 2, "left": 0, "done": 9}}, 0, "left move_1 right"),
+        (
+            {"action_type": SimpleNamespace(actions={0: "LANE_LEFT", 2: "FASTER"})},
+            0,
+            "lane_left move_1 faster",
+        ),
+        ({"ACTION_LOOKUP": {-1: "push", 0: "pull", 1: "wait"}}, -1, "push pull wait"),
+        ({"actions": ("only one",), "action_names": ["x", "y", "z"]}, 0, "x y z"),
+        ({"get_action_meanings": lambda: 1 / 0}, 0, "move_0 move_1 move_2"),
+        (
+            {
+                "button_map": [[0, 0], [0, 1], [1, 1]],
+                "game": SimpleNamespace(
+                    get_available_buttons=lambda: [
+                        SimpleNamespace(name=name) for name in ("LOOK", "TURN_LEFT", "ATTACK")
+                    ]
+                ),
+            },
+            0,
+            "noop attack left_attack",
+        ),
+    ],
+)
+def test_names_come_from_where_environments_keep_them_and_none_is_lost(
+    kept: dict[str, Any], start: int, names: str
+) -> None:
+    env = gymnasium.Env[Any, Any]()
+    env.action_space = gymnasium.spaces.Discrete(3, start=start)
+    for name, value in kept.items():
+        setattr(env, name, value)
+    found = moves_of("any", env)
+    assert " ".join(move.name for move in found) == names
+    assert list(found.values()) == [start, start + 1, start + 2]
+
+
+def test_a_wrapper_that_changes_the_actions_has_its_own_names() -> None:
+    env = gymnasium.Env[Any, Any]()
+    env.action_space = gymnasium.spaces.MultiBinary(3)
+    env.buttons = ["B", None, "LEFT"]
+    assert [move.name for move in moves_of("any", env)] == ["rest", "b", "button_2", "left"]
+    chosen = gymnasium.spaces.Discrete(2)
+    wrapped = gymnasium.wrappers.TransformAction(env, lambda i: [[1, 0, 0], [0, 0, 1]][i], chosen)
+    assert [move.name for move in moves_of("any", wrapped)] == ["move_0", "move_1"]
+
+
+def test_libraries_that_draw_need_no_screen_and_a_person_s_choice_stays(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mine = {"DISPLAY": "", "WAYLAND_DISPLAY": "", "MUJOCO_GL": "", "SDL_VIDEODRIVER": "x11"}
+    environ = {name: value for name, value in mine.items() if value}
+    monkeypatch.setattr(os, "environ", environ)
+    monkeypatch.setattr(sys, "platform", "linux")
+    render_without_a_screen()
+    assert environ["MUJOCO_GL"] in ("egl", "osmesa")
+    assert environ["PYOPENGL_PLATFORM"] == environ["MUJOCO_GL"]
+    assert environ["PYGLET_HEADLESS"] == "1" and environ["SDL_VIDEODRIVER"] == "x11"
+    for system, screen in (("linux", {"DISPLAY": ":0"}), ("darwin", {}), ("win32", {})):
+        monkeypatch.setattr(os, "environ", {**screen})
+        monkeypatch.setattr(sys, "platform", system)
+        render_without_a_screen()
+        assert os.environ == screen
+
+
 def test_a_table_names_the_moves_of_a_box() -> None:
     table = "hard_left=-1,0; ease_right = 0.25,0.5"
     body = driver(env_options="form=box", env_moves=table)
@@ -59,8 +136,7 @@ def test_a_table_names_the_moves_of_a_box() -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        ({"env_options": "form=box"}, "--env-moves"),
-        ({"env_options": "form=box", "env_moves": "left=-1; right=1"}, "no action"),
+        ({"env_options": "form=box", "env_moves": "left=-1; right=1"}, "has 1; .* 2 numbers"),
         ({"env_options": "form=box", "env_moves": "left=-1,0; right=7,0"}, "right=7,0"),
         ({"env_moves": "left=1; right=3"}, "right=3"),
         ({"env_moves": "left=1; right=0.5"}, "right=0.5"),

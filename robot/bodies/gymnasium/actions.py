@@ -1,0 +1,316 @@
+"""Any action space as a list of numbers, and the moves that these become.
+
+An action of a nested space is the list of all its numbers, in the order of its parts: a table of
+moves gives them so. Without a table the moves have the environment's own names if it has any, or
+each number is moved by itself.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from robot.bodies.gymnasium.action_names import names_of
+from robot.devices.wheels import USUAL_THROTTLE
+from robot.driver import Move, side_of
+from robot.errors import ConfigurationError
+from robot.types import Action, Point
+
+_MOST_NUMBERS = 64
+"""Of one action that a person can give in a table."""
+_MOST_MOVES = 32
+"""That a model can have."""
+_NO_BOUND = 1e6
+"""A larger bound of a space only says "no bound"."""
+_LONGEST_NAME, _LONGEST_LABEL = 32, 24
+_CAR_RACING = (
+    "left=-0.6,0.1,0; right=0.6,0.1,0; forward=0,0.3,0; brake=0,0,0.5; coast=0,0,0",
+    "left=2; right=1; forward=3; brake=4; coast=0",
+)
+"""Its moves have no names: tables for its continuous and its discrete form."""
+_SIDES = {"left": -1.0, "right": 1.0}
+"""Steering of moves with such a word in their names: on the page they stand on that side."""
+_STANDING = ("noop", "no_op", "idle", "rest", "coast", "nothing", "do_nothing", "stop", "wait")
+_BACK = ("back", "down", "brake", "slower", "reverse")
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """One number of an action: its name, and its bounds, which may be infinite."""
+
+    name: str
+    least: float
+    most: float
+    is_whole: bool
+
+    @property
+    def rest(self) -> float:
+        """Its value while nothing is done: the nearest to 0."""
+        return min(max(0.0, self.least), self.most)
+
+    @property
+    def others(self) -> list[tuple[str, float]]:
+        """The values that are worth a move of their own, each with its name."""
+        if self.is_whole and (self.least, self.most) == (0.0, 1.0):
+            return [(self.name, 1.0)]
+        if self.is_whole and self.most - self.least <= _MOST_MOVES:
+            values = [self.least + i for i in range(int(self.most - self.least) + 1)]
+            named = [(f"{self.name}_{_in_words(int(value))}", value) for value in values]
+        else:
+            minus = self.least if math.isfinite(self.least) else self.rest - 1.0
+            plus = self.most if math.isfinite(self.most) else self.rest + 1.0
+            named = [(f"{self.name}_minus", minus), (f"{self.name}_plus", plus)]
+        return [(name, value) for name, value in named if value != self.rest]
+
+    def accepts(self, value: float) -> bool:
+        return self.least <= value <= self.most and (not self.is_whole or value.is_integer())
+
+    def __str__(self) -> str:
+        kind = "whole, " if self.is_whole else ""
+        return f"{self.name} ({kind}{self.least:g} to {self.most:g})"
+
+
+class Form:
+    """An action space as numbers.
+
+    Attributes:
+        numbers: In the order of the space's parts.
+        is_one_choice: An action is one of some numbered ones.
+        is_buttons: An action is a list of buttons, each pressed or not.
+
+    Raises:
+        ConfigurationError: If an action is more than numbers, or too many of them.
+    """
+
+    def __init__(self, space: Any, name: str) -> None:
+        self._space = space
+        self.numbers = tuple(_numbers_in(space, "", name))
+        self.is_one_choice = _kind_of(space) == "Discrete"
+        self.is_buttons = _kind_of(space) == "MultiBinary"
+
+    def action(self, values: Sequence[float]) -> Any:
+        """Return the action of these numbers, as the environment takes it."""
+        return _action_of(self._space, iter(values))
+
+    def __str__(self) -> str:
+        n, told = len(self.numbers), ", ".join(map(str, self.numbers[:8]))
+        return f"{n} number{'s' * (n != 1)}: {told}{', ...' * (n > 8)}"
+
+
+def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
+    """Return each move with the action that the environment is given for it, in their order.
+
+    `table` is a person's own, as `left=-0.6,0,0; right=0.6,0,0`; empty: the environment's names, or
+    each number by itself.
+
+    Raises:
+        ConfigurationError: If the table cannot be read or does not fit, or there are too many moves
+            to choose from, or too few.
+    """
+    form = Form(env.action_space, name)
+    if not table and is_car_racing(name):
+        table = _CAR_RACING[form.is_one_choice]
+    if table:
+        chosen = _read(table, form)
+    else:
+        chosen = list(_named(env, form))
+        if len(chosen) > _MOST_MOVES:
+            raise ConfigurationError(
+                f"{name} has {len(chosen)} moves, more than the {_MOST_MOVES} of a model; "
+                f"{_help(form)}"
+            )
+    if len(chosen) < 2:
+        raise ConfigurationError(f"{name} needs two moves or more; {_help(form)}")
+    return {move: form.action(values) for move, values in _distinct(chosen)}
+
+
+def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any] | None:
+    """Return what tells the action for a point, in a box of fractions; None for other spaces.
+
+    Steering leads from the move ahead to the turns, throttle from what coasts to the moves ahead
+    and back. None, too, if the table has no move ahead, or no turn to either side.
+    """
+    if _kind_of(space) != "Box" or not np.issubdtype(space.dtype, np.floating):
+        return None
+    known = {
+        (side_of(move.point.steering), side_of(move.point.throttle, 0.0)): np.asarray(action, float)
+        for move, action in reversed(list(table.items()))  # the first of those alike
+        if move.point is not None
+    }
+    if not {(0, 1), (-1, 1), (1, 1)} <= set(known):
+        return None
+    ahead = known[0, 1]
+    coast = known.get((0, 0), np.zeros(space.shape))
+    back = known.get((0, -1), coast)
+
+    def action_at(point: Point) -> Any:
+        way, side = side_of(point.throttle, 0.0), side_of(point.steering, 0.0)
+        turn = known[side, 1] - ahead
+        drive = (back if way < 0 else ahead) - coast
+        action = coast + abs(point.steering) * turn + abs(point.throttle) / USUAL_THROTTLE * drive
+        return np.asarray(np.clip(action, space.low, space.high), space.dtype)
+
+    return action_at
+
+
+def is_car_racing(name: str) -> bool:
+    return name.split(":")[-1].startswith("CarRacing")
+
+
+# A space as numbers ---------------------------------------------------------------------------
+
+
+def _kind_of(space: Any) -> str:
+    """Return the kind of a space: Gymnasium's, or that of the older library of the same names."""
+    names = [base.__name__ for base in type(space).__mro__]
+    kinds = ("Discrete", "MultiDiscrete", "MultiBinary", "Box", "Tuple", "Dict")
+    return next((name for name in names if name in kinds), type(space).__name__)
+
+
+def _numbers_in(space: Any, name: str, whose: str) -> Iterator[Number]:
+    kind = _kind_of(space)
+    if kind in ("Tuple", "Dict"):
+        parts = space.spaces.items() if kind == "Dict" else enumerate(space.spaces, 1)
+        for key, part in parts:
+            yield from _numbers_in(part, f"{name}_{key}".strip("_"), whose)
+        return
+    if kind == "Discrete":
+        start = int(getattr(space, "start", 0))
+        yield Number(name or "action", start, start + int(space.n) - 1, is_whole=True)
+        return
+    if kind == "MultiDiscrete":
+        least = np.broadcast_to(getattr(space, "start", 0), np.shape(space.nvec))
+        most = least + np.asarray(space.nvec) - 1
+    elif kind == "MultiBinary":
+        least, most = np.zeros(space.shape), np.ones(space.shape)
+    elif kind == "Box":
+        least, most = space.low, space.high
+    else:
+        raise ConfigurationError(
+            f"the actions of {whose} are {str(space)[:200]}: a {kind} is more than numbers, and "
+            "this robot gives numbers"
+        )
+    if np.size(least) > _MOST_NUMBERS:
+        raise ConfigurationError(
+            f"an action of {whose} has {np.size(least)} numbers; more than {_MOST_NUMBERS} are no "
+            "moves for a thumb. Wrap it in an environment of your own with fewer"
+        )
+    unit = name or ("button" if kind == "MultiBinary" else "axis")
+    is_whole = kind != "Box" or not np.issubdtype(space.dtype, np.floating)
+    for i, (low, high) in enumerate(zip(np.ravel(least), np.ravel(most), strict=True), 1):
+        numbered = f"{unit}_{i}" if np.size(least) > 1 or not name else unit
+        yield Number(numbered, _bound(low, -math.inf), _bound(high, math.inf), is_whole=is_whole)
+
+
+def _bound(value: Any, no_bound: float) -> float:
+    return float(value) if abs(float(value)) <= _NO_BOUND else no_bound
+
+
+def _action_of(space: Any, values: Iterator[float]) -> Any:
+    kind = _kind_of(space)
+    if kind == "Dict":
+        return {key: _action_of(part, values) for key, part in space.spaces.items()}
+    if kind == "Tuple":
+        return tuple(_action_of(part, values) for part in space.spaces)
+    if kind == "Discrete":
+        return int(next(values))
+    numbers = [next(values) for _ in range(math.prod(space.shape))]
+    return np.asarray(numbers, dtype=space.dtype).reshape(space.shape)
+
+
+# Moves ----------------------------------------------------------------------------------------
+
+_Chosen = list[tuple[str, list[float]]]
+"""What each move is called, and the numbers of its action."""
+
+
+def _read(table: str, form: Form) -> _Chosen:
+    chosen: _Chosen = []
+    for part in filter(None, (part.strip() for part in table.split(";"))):
+        name, _, text = part.partition("=")
+        bad = f"--env-moves: {part!r}"
+        try:
+            values = [float(number) for number in text.split(",")]
+            move = Action(name.strip())
+        except ValueError as error:
+            raise ConfigurationError(f"{bad} is unclear: {error}; {_help(form)}") from error
+        if move is Action.STOP or move in {other for other, _ in chosen}:
+            why = "the robot stands without it" if move is Action.STOP else "it is there twice"
+            raise ConfigurationError(f"{bad} cannot be a move: {why}")
+        if len(values) != len(form.numbers):
+            raise ConfigurationError(f"{bad} has {len(values)}; {_help(form)}")
+        for value, number in zip(values, form.numbers, strict=True):
+            if not number.accepts(value):
+                raise ConfigurationError(f"{bad} is no action: {value:g} is not {number}")
+        chosen.append((move, values))
+    return chosen
+
+
+def _named(env: Any, form: Form) -> Iterator[tuple[str, list[float]]]:
+    """Yield the moves of an environment that nobody has made a table for."""
+    if form.is_one_choice:
+        [number] = form.numbers
+        first, n = int(number.least), int(number.most - number.least) + 1
+        names = names_of(env, first, n) if n <= 2 * _MOST_MOVES else {}
+        for code in range(first, first + min(n, 2 * _MOST_MOVES)):
+            yield names.get(code) or f"move_{_in_words(code)}", [float(code)]
+        return
+    rest = [number.rest for number in form.numbers]
+    yield "rest", rest
+    buttons = names_of(env, 0, len(rest)) if form.is_buttons else {}
+    for i, number in enumerate(form.numbers):
+        n_values = number.most - number.least + 1
+        has_names = number.is_whole and 2 < n_values <= _MOST_MOVES
+        names = names_of(env, int(number.least), int(n_values)) if has_names else {}
+        for name, value in number.others:
+            called = buttons.get(i) or (names.get(int(value)) if names else None) or name
+            yield called, [*rest[:i], value, *rest[i + 1 :]]
+
+
+def _distinct(chosen: _Chosen) -> Iterator[tuple[Move, list[float]]]:
+    """Yield a move for each; of those of one name the second is numbered, and so on."""
+    taken: set[str] = set()
+    for word, values in chosen:
+        name, n = _as_action(word), 1
+        wanted = name
+        while name in taken:
+            n += 1
+            name = f"{wanted[: _LONGEST_NAME - len(str(n)) - 1]}_{n}"
+        taken.add(name)
+        yield _describe(name, word if n == 1 else f"{word} {n}"), values
+
+
+def _as_action(word: str) -> str:
+    """Return the name of a move for what an environment calls an action."""
+    name = re.sub(r"[^a-z0-9]+", "_", word.lower()).strip("_")
+    name = re.sub(r"^(turn|move)_(?=[a-z])(?!minus_\d)", "", name)
+    name = {"up": "forward", "back": "backward", "stop": "noop"}.get(name, name)
+    if not name[:1].isalpha():
+        name = f"move_{name}" if name else "move"
+    return name[:_LONGEST_NAME]
+
+
+def _in_words(value: int) -> str:
+    return f"minus_{-value}" if value < 0 else str(value)
+
+
+def _describe(name: str, word: str) -> Move:
+    side = math.fsum(value for part, value in _SIDES.items() if part in name)
+    throttle = -0.5 if any(part in name for part in _BACK) else 0.5 * (name not in _STANDING)
+    label = name.replace("_", " ").capitalize()[:_LONGEST_LABEL]
+    return Move(Action(name), label, steering=side, throttle=throttle)
+
+
+def _help(form: Form) -> str:
+    rest = [number.rest for number in form.numbers]
+    values = [value for _, value in form.numbers[0].others][:2]
+    moves = [
+        f"{side}={','.join(f'{number:g}' for number in [value, *rest[1:]])}"
+        for side, value in zip(("left", "right"), [*values, rest[0], rest[0]], strict=False)
+    ]
+    return f"an action has {form}. Name the moves with --env-moves, as '{'; '.join(moves)}'"
