@@ -62,6 +62,7 @@ class ControlLoop:
         state: The newest tick, for any thread; a frozen value that never changes under the reader.
         wake: Set when there is a reason for a tick: a frame, a command, a request.
         speed_share: How much of full speed a person allows, in (0, 1].
+        error: What the loop failed by last.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class ControlLoop:
         self.learning = OnlineLearning(policy, clock, driver.declared_moves)
         self.history = self.learning.history
         self.speed_share = 1.0
+        self.error: Exception | None = None
         self._driver, self._camera = driver, camera
         self._gate = Gate(self.config.gate, on_stop=self._forget_drive)
         self._link = LinkGovernor(self.config.governor)
@@ -362,5 +364,6 @@ class ControlLoop:
     def _break_down(self, error: Exception) -> None:
         before, fault = self._fault, f"Something went wrong inside: {error}"
         self._stop(StopReason.LOOP_FAULT, fault)
+        self.error = error
         if fault != before:  # once, not thirty times a second
             log.exception("the loop stopped the robot")

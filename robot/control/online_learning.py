@@ -130,6 +130,7 @@ class OnlineLearning:
         timings: How long predicting and learning took, by name.
         fault: How the learner failed on the newest frame or example; None if it did not.
         failure: How it ever failed since it is in use.
+        error: What it raised last.
     """
 
     def __init__(self, policy: Policy, clock: Clock, declared: Collection[Move] = ()) -> None:
@@ -138,6 +139,7 @@ class OnlineLearning:
         self.history = TrainingHistory(policy, self._note_event, declared)
         self.fault: str | None = None
         self.failure: str | None = None
+        self.error: Exception | None = None
         self.frame: Frame | None = None
         self.prediction: Prediction | None = None
         self.agreement = Agreement()
@@ -200,6 +202,7 @@ class OnlineLearning:
             if fault != self.failure:  # once, not thirty times a second
                 log.error("the learner failed", exc_info=error)
             self.fault = self.failure = fault
+            self.error = error
 
     @property
     def newest(self) -> tuple[Vector, Prediction] | None:
@@ -270,7 +273,7 @@ class OnlineLearning:
         self._events.append(event)
         if isinstance(event, Replaced):
             self.agreement = Agreement()
-            self.fault = self.failure = None
+            self.fault = self.failure = self.error = None
         elif isinstance(event, Undone):
             self.agreement.drop_after(self.history.teaching_s)
 

@@ -1,18 +1,19 @@
-"""Many independent tasks: side by side through joblib, here or on a Dask cluster.
+"""Many independent tasks: side by side in processes of this machine, or on a Dask cluster.
 
 Each result is on the disk as soon as its run is finished: a crash or Ctrl-C loses none of them.
 """
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import Any
 
 from robot.errors import ConfigurationError, need, told_as
-from robot.lab.task import Result, Task
+from robot.lab.cluster import run_on_cluster
+from robot.lab.outcome import Outcome, run_task
+from robot.lab.task import Result, Task, identity
 from robot.store.folder import write_whole
 
 
@@ -28,14 +29,15 @@ class Store:
         """Return the result of a task that is done; None if it is not, or its file is broken."""
         try:
             kept = json.loads(self._path(task, key).read_text("utf-8"))
-            return dict(kept["result"])
+            return dict(kept["result"]) if kept["made_by"] == identity() else None
         except (OSError, ValueError, KeyError, TypeError):
             return None
 
     def put(self, task: Task, result: Result, key: str = "") -> None:
         """Save a result atomically: the whole file or nothing."""
         path = self._path(task, key)
-        text = json.dumps({"kind": task.kind, "params": dict(task.params), "result": result})
+        made = {"kind": task.kind, "params": dict(task.params), "made_by": identity()}
+        text = json.dumps({**made, "result": result})
         with told_as(ConfigurationError, f"cannot save results in {self.folder}"):
             write_whole(path, text.encode())
 
@@ -51,6 +53,7 @@ def run_all(
     backend: str = "processes",
     scheduler: str | None = None,
     on_done: Callable[[Task], object] = lambda task: None,
+    on_workers: Callable[[int, str], object] = lambda count, change: None,
 ) -> list[Result]:
     """Return the results of all tasks, in their order; tasks with a stored result are not run.
 
@@ -58,10 +61,12 @@ def run_all(
         jobs: How many at a time on this machine; 1 runs them here, without other processes.
         backend: `processes`, or `dask` for the cluster whose `scheduler` is named.
         on_done: Called with each task when it is done.
+        on_workers: Called with the number of workers, and what changed in a sentence.
 
     Raises:
         MissingExtraError: If joblib or dask is not installed.
-        ConfigurationError: If the cluster cannot be reached, or a file that a task names is changed
+        TrialError: If a run raised something; with its traceback.
+        ConfigurationError: If the cluster cannot be used, or a file that a task names is changed
             meanwhile: nobody knows what was run then.
     """
     keys = [task.key() for task in tasks]  # once: each reads the files that its task names
@@ -73,37 +78,36 @@ def run_all(
         else:
             done[key] = result
             on_done(task)
-    joblib = need("joblib", "running experiments side by side", "experiments")
-    with contextlib.ExitStack() as stack:
-        if backend == "dask":
-            stack.enter_context(_connected(scheduler))
-            stack.enter_context(joblib.parallel_config(backend="dask"))
-        parallel = joblib.Parallel(
-            n_jobs=-1 if backend == "dask" else jobs, return_as="generator_unordered", batch_size=1
-        )
-        runs = (joblib.delayed(_run)(key, task) for key, task in waiting.items())
-        for key, result in parallel(runs):
-            task = waiting[key]
-            if task.key() != key:
-                raise ConfigurationError(
-                    f"a file of the task {task.kind} was changed while it ran; start it again: "
-                    "what was finished before is kept"
-                )
-            store.put(task, result, key)
-            done[key] = result
-            on_done(task)
+    if backend == "dask":
+        outcomes = run_on_cluster(scheduler, waiting, on_workers)
+    else:
+        outcomes = _run_here(waiting, jobs)
+        on_workers(jobs, "")
+    for key, outcome, where in outcomes:
+        task = waiting[key]
+        result = outcome.value(task, where)
+        if task.key() != key:
+            raise ConfigurationError(
+                f"a file of the task {task.kind} was changed while it ran; start it again: "
+                "what was finished before is kept"
+            )
+        store.put(task, result, key)
+        done[key] = result
+        on_done(task)
     return [done[key] for key in keys]
 
 
-def _run(key: str, task: Task) -> tuple[str, Result]:
-    return key, task.run(task.params)
+def _run_here(waiting: Mapping[str, Task], jobs: int) -> Iterator[tuple[str, Outcome, str]]:
+    joblib = need("joblib", "running experiments side by side", "experiments")
+    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+    try:
+        yield from parallel(joblib.delayed(_run)(key, task) for key, task in waiting.items())
+    except BrokenProcessPool as error:
+        raise ConfigurationError(
+            "a process that ran trials was killed, perhaps because the memory is full; start it "
+            "again with a smaller --jobs: what was finished before is kept"
+        ) from error
 
 
-def _connected(scheduler: str | None) -> Any:
-    """Return a client of an existing cluster, to be used as a context manager."""
-    distributed = need("distributed", "the backend dask", "dask")
-    if scheduler is None:
-        raise ConfigurationError("--backend dask needs --scheduler ADDRESS")
-    why = f"no Dask scheduler answers at {scheduler}"
-    with told_as(ConfigurationError, why, OSError, ValueError):
-        return distributed.Client(scheduler, timeout=10)
+def _run(key: str, task: Task) -> tuple[str, Outcome, str]:
+    return key, run_task(task), ""

@@ -10,10 +10,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from robot.lab.identity import identify
+
 Params = Mapping[str, Any]
 """Plain values."""
 Result = dict[str, Any]
 """Plain figures, ready for JSON. What depends on the machine's speed stands under `timing`."""
+_FILES = (".py", ".toml", ".npz")
+"""What a parameter may name: ideas, worlds and recordings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,33 +35,38 @@ class Task:
         """What is run, by name."""
         return self.run.__name__.removeprefix("run_")
 
+    def __str__(self) -> str:
+        """The run in words: its kind, and what tells it from others."""
+        said = [f"{name} {self.params[name]}" for name in _TOLD if name in self.params]
+        return ", ".join([self.kind, *said])
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The files that parameters name, such as `idea.py:Name`, by the parameter's value."""
+        found = {}
+        for value in self.params.values():
+            for file in (value, value.rpartition(":")[0]) if isinstance(value, str) else ():
+                if Path(file).suffix in _FILES and Path(file).is_file():
+                    found[value] = file
+        return found
+
     def key(self) -> str:
         """Return the name under which its result is saved: a fingerprint of task and program.
 
-        A changed program, idea file or recording gives another key: old results are not reused.
+        A changed program, library, idea file or recording gives another key: old results are not
+        reused.
         """
-        text = json.dumps([self.kind, dict(self.params), program_fingerprint()], sort_keys=True)
+        text = json.dumps([self.kind, dict(self.params), identity()], sort_keys=True)
         digest = hashlib.sha256(text.encode())
-        for value in self.params.values():
-            if isinstance(value, str):
-                digest.update(b"\n" + _content(value))
+        for file in self.files.values():
+            digest.update(b"\n" + Path(file).read_bytes())
         return digest.hexdigest()[:20]
 
 
+_TOLD = ("trial", "world", "learner", "teacher", "place", "teach_s", "seed")
+
+
 @cache
-def program_fingerprint() -> str:
-    """Return a fingerprint of everything in `robot/`."""
-    folder = Path(__file__).parent.parent
-    digest = hashlib.sha256()
-    for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.toml")]):
-        digest.update(str(path.relative_to(folder)).encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _content(text: str) -> bytes:
-    """Return the content of a file that a parameter such as `path.py:Name` names, if there is."""
-    for path in (Path(text), Path(text.rpartition(":")[0])):
-        if path.suffix in (".py", ".toml", ".npz") and path.is_file():
-            return path.read_bytes()
-    return b""
+def identity() -> dict[str, str]:
+    """Return the code that decides the figures of this process; see `identify`."""
+    return identify()

@@ -79,6 +79,7 @@ class Trial(StartStop):
             until: The drive ends early after the first moment for which this is true.
 
         Raises:
+            Exception: What the learner raised: its figures would be those of another.
             RobotError: If the loop stopped by itself: an experiment must not go on then.
         """
         log = DriveLog()
@@ -90,6 +91,8 @@ class Trial(StartStop):
         for _ in range(round(seconds * self.rate_hz)):
             log.append(self._turn())
             state = self.loop.state
+            if (error := self.loop.learning.error or self.loop.error) is not None:
+                raise error
             if state.decision.mode is Mode.STOPPED:
                 why = state.fault or state.decision.stop_reason
                 raise RobotError(f"the robot stopped at {self.clock.now_s():.1f} s: {why}")

@@ -120,6 +120,12 @@ def _run_all(
 
     is_alone = experiment.times_machine
     with progress(len(tasks), "run", "experiment", "experiments", name) as bar:
+
+        def show_workers(count: int, change: str) -> None:
+            if change:
+                bar.write(f"{name}: {change}", file=sys.stderr)
+            bar.set_postfix_str(f"{count} worker{'' if count == 1 else 's'}")
+
         results = run_all(
             tasks,
             Store(args.folder),
@@ -127,6 +133,7 @@ def _run_all(
             backend="processes" if is_alone else args.backend,
             scheduler=args.scheduler,
             on_done=lambda task: bar.update(),
+            on_workers=show_workers,
         )
     return list(zip(tasks, results, strict=True))
 

@@ -7,15 +7,20 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from robot.errors import ConfigurationError
+from robot.lab.identity import identify
 from robot.lab.lessons import run_lesson
+from robot.lab.outcome import TrialError, contents_of, run_task
 from robot.lab.runner import Store, run_all
 from robot.lab.task import Params, Result, Task
+from tests.cluster.cases import CASES
+from tests.cluster.processes import run_client
 from tests.kit.sizes import in_ci
 
 pytest.importorskip("panda3d.core", reason="the simulator's renderer is not installed")
@@ -168,31 +173,90 @@ def test_an_interrupted_call_loses_no_finished_run(tmp_path: Path) -> None:
     assert {name: after[name] for name in kept} == kept
 
 
-@in_ci
-@pytest.mark.filterwarnings("ignore")
+IDEAS = Path(__file__).parents[2] / "cluster" / "ideas.py"
+
+
+@pytest.mark.parametrize(
+    ("name", "error"),
+    [
+        ("Teaching", "ValueError: nothing can be learned"),
+        ("Driving", "ValueError: nothing can be said"),
+    ],
+)
+def test_what_an_idea_raises_ends_the_run_with_its_own_traceback(
+    tmp_path: Path, name: str, error: str
+) -> None:
+    """The loop went on without the learner: a table with an SSD of 359.59, kept."""
+    store, (task,) = Store(tmp_path), tasks(1)
+    task = replace(task, params={**task.params, "learner": f"{IDEAS}:{name}"})
+    with pytest.raises(TrialError) as caught:
+        run_all([task], store, jobs=1)
+    said = str(caught.value)
+    assert f'File "{IDEAS}", line' in said
+    assert said.endswith(f"seed 0 failed: {error}")
+    assert store.get(task) is None
+
+
+def test_the_files_that_a_task_names_travel_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "idea.py").write_text("text = 'from here'")
+    monkeypatch.chdir(tmp_path)
+    task = Task(run_read, {"learner": "./idea.py:Name", "world": "box", "n": 3})
+    contents = contents_of(task)
+    (tmp_path / "idea.py").unlink()
+    assert run_task(task, contents).value(task) == {
+        "text": "text = 'from here'",
+        "name": "Name",
+        "rest": {"world": "box", "n": 3},
+    }
+    assert "idea.py" in run_task(task).error, "without them it has no file"
+
+
+def run_read(params: Params) -> Result:
+    file, _, name = params["learner"].rpartition(":")
+    rest = {key: params[key] for key in ("world", "n")}
+    return {"text": Path(file).read_text(), "name": name, "rest": rest}
+
+
+def test_results_name_the_code_that_made_them_and_count_for_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, (task,) = Store(tmp_path), tasks(1)
+    store.put(task, {"mark": 1.0})
+    (file,) = tmp_path.glob("*.json")
+    kept = json.loads(file.read_text())
+    assert kept["made_by"] == identify()
+    kept["made_by"]["numpy"] = "0.9"
+    file.write_text(json.dumps(kept))
+    assert store.get(task) is None
+
+
+def test_a_process_that_is_killed_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match="a process that ran trials was killed"):
+        run_all([Task(run_die, {})], Store(tmp_path), jobs=2)
+
+
+def run_die(params: Params) -> Result:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return {}
+
+
+@pytest.mark.slow
 @pytest.mark.realtime
-def test_a_dask_cluster_loses_no_run_when_a_worker_is_killed(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
-    ) as cluster:
-        victim = next(iter(cluster.workers.values()))
-        done: list[int] = []
-
-        def note(task: Task) -> None:
-            done.append(task.params["seed"])
-            if len(done) == 2:
-                os.kill(victim.pid, signal.SIGKILL)
-
-        results = run_all(
-            tasks(5),
-            Store(tmp_path / "dask"),
-            backend="dask",
-            scheduler=cluster.scheduler_address,
-            on_done=note,
-        )
-    assert sorted(done) == list(range(5)), "none lost, none counted twice"
-    assert numbers(results) == numbers(run_all(tasks(5), Store(tmp_path / "here"), jobs=1))
+@pytest.mark.parametrize(
+    ("name", "results"),
+    [("one_of_two_killed", 4), ("good_and_changed", 4), ("other_code", 0)],
+)
+def test_a_real_cluster_gives_the_same_results_or_one_sentence(
+    tmp_path: Path, name: str, results: int
+) -> None:
+    """Three of the cases of `python -m tests.cluster`."""
+    pytest.importorskip("distributed", reason="the extra 'dask' is not installed")
+    alone = run_client(tmp_path, "here", store="alone")
+    ended, expected = CASES[name](tmp_path)
+    assert not ended.verdict(expected, alone.results).startswith("WRONG"), ended
+    assert len(list((tmp_path / "kept").glob("*.json"))) == results
 
 
 def test_an_unreachable_cluster_is_a_clear_error(tmp_path: Path) -> None:

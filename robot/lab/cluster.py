@@ -1,0 +1,263 @@
+"""Tasks on the workers of a Dask cluster, one at a time on each, whatever its number of threads.
+
+Before its first task a worker is asked what decides figures there (`identify`); a worker on which
+they would differ gets none. Each task goes to one named worker, and to another if that one is lost.
+What is submitted is Python's `eval` and a text: neither the scheduler nor a worker needs this
+program to read it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import inspect
+import logging
+import pickle
+import queue
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from robot.errors import ConfigurationError, need
+from robot.lab import identity
+from robot.lab.outcome import Outcome, contents_of, run_task
+from robot.lab.task import Task
+
+_WHO = "(lambda space: (exec(source, space), space['identify_all']())[1])({'__name__': 'identity'})"
+_RUN = "__import__('robot.lab.cluster', fromlist=['run_packed']).run_packed(packed)"
+_CONNECT_S = 10.0
+_LOOK_S = 1.0
+"""How often it is asked which workers there are, in seconds."""
+_FIRST_WORKER_S, _NO_WORKER_S = 10.0, 60.0
+"""The call ends when there was no worker for this long: at the start, and later."""
+_SILENT_S = 20.0
+"""A worker that is silent for this long, or takes this long to say who it is, is named."""
+_MOST_LOSSES = 3
+"""A task that took as many workers with it is not tried again."""
+
+OnWorkers = Callable[[int, str], object]
+"""Is told the number of workers that get tasks, and what changed in a sentence; that is empty when
+nothing did."""
+
+
+def run_on_cluster(
+    scheduler: str | None, waiting: Mapping[str, Task], on_workers: OnWorkers
+) -> Iterator[tuple[str, Outcome, str]]:
+    """Yield each task's key, what came of it and, in words, where, as they are finished.
+
+    ConfigurationError if the cluster cannot be reached, is lost, or has no worker that can be used.
+    """
+    distributed = need("distributed", "the backend dask", "dask")
+    if scheduler is None:
+        raise ConfigurationError("--backend dask needs --scheduler ADDRESS")
+    if not waiting:
+        return
+    with _quiet(), contextlib.ExitStack() as stack:
+        try:
+            client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+        except Exception as error:  # of many kinds, by the address and the network
+            raise ConfigurationError(
+                f"no Dask scheduler answers at {scheduler}: {_first_line(error)}; is it running, "
+                "is the address right, and does tls:// have its certificates?"
+            ) from error
+        stack.callback(_close, client)
+        yield from _Run(client, scheduler, waiting, on_workers).outcomes()
+
+
+def run_packed(packed: bytes) -> Outcome:
+    """Run a task with its files, on a worker."""
+    return run_task(*pickle.loads(packed))
+
+
+@dataclass(slots=True)
+class _Worker:
+    """A worker: what it does, and when it was last heard of, by the scheduler's and our clock."""
+
+    name: str
+    began_s: float
+    heard: float = 0.0
+    heard_s: float = 0.0
+    future: Any = None
+    key: str = ""
+    """The task that it runs; empty while it is asked who it is."""
+    is_used: bool = False
+    is_silent: bool = False
+
+
+class _Run:
+    """The tasks of one call, and the workers that run them."""
+
+    def __init__(
+        self, client: Any, scheduler: str, tasks: Mapping[str, Task], on_workers: OnWorkers
+    ) -> None:
+        self._client, self._scheduler, self._tasks = client, scheduler, tasks
+        self._on_workers = on_workers
+        self._todo = list(reversed(tasks))
+        self._workers: dict[str, _Worker] = {}
+        self._events: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self._lost: Counter[str] = Counter()
+        self._refused: dict[str, str] = {}
+        self._left = len(tasks)
+        self._ours = identity.identify_all()
+        self._alone_since_s = time.monotonic()
+        self._had_workers = False
+
+    def outcomes(self) -> Iterator[tuple[str, Outcome, str]]:
+        looked_s = float("-inf")
+        while self._left:
+            if time.monotonic() - looked_s >= _LOOK_S:
+                self._look()
+                looked_s = time.monotonic()
+            self._hand_out()
+            with contextlib.suppress(queue.Empty):
+                address, future = self._events.get(timeout=_LOOK_S)
+                worker = self._workers.get(address)
+                if worker is not None and worker.future is future:
+                    yield from self._take(address, worker)
+
+    # Workers -------------------------------------------------------------------------------------
+
+    def _look(self) -> None:
+        """Note who came and who went; raises if there is nobody to wait for."""
+        try:
+            found = self._client.sync(
+                self._client.scheduler.identity, callback_timeout=_CONNECT_S, n_workers=-1
+            )["workers"]
+        except Exception as error:
+            raise ConfigurationError(
+                f"the Dask scheduler at {self._scheduler} is lost; start it and its workers, then "
+                "call this again: what was finished is kept"
+            ) from error
+        now_s = time.monotonic()
+        for address in [address for address in self._workers if address not in found]:
+            self._let_go(address)
+        for address, facts in found.items():
+            if address not in self._workers:
+                self._workers[address] = _Worker(f"{facts['host']} ({address})", now_s)
+                self._submit(address, _WHO, source=inspect.getsource(identity))
+            self._listen(address, float(facts.get("last_seen", 0.0)), now_s)
+        self._end_if_alone(now_s)
+
+    def _listen(self, address: str, heard: float, now_s: float) -> None:
+        worker = self._workers[address]
+        if heard != worker.heard:
+            worker.heard, worker.heard_s, worker.is_silent = heard, now_s, False
+        since_s = worker.heard_s if worker.is_used or worker.future is None else worker.began_s
+        if now_s - since_s > _SILENT_S and not worker.is_silent:
+            worker.is_silent = True
+            self._say(f"the worker at {worker.name} has been silent for {_SILENT_S:.0f} s")
+
+    def _let_go(self, address: str) -> None:
+        """Take a task back from a worker that is gone."""
+        worker = self._workers.pop(address)
+        self._refused.pop(address, None)
+        if worker.future is not None:
+            worker.future.release()
+        if worker.key:
+            self._lost[worker.key] += 1
+            if self._lost[worker.key] >= _MOST_LOSSES:
+                raise ConfigurationError(
+                    f"the run {self._tasks[worker.key]} was tried {_MOST_LOSSES} times, and each "
+                    "time its worker was lost; have the workers enough memory?"
+                )
+            self._todo.append(worker.key)
+        self._say(f"the worker at {worker.name} is gone")
+
+    def _end_if_alone(self, now_s: float) -> None:
+        if any(worker.is_used or worker.future for worker in self._workers.values()):
+            self._alone_since_s, self._had_workers = now_s, True
+            return
+        if self._refused:
+            raise ConfigurationError(
+                "no worker can be used: " + "; ".join(dict.fromkeys(self._refused.values()))
+            )
+        patience_s = _NO_WORKER_S if self._had_workers else _FIRST_WORKER_S
+        if now_s - self._alone_since_s > patience_s:
+            raise ConfigurationError(
+                f"the Dask scheduler at {self._scheduler} has had no worker for {patience_s:.0f} "
+                f"s; start some with: dask worker {self._scheduler} --nthreads 1. Workers that "
+                "end at once say why in their own output. What was finished is kept"
+            )
+
+    def _say(self, change: str) -> None:
+        self._on_workers(sum(worker.is_used for worker in self._workers.values()), change)
+
+    # Tasks ---------------------------------------------------------------------------------------
+
+    def _hand_out(self) -> None:
+        for address, worker in self._workers.items():
+            if self._todo and worker.is_used and worker.future is None:
+                worker.key = self._todo.pop()
+                task = self._tasks[worker.key]
+                self._submit(address, _RUN, packed=pickle.dumps((task, contents_of(task))))
+
+    def _submit(self, address: str, text: str, **names: Any) -> None:
+        """Have a worker evaluate a text in which these names are known."""
+        future = self._client.submit(
+            eval, text, names, workers=[address], allow_other_workers=False, pure=False
+        )
+        self._workers[address].future = future
+        future.add_done_callback(lambda done: self._events.put((address, done)))
+
+    def _take(self, address: str, worker: _Worker) -> Iterator[tuple[str, Outcome, str]]:
+        """Take the answer of a worker: who it is, or what came of a task."""
+        future, key = worker.future, worker.key
+        worker.future, worker.key = None, ""
+        if future.status != "finished":
+            self._take_failure(address, worker, future, key)
+        elif key:
+            self._left -= 1
+            yield key, future.result(), f" on the worker at {worker.name}"
+        else:
+            self._judge(address, worker, future.result())
+
+    def _take_failure(self, address: str, worker: _Worker, future: Any, key: str) -> None:
+        """The task did not come back: it was not run, or the worker was lost meanwhile."""
+        error = future.exception() if future.status == "error" else None
+        is_lost = error is None or type(error).__name__ == "KilledWorker"
+        if is_lost or not key:
+            worker.key = key
+            self._let_go(address)  # the next look asks it anew, if it is there
+            return
+        raise ConfigurationError(
+            f"the worker at {worker.name} cannot run {self._tasks[key]}: "
+            f"{type(error).__name__}: {_first_line(error)}"
+        ) from error
+
+    def _judge(self, address: str, worker: _Worker, theirs: Mapping[str, str]) -> None:
+        differs = identity.differences(self._ours, theirs)
+        worker.is_used = not differs
+        if differs:
+            sentence = (
+                f"the worker at {worker.name} is not used, its figures would be others: "
+                f"{'; '.join(differs)}; install the same there"
+            )
+            self._refused[address] = sentence
+            self._say(sentence)
+        else:
+            self._say(f"the worker at {worker.name} is ready")
+
+
+def _first_line(error: BaseException | None) -> str:
+    return next(iter(str(error).splitlines()), "") or type(error).__name__
+
+
+def _close(client: Any) -> None:
+    with contextlib.suppress(Exception):  # it is lost already
+        client.close(timeout=2)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Silence the library's own reports: whatever goes wrong is said here, in a sentence."""
+    log = logging.getLogger("distributed")
+    level = log.level
+    log.setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.setLevel(level)

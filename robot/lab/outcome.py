@@ -1,0 +1,78 @@
+"""A task that is run here, on behalf of whoever asked: what came of it, ready to be sent back."""
+
+from __future__ import annotations
+
+import tempfile
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+from robot.errors import RobotError
+from robot.lab.task import Params, Result, Task
+
+
+class TrialError(RobotError):
+    """A run raised something: its task, and the traceback where it was not ours."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The result of a run, or in words what it raised: an idea's errors need not be picklable."""
+
+    result: Result | None = None
+    error: str = ""
+    traceback: str = ""
+
+    def value(self, task: Task, where: str = "") -> Result:
+        """Return the result; TrialError, with the traceback of the run, if there is none."""
+        if self.result is None:
+            raise TrialError(f"{self.traceback}the run {task} failed{where}: {self.error}")
+        return self.result
+
+
+Contents = Mapping[str, tuple[str, bytes]]
+"""Files that parameters name, by the parameter's value: each file's path, and what it holds."""
+
+
+def contents_of(task: Task) -> Contents:
+    return {value: (file, Path(file).read_bytes()) for value, file in task.files.items()}
+
+
+def run_task(task: Task, contents: Contents | None = None) -> Outcome:
+    """Run a task; never raises an Exception.
+
+    `contents` are for a machine that does not have the files.
+    """
+    try:
+        return Outcome(result=task.run(_placed(task.params, contents or {})))
+    except RobotError as error:
+        cause = error.__cause__
+        is_ours = cause is None or isinstance(cause, RobotError | OSError)
+        return Outcome(error=str(error), traceback="" if is_ours else _told(cause))
+    except Exception as error:  # an idea's: it may raise anything
+        return Outcome(error=f"{type(error).__name__}: {error}", traceback=_told(error))
+
+
+def _told(error: BaseException | None) -> str:
+    return "".join(traceback.format_exception(error)) if error is not None else ""
+
+
+def _placed(params: Params, contents: Contents) -> Params:
+    """Write the files that came along into a folder of this process, and name them there."""
+    placed = dict(params)
+    for name, value in params.items():
+        if isinstance(value, str) and value in contents:
+            file, data = contents[value]
+            path = Path(_folder().name, sha256(data).hexdigest()[:16], Path(file).name)
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(data)
+            placed[name] = f"{path}{value[len(file) :]}"
+    return placed
+
+
+@cache
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="drivelesson-")
