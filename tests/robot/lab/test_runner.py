@@ -242,7 +242,7 @@ def run_die(params: Params) -> Result:
     return {}
 
 
-@pytest.mark.slow
+@in_ci
 @pytest.mark.realtime
 @pytest.mark.parametrize(
     ("name", "results"),
