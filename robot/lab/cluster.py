@@ -8,6 +8,7 @@ program to read it.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import inspect
 import logging
@@ -56,6 +57,8 @@ def run_on_cluster(
         return
     with _quiet(), contextlib.ExitStack() as stack:
         try:
+            # Where it cannot connect, a Client waits another 20 s, and prints a traceback.
+            asyncio.run(_knock(scheduler))
             client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
         except Exception as error:  # of many kinds, by the address and the network
             raise ConfigurationError(
@@ -94,7 +97,7 @@ class _Run:
     ) -> None:
         self._client, self._scheduler, self._tasks = client, scheduler, tasks
         self._on_workers = on_workers
-        self._todo = list(reversed(tasks))
+        self._todo = list(tasks)[::-1]
         self._workers: dict[str, _Worker] = {}
         self._events: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
         self._lost: Counter[str] = Counter()
@@ -240,6 +243,14 @@ class _Run:
             self._say(f"the worker at {worker.name} is ready")
 
 
+async def _knock(scheduler: str) -> None:
+    """Raise whatever keeps this process from connecting."""
+    comm = await need("distributed.comm", "the backend dask", "dask").connect(
+        scheduler, timeout=_CONNECT_S
+    )
+    await comm.close()
+
+
 def _first_line(error: BaseException | None) -> str:
     return next(iter(str(error).splitlines()), "") or type(error).__name__
 
@@ -252,12 +263,14 @@ def _close(client: Any) -> None:
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Silence the library's own reports: whatever goes wrong is said here, in a sentence."""
-    log = logging.getLogger("distributed")
-    level = log.level
-    log.setLevel(logging.CRITICAL + 1)
+    names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
+    levels = {log: log.level for log in map(logging.getLogger, names)}
+    for log in levels:
+        log.setLevel(logging.CRITICAL + 1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     finally:
-        log.setLevel(level)
+        for log, level in levels.items():
+            log.setLevel(level)
