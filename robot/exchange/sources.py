@@ -22,6 +22,7 @@ from robot.exchange.lerobot_reader import LerobotDataset
 from robot.exchange.npz import load_recording
 from robot.exchange.tub import read_tub
 from robot.exchange.tub_records import is_tub
+from robot.store.folder import SCRATCH
 from robot.store.lock import FolderLock
 
 _DEEPEST = 5
@@ -93,7 +94,7 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
     if ending is None or not path.is_file():
         yield path
         return
-    with TemporaryDirectory(prefix=".import-", dir=scratch) as made, FolderLock(Path(made)):
+    with TemporaryDirectory(prefix=SCRATCH, dir=scratch) as made, FolderLock(Path(made)):
         folder = Path(made) / path.name[: -len(ending)].strip(". ")
         folder.mkdir(exist_ok=True)
         entries = _zip_entries(path) if ending == ".zip" else _tar_entries(path)

@@ -55,7 +55,8 @@ class EpisodeStore:
         for path in self._paths():
             with contextlib.suppress(OSError):  # it is gone
                 found.append(self._describe(path))
-        return sorted(found, key=lambda s: (s.started_at_s, s.id), reverse=True)
+        # A copy that a synchroniser made has a longer name, and stands behind its original.
+        return sorted(found, key=lambda s: (-s.started_at_s, len(s.id), s.id))
 
     def summary(self, episode_id: str) -> EpisodeSummary:
         """Describe one episode; raises OSError if it is gone."""

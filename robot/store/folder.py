@@ -43,6 +43,10 @@ _LONGEST_NAME, _LONGEST_ENDING = 64, 40
 _NAME = re.compile(rf"[^\W_][\w .()+,-]{{0,{_LONGEST_NAME - 1}}}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
 _KEY = re.compile(r"0\d{19}", re.ASCII)
+SCRATCH = ".import-"
+"""How the folders begin in which an import unpacks, in the trash."""
+_PART = re.compile(r"\..+\.\d+\.part", re.DOTALL)
+"""What `whole_file` writes first: other programs have `.part` files of their own."""
 _BUSY = (5, 32)
 """Windows' numbers for a file that another program has open."""
 _PAUSES_S = (0.01, 0.03, 0.1, 0.3, 1.0)
@@ -253,9 +257,11 @@ class Storage:
         """
         with contextlib.suppress(OSError):
             empty = [path for path in self.episodes.glob("*.mcap") if size_of(path) == 0]
-            parts = [*self.models.glob("*/.*.part"), *self.episodes.glob(".*.part")]
+            places = (self.root, self.episodes, *self.models.glob("*/"))
+            parts = [path for place in places for path in place.glob(".*.part")]
+            parts = [path for path in parts if _PART.fullmatch(path.name)]
             parts += self.episodes.glob(".index.json")  # a list that 0.2 kept of them
-            for path in (*parts, *empty, *self.root.glob(".*.part")):
+            for path in (*parts, *empty):
                 with contextlib.suppress(OSError):
                     if time.time() - path.lstat().st_mtime > _HALF_DONE_S:
                         path.unlink()
@@ -304,10 +310,15 @@ class Storage:
         shutil.rmtree(place, ignore_errors=True)
         return new
 
+    def _ours_in_trash(self) -> list[Path]:
+        """List what was deleted, and what an import unpacks; other programs' folders are theirs."""
+        found = paths_in(self.trash)
+        return [p for p in found if _KEY.fullmatch(p.name) or p.name.startswith(SCRATCH)]
+
     def empty_trash(self) -> int:
         """Delete for good what is in the trash; return how many bytes that freed."""
         size = _size(self.trash)
-        for place in self.trash.iterdir():
+        for place in self._ours_in_trash():
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
                     FolderLock(place).start()  # refuses where an import unpacks just now

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,11 @@ from robot.store.folder import is_text, move_aside
 ASIDE = "set-aside"
 _FOLDERS = ("models", "episodes", "exports", "trash", "journal", "lessons", "tls")
 _FILES = (".lock", ".lock.pid", "README.txt", "robot.json", "paired.json")
+_READ = {
+    "episodes": re.compile(r"[^.].*(\.mcap|\.edits\.json)", re.DOTALL),
+    "journal": re.compile(r"\d+-\d+\.[ab]", re.ASCII),
+}
+"""The names of the files that the program reads in a folder, however many there are."""
 _NOTES = ("models/current.txt", "models/current.twin.txt")
 
 
@@ -32,18 +38,15 @@ def prepare(root: Path) -> list[tuple[str, str]]:
     with contextlib.suppress(OSError):
         clear(root, root.is_dir(), root.parent)
         folders = [root / name for name in _FOLDERS]
-        files_alone = (root / "episodes", root / "journal")
         clear(root / ASIDE, (root / ASIDE).is_dir(), root)
         for folder in folders:
             clear(folder, folder.is_dir() and os.access(folder, os.R_OK | os.X_OK))
         for file in (root / name for name in _FILES + _NOTES):
             clear(file, _is_a(file, stat.S_ISREG) and os.access(file, os.R_OK | os.W_OK))
-        for folder in (root, *folders):
-            for path in _found_in(folder):
-                is_sound = _is_a(path, stat.S_ISREG) or (
-                    _is_a(path, stat.S_ISDIR) and folder not in files_alone
-                )
-                clear(path, is_sound and is_text(path.name))
+        for inside, names in _READ.items():
+            for path in _found_in(root / inside):
+                if names.fullmatch(path.name):
+                    clear(path, _is_a(path, stat.S_ISREG) and is_text(path.name))
     return moved
 
 

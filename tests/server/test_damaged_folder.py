@@ -14,6 +14,7 @@ import pytest
 
 from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
+from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.store.prepare import prepare
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
@@ -21,6 +22,7 @@ from robot.types import Action, Example
 from server.access.pairing import Pairing
 from server.identity import IdentityFile
 from server.persistence import Persistence
+from server.recordings.selection import find_id
 from tests.kit.sizes import size
 from tests.robot.recordings.drives import record_drive
 
@@ -291,3 +293,57 @@ class DiskThatRefuses:
         patch.setattr(os, "open", open_)
         patch.setattr(os, "mkdir", mkdir)
         patch.setattr(os, "write", real_write)
+
+
+FOREIGN = (
+    ".stfolder/marker", "@eaDir/SYNO@.fileindexdb", "lost+found/#1234", ".Trash-1000/info/a",
+    "$RECYCLE.BIN/desktop.ini", "System Volume Information/x", ".fseventsd/y", "Thumbs.db",
+    ".DS_Store", "notes.txt", "desktop.ini", "~$plan.docx", ".~lock.plan.ods#", ".nfs0001",
+    ".robot.syncthing.tmp", ".robot.mcap.part", "old/one.npz",
+)  # fmt: skip
+"""What synchronisers, file managers and people keep in any folder."""
+
+
+def test_what_other_programs_keep_is_neither_moved_listed_nor_deleted(
+    tmp_path: Path, whole: Path
+) -> None:
+    root = tmp_path / "data"
+    shutil.copytree(whole, root)
+    foreign = [
+        root / folder / name
+        for folder in ("", "models", "models/second", "episodes", "exports", "trash", "journal")
+        for name in FOREIGN
+    ]
+    for path in foreign:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("theirs")
+        os.utime(path, (1.0, 1.0))
+    if os.name != "nt":
+        os.mkfifo(root / "episodes/backup.fifo")
+        (root / "models/elsewhere").symlink_to(tmp_path)
+    for _ in range(2):
+        system = running(root)
+        with system as (_, persistence):
+            assert persistence.models.names() == ["bench", "second"]
+            recorded = persistence.episodes.ids()
+            assert all(name.startswith("2023-") for name in recorded)
+            persistence.episodes.restore(persistence.episodes.delete(recorded[0]))
+            persistence.storage.empty_trash()
+        assert system.moved == []
+    assert all(path.read_text() == "theirs" for path in foreign)
+
+
+@pytest.mark.parametrize(
+    "ending",
+    [
+        ".sync-conflict-20261129-101010-ABCDEFG", " (conflicted copy 2026-11-29 101010)", " (1)",
+        " - Copy", " (Ada's conflicted copy 2026-11-29)", "-LAPTOP",
+    ],
+)  # fmt: skip
+def test_the_copy_of_a_synchroniser_is_never_the_newest(tmp_path: Path, ending: str) -> None:
+    storage = Storage(tmp_path)
+    episode = record_drive(storage.episodes, frames=3)
+    shutil.copy(episode.path, episode.path.with_stem(episode.path.stem + ending))
+    store = EpisodeStore(storage)
+    assert len(store.ids()) == 2
+    assert find_id(store, "last") == episode.path.stem

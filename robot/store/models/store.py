@@ -75,9 +75,12 @@ class ModelStore:
         self._markers = [storage.models / file for file in ("current.txt", "current.twin.txt")]
 
     def names(self) -> list[str]:
-        found = paths_in(self._storage.models)
-        names = [path.name for path in found if path.is_dir() and not path.is_symlink()]
-        return sorted(names, key=str.casefold)
+        """List the models: the folders that have a version, readable or not.
+
+        Other programs keep folders there, too, such as `@eaDir` and `.stfolder`.
+        """
+        found = [path for path in paths_in(self._storage.models) if not path.is_symlink()]
+        return sorted((path.name for path in found if _is_model(path)), key=str.casefold)
 
     def saved(self) -> list[StoredModel]:
         """List all models, the one saved last first."""
@@ -198,7 +201,8 @@ class ModelStore:
         """Give a model another name; return the name as it was saved."""
         was_current = self.current == self._check(name)
         new_name = check_name(new_name)
-        if fold(new_name) in {fold(other) for other in self.names() if other != name}:
+        others = {path.name for path in paths_in(self._storage.models)} - {name}
+        if fold(new_name) in set(map(fold, others)):
             raise ConfigurationError(f"there is already a model {new_name!r}")
         (self._storage.models / name).rename(self._storage.models / new_name)
         if was_current:
@@ -231,6 +235,12 @@ class ModelStore:
         """List the versions, the oldest first, whatever stands in their places."""
         versions = [path for path in self._files(name) if _VERSION.fullmatch(path.name)]
         return sorted(versions, key=lambda path: int(path.stem))
+
+
+def _is_model(folder: Path) -> bool:
+    if folder.name.startswith(".") or not folder.is_dir():
+        return False
+    return any(_VERSION.match(path.name) for path in paths_in(folder))
 
 
 def _age_of(stored: StoredModel) -> tuple[int, int, float]:
