@@ -94,6 +94,13 @@ class Camera(StartStop):
         """
         return frame
 
+    def rest(self, every_s: float) -> None:
+        """Take note that one picture in `every_s` is enough until told otherwise.
+
+        0: all are needed, the next at once. Infinite: none is. Returns at once. A camera that
+        makes its pictures itself then makes no others; one that passes on a device's need not care.
+        """
+
     def listen(self, on_frame: Callable[[], None] | None) -> None:
         """Have `on_frame` called after each new frame, on the camera's thread; it must be quick."""
         self._on_frame = on_frame or (lambda: None)

@@ -13,7 +13,6 @@ import socket
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import entry_points
 from typing import Any, ClassVar, TypeVar, cast
 
 from fastapi import APIRouter, HTTPException
@@ -21,6 +20,7 @@ from starlette.requests import HTTPConnection
 
 from robot.clock import Clock
 from robot.devices.rig import Rig
+from robot.entry_points import points
 from robot.policy.history import TrainingHistory
 from robot.types import StartStop
 from server.access.admission import AdmissionControl
@@ -111,8 +111,7 @@ class Extension(StartStop):
 
 def installed() -> list[type[Extension]]:
     """Return the extensions that are installed, in the order of their names."""
-    points = sorted(entry_points(group="drivelesson.services"), key=lambda point: point.name)
-    return [point.load() for point in points]
+    return [point.load() for point in points("drivelesson.services")]
 
 
 def make_services(

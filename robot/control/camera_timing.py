@@ -92,6 +92,10 @@ class CameraTiming:
             min(_quantile(self._ages_s, self._AGE_QUANTILE), before.delivery_age_s + growth_s),
         )
 
+    def pause(self) -> None:
+        """Do not count the time until the next picture as a period."""
+        self._captured_s = math.inf
+
     def _judge(self, period_s: float, delivery_age_s: float) -> CameraState:
         longest_s = max(self.config.longest_timeout_s, self._shortest_timeout_s)
         longest_s += max(0.0, period_s - self.config.full_speed_s)

@@ -28,13 +28,30 @@ from robot.control.state import Tick, sum_up
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
 from robot.policy.policy import Policy
-from robot.types import Action, Decision, DrivenBy, Frame, Mode, PilotCommand, Sensors, StopReason
+from robot.types import (
+    Action,
+    Decision,
+    DrivenBy,
+    Frame,
+    Mode,
+    PilotCommand,
+    Point,
+    Sensors,
+    StopReason,
+)
 
 log = logging.getLogger(__name__)
 _Commands = list[PilotCommand]
 _STANDS_S = 0.04
 """A tick and the body take at most so long: then the wheels stand when the pilot is blind."""
 _SHORTEST_WAIT_S = 0.001
+_RESTS_AFTER_S = 1.0
+"""How long a robot stands unwatched before it rests, in seconds: a page that is loaded again finds
+it awake, and the camera's rate has been measured."""
+_RESTING_SHARE = 0.9
+"""Share of the wanted time between two pictures after which one is looked at: cameras jitter."""
+_RESTING_WAIT_S = 0.25
+"""Longest time between two ticks at rest: below `ACTION_TIMEOUT_S`, for bodies with a watchdog."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,13 +106,16 @@ class ControlLoop:
         self._world_s = camera.world_s
         """The gate and the link governor are told times of the world's clock, and no others."""
         self._commands: _Commands = []
+        self._asked: tuple[Action | None, Point | None] | None = None
         self._fault: str | None = None
         self._last_mode = Mode.TRAIN
         self._epoch = object()
         self._listeners: list[Callable[[Tick], None]] = []
+        self._enough_every_s = self._rest_every_s = 0.0
+        self._stirred_s = clock.now_s()
         self._sum_up = partial(sum_up, learning=self.learning, gate=self._gate, timing=self._timing)
         self.state = self._sum_up(Tick(now_s=clock.now_s(), decision=self._gate.stand()))
-        camera.listen(self.wake.set)
+        camera.listen(self._hear_camera)
 
     # What others ask of the loop -------------------------------------------------------------
 
@@ -114,11 +134,23 @@ class ControlLoop:
         return self._gate.mode
 
     @property
+    def is_resting(self) -> bool:
+        """True while the robot stands and takes fewer pictures, as nobody needs more."""
+        return self._rest_every_s > 0.0
+
+    def need_picture_every(self, seconds: float) -> Future[None]:
+        """While the robot stands, one picture in so many seconds is enough; 0: all are needed.
+
+        Infinite: nobody looks. A robot that may move takes all pictures, whatever is said here.
+        """
+        return self.submit(lambda: self._need(seconds))
+
+    @property
     def wait_s(self) -> float:
         """The longest time until the next tick: a pilot who grows blind is not waited for."""
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
-            return longest_s
+            return _RESTING_WAIT_S if self.is_resting else longest_s
         stands_s = self._world_s(self.clock.now_s()) + _STANDS_S
         slack_s = self._timing.state.sight_slack_s
         return min(longest_s, max(_SHORTEST_WAIT_S, self._link.blind_in_s(stands_s, slack_s)))
@@ -130,8 +162,10 @@ class ControlLoop:
             self._link.note_lateness(late_s, is_to_blame=is_to_blame)
 
     def command(self, command: PilotCommand) -> None:
-        """Queue a pilot command and wake the loop."""
-        self.submit(lambda: self._note(command))
+        """Queue a pilot command, and wake the loop if it changes what is held."""
+        held = command.held, command.point
+        is_news, self._asked = held != self._asked, held
+        self.submit(lambda: self._note(command), is_news=is_news)
 
     def set_mode(
         self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
@@ -143,11 +177,12 @@ class ControlLoop:
         that the pilot sees.
         """
         asked_s = self.clock.now_s() if proven_s is None else proven_s
-        epoch = self._epoch
+        epoch, self._asked = self._epoch, None
         return self.submit(lambda: self._epoch is epoch and self._start(mode, asked_s, frame_id))
 
     def empty_command(self) -> Future[None]:
         """Forget what is held: the pilot joined, left or lost the wheel. Stops a moving robot."""
+        self._asked = None
         return self.submit(self._change_pilot)
 
     def trip(self, reason: StopReason) -> Future[None]:
@@ -235,6 +270,8 @@ class ControlLoop:
     def _look(self, now_s: float) -> Frame | None:
         """Process the newest frame; return it if it is new."""
         last, frame = self.state, self._camera.latest()
+        if not self._is_due(frame):
+            return None
         delivered_s = max(now_s, self.clock.now_s())
         is_robots = last.decision.driven_by is DrivenBy.ROBOT
         try:
@@ -254,10 +291,20 @@ class ControlLoop:
         if may_move:
             self._fault = None  # of a picture before; a stop keeps its own
         is_moving = may_move and not self._camera.world_waits
-        self._timing.note(
-            self._world_s(frame.captured_s), self._world_s(delivered_s), is_moving=is_moving
-        )
+        if not self.is_resting:
+            times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)
+            self._timing.note(*times_s, is_moving=is_moving)
         return frame
+
+    def _is_due(self, frame: Frame | None) -> bool:
+        """False for a frame that nobody needs, so soon after the one before."""
+        last, least_s = self.learning.frame, _RESTING_SHARE * self._rest_every_s
+        return not least_s or not frame or not last or frame.captured_s - last.captured_s >= least_s
+
+    def _hear_camera(self) -> None:
+        """Have a tick soon for a new frame or fault; on the camera's thread."""
+        if not self.is_resting or self._is_due(self._camera.latest()):
+            self.wake.set()
 
     def _sense(self, now_s: float) -> Sensors:
         try:
@@ -307,9 +354,24 @@ class ControlLoop:
             self._break_down(error)
         finally:
             self._mailbox.answer()
+        self._rest_or_not(tick.now_s)
         return self.state
 
+    def _rest_or_not(self, now_s: float) -> None:
+        """Tell the camera when it may rest, and when it may not any more."""
+        if self._gate.mode is not Mode.STOPPED or not self._enough_every_s:
+            self._stirred_s = now_s
+        every_s = self._enough_every_s if now_s - self._stirred_s >= _RESTS_AFTER_S else 0.0
+        if every_s != self._rest_every_s:
+            self._rest_every_s = every_s
+            self._timing.pause()  # the gap between two pictures is not the camera's period
+            self.learning.note_pause(is_over=not every_s)
+            self._camera.rest(every_s)
+
     # Requests, run on the loop's thread, and every way to stop ---------------------------------
+
+    def _need(self, every_s: float) -> None:
+        self._enough_every_s = every_s
 
     def _note(self, command: PilotCommand) -> None:
         """Take in a command; even one that comes too late is a measurement of the link."""

@@ -13,15 +13,19 @@ _T = TypeVar("_T")
 
 
 class Mailbox:
-    """Filled from any thread, emptied by the loop's. `wake` is set whenever something is queued."""
+    """Filled from any thread, emptied by the loop's. `wake` is set when something is due now."""
 
     def __init__(self) -> None:
         self.wake = threading.Event()
         self._requests: deque[tuple[Future[Any], Callable[[], Any]]] = deque()
         self._answers: list[Callable[[], None]] = []
 
-    def put(self, request: Callable[[], _T], *, is_urgent: bool = False) -> Future[_T]:
+    def put(
+        self, request: Callable[[], _T], *, is_urgent: bool = False, is_news: bool = True
+    ) -> Future[_T]:
         """Queue a request to be run on the loop's thread; before all others if it is urgent.
+
+        One that is no news wakes nobody: it is run in the next tick, 50 ms later at most.
 
         Everything that reads or changes the training history comes here: undo, edits, saving,
         replacing. The future is done at the end of the tick that ran the request, when the state is
@@ -30,7 +34,8 @@ class Mailbox:
         future: Future[_T] = Future()
         add = self._requests.appendleft if is_urgent else self._requests.append
         add((future, request))
-        self.wake.set()
+        if is_news:
+            self.wake.set()
         return future
 
     def serve(self) -> None:

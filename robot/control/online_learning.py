@@ -147,6 +147,7 @@ class OnlineLearning:
         self._labeller = Labeller()
         self._seen: dict[int, _Seen] = {}
         self._frame_times_s: deque[float] = deque(maxlen=30)
+        self._rate_before_hz = 0.0
 
     def look(
         self,
@@ -261,12 +262,18 @@ class OnlineLearning:
         self._events.clear()
         return events
 
+    def note_pause(self, *, is_over: bool) -> None:
+        """Measure the frame rate anew: until there are two frames that of before a pause counts."""
+        if not is_over:
+            self._rate_before_hz = self.frame_rate_hz
+        self._frame_times_s.clear()
+
     @property
     def frame_rate_hz(self) -> float:
         """New frames a second, over the last thirty."""
         times_s = self._frame_times_s
         if len(times_s) < 2 or times_s[-1] <= times_s[0]:
-            return 0.0
+            return self._rate_before_hz
         return (len(times_s) - 1) / (times_s[-1] - times_s[0])
 
     def _note_event(self, event: HistoryEvent) -> None:

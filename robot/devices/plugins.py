@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
-from importlib.metadata import entry_points
 from typing import Any
 
 import robot.driver
 from robot.camera import Camera
 from robot.driver import Driver
+from robot.entry_points import points
 from robot.errors import MissingExtraError, PluginError, did_you_mean
 
 DRIVERS = "drivelesson.drivers"
@@ -19,12 +19,12 @@ sys.modules.setdefault("robot.moves", robot.driver)  # where plugins of version 
 
 def driver_names() -> list[str]:
     """Names of all installed drivers, sorted."""
-    return sorted({point.name for point in entry_points(group=DRIVERS)})
+    return sorted({point.name for point in points(DRIVERS)})
 
 
 def camera_names() -> list[str]:
     """Names of all installed cameras, sorted."""
-    return sorted({point.name for point in entry_points(group=CAMERAS)})
+    return sorted({point.name for point in points(CAMERAS)})
 
 
 def load_driver(name: str) -> type[Driver]:
@@ -45,14 +45,14 @@ def load_camera(name: str) -> type[Camera]:
 
 
 def _load(group: str, name: str, kind: str, base: type[Any]) -> type[Any]:
-    points = {point.name: point for point in entry_points(group=group)}
-    if name not in points:
+    known = {point.name: point for point in points(group)}
+    if name not in known:
         raise PluginError(
-            f"unknown {kind} {name!r}{did_you_mean(name, points)}; "
-            f"installed: {', '.join(sorted(points))}"
+            f"unknown {kind} {name!r}{did_you_mean(name, known)}; "
+            f"installed: {', '.join(sorted(known))}"
         )
     try:
-        found = points[name].load()
+        found = known[name].load()
     except MissingExtraError:
         raise
     except (ImportError, AttributeError) as error:

@@ -10,8 +10,9 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 
+from robot.entry_points import points
 from robot.errors import ConfigurationError, MissingExtraError, PluginError, did_you_mean
 from robot.learner.classifier import GROUP_COST, LINEAR_SHARE, N_VOTERS, BSOCClassifier
 from robot.learner.ridge import ContextRidge, RecursiveRidge
@@ -98,9 +99,7 @@ def make_published(number: int, name: str, moves: tuple[Action, ...], integer: b
 
 @cache
 def _points() -> dict[str, EntryPoint]:
-    return {
-        point.name: point for group in (LEARNERS, VARIANTS) for point in entry_points(group=group)
-    }
+    return {point.name: point for group in (LEARNERS, VARIANTS) for point in points(group)}
 
 
 def learner_kinds() -> list[str]:

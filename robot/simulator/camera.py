@@ -23,6 +23,9 @@ _LONGEST_GAP_S = 0.25
 _LONGEST_PERIOD_S, _USUAL_FRAMES = 0.1, 10
 """Where a picture takes long, because the computer is busy, they come no more seldom than so."""
 _D = TypeVar("_D", bound=Driver)
+_RESTING_STEP_S = 1.0
+"""How often the world moves on while nobody needs a picture, in seconds."""
+_EARLY_S = 0.01
 _ASKED_FRAMES = 30
 """For so many frames after somebody asked for one, pictures for the eye are made."""
 
@@ -117,6 +120,8 @@ class SimCamera(WorldCamera[SimDriver]):
         super().__init__(body, options, clock)
         self._compress = jpeg_encoder(options.jpeg_quality, "the camera of a simulated world")
         self._period_s = 1.0 / options.frame_rate_hz
+        self._every_s = 0.0
+        self._stirred = threading.Event()
         self._asked_id = -_ASKED_FRAMES
         self._large: Frame | None = None
 
@@ -154,16 +159,35 @@ class SimCamera(WorldCamera[SimDriver]):
     def _leave(self) -> None:
         self._body.simulation.close()
 
+    def rest(self, every_s: float) -> None:
+        self._every_s = every_s
+        self._stirred.set()
+
+    def _let_go(self) -> None:
+        self._stirred.set()
+
     def _live(self) -> None:
-        """Take pictures, and wait between two for as long as one takes: where robots are too many
-        for the computer each takes fewer, and a STOP finds time."""
-        last_s = self.clock.now_s()
+        """Take pictures, and wait between two at least as long as one takes: with too many robots
+        for the computer each takes fewer, and a STOP finds time. At rest the world only moves on.
+        """
+        taken_s = last_s = self.clock.now_s()
         due_s, takes_s = last_s + self._period_s, 0.0
-        while not self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s())):
-            now_s = self.clock.now_s()
+        while True:
+            self.clock.wait(self._stirred, max(0.0, due_s - self.clock.now_s()))
+            self._stirred.clear()
+            if self._ending.is_set():
+                return
+            now_s, every_s = self.clock.now_s(), self._every_s
             self._body.advance(min(now_s - last_s, _LONGEST_GAP_S))
             last_s = now_s
+            if every_s:
+                if now_s >= taken_s + every_s - _EARLY_S:
+                    self._take()
+                    taken_s = now_s
+                due_s = now_s + min(every_s, _RESTING_STEP_S)
+                continue
             self._take()
-            takes_s += (self.clock.now_s() - due_s - takes_s) / _USUAL_FRAMES
+            taken_s = now_s
+            takes_s += (self.clock.now_s() - min(due_s, now_s) - takes_s) / _USUAL_FRAMES
             period_s = max(self._period_s, min(2 * takes_s, _LONGEST_PERIOD_S))
             due_s = max(due_s + period_s, now_s)

@@ -56,7 +56,8 @@ class Simulation:
         self._drift = 0.0
         self.drift_share = 0.0
         self._renderer: Renderer | None = None
-        self._grain: NDArray[np.int16] | None = None
+        self._grain: tuple[NDArray[np.int16], NDArray[np.int16]] | None = None
+        self._measured: tuple[World | None, Pose | None, float] = None, None, 0.0
         self._contacts_rad: list[float] = []
         self.pose = self._start_pose()
         self.action = Action.STOP
@@ -90,8 +91,12 @@ class Simulation:
     def sense(self) -> Sensors:
         """Return what the sensors read: sonar with noise, bumpers, and the true pose."""
         noise_m = float(self._sonar_rng.normal(0.0, _SONAR_NOISE_M)) if self.is_noisy else 0.0
+        measured_in, measured_at, free_m = self._measured
+        if measured_in is not self.world or measured_at != self.pose:  # something moved since
+            free_m = sonar_m(self.world, self.pose)
+            self._measured = self.world, self.pose, free_m
         return Sensors(
-            distance_m=max(0.0, sonar_m(self.world, self.pose) + noise_m),
+            distance_m=max(0.0, free_m + noise_m),
             bumped=any(self.bumpers),
             bumpers=self.bumpers,
             pose=self.pose,
@@ -175,8 +180,10 @@ class Simulation:
         # 57,600 normal numbers for each picture.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
-            self._grain = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)
+            block = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)
+            self._grain = block, np.empty(picture.shape, np.int16)
+        block, noisy = self._grain
         start = int(self._pixel_rng.integers(0, 3 * picture.size))
-        grain = self._grain[start : start + picture.size].reshape(picture.shape)
-        noisy: NDArray[np.uint8] = (picture + grain).clip(0, 255).astype(np.uint8)
-        return noisy
+        np.add(picture, block[start : start + picture.size].reshape(picture.shape), out=noisy)
+        np.clip(noisy, 0, 255, out=noisy)
+        return noisy.astype(np.uint8)

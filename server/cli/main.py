@@ -8,11 +8,12 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
 import robot
+from robot.entry_points import points
 from robot.errors import RobotError, did_you_mean
 from server.cli.parser import Parser
 
@@ -74,7 +75,7 @@ def make_parser(
 
 @cache
 def _points() -> dict[str, EntryPoint]:
-    return {point.name: point for point in entry_points(group=GROUP)}
+    return {point.name: point for point in points(GROUP)}
 
 
 def load_command(name: str) -> Any:

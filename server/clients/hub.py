@@ -30,6 +30,8 @@ from server.config import Config
 from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_message
 
 log = logging.getLogger(__name__)
+_UNWATCHED_S = 0.5
+"""How often the timer runs while there is no client, in seconds."""
 LASTING = ("set_aside", "nothing_kept")
 """Events that hold as long as the program runs."""
 
@@ -42,7 +44,10 @@ class Hub:
         self.robot = robot
         self.clock = robot.clock
         self.name = name
-        self.video = VideoHub(Encoder(config.jpeg_quality), robot.clock, robot.camera.for_the_eye)
+        self._needed_every_s = 0.0
+        self.video = VideoHub(
+            Encoder(config.jpeg_quality), robot.clock, robot.camera.for_the_eye, self._note_need
+        )
         self.lease = Lease()
         self._asks = RateLimit(per_second=1.0, burst=3.0)
         self.nonces = NonceLedger()
@@ -68,16 +73,20 @@ class Hub:
             self._frame = tick.frame or self._frame
             if tick.refused:
                 self._soon(self._tell_refused, tick.refused)
-            if not self._is_tick_due and (self.clients or self.video.viewers):
+            is_wanted = (tick.frame and self.video.viewers) or (self.clients and self._is_due())
+            if is_wanted and not self._is_tick_due:
                 self._is_tick_due = True
                 self._soon(self._note_tick)
 
         self._unsubscribe = self.robot.loop.subscribe(on_tick)
         self._timer = asyncio.create_task(self._run_timer())
+        self._note_need()
 
     async def stop(self) -> None:
         """Unsubscribe, and stop the robot if a client drove it."""
         self._unsubscribe()
+        self.event_loop = None
+        self.robot.loop.need_picture_every(0.0)
         self.robot.loop.empty_command()
         if self._timer is not None:
             self._timer.cancel()
@@ -94,6 +103,7 @@ class Hub:
         now_s = self.clock.now_s()
         client = Client(f"c{next(self._ids)}", role, self.config.limits, now_s, person)
         self.clients[client.id] = client
+        self._note_need()
         client.send(
             encode_message(
                 "hello",
@@ -118,6 +128,7 @@ class Hub:
     def leave(self, client: Client) -> None:
         """Remove a client that disconnected; if it had the wheel, the robot stops now."""
         self.clients.pop(client.id, None)
+        self._note_need()
         now_s = self.clock.now_s()
         if self.lease.give_up(client.id, now_s):
             drivers = [one for one in self.clients.values() if one.role is Role.PILOT]
@@ -166,6 +177,7 @@ class Hub:
             self._handle_take(client, now_s)
         elif message in (BareMessage.IDLE, BareMessage.WATCH):
             client.is_idle = message is BareMessage.IDLE  # the next state comes soon to all
+            self._note_need()
         elif self.lease.give_up(client.id, now_s):
             self._pilot_changed()
 
@@ -259,6 +271,14 @@ class Hub:
         log.info("wheel pilot=%s", self.lease.owner)
         self.publish_state()
 
+    def _note_need(self) -> None:
+        """Tell the loop how often anybody needs a picture, if that has changed."""
+        is_shown = any(not client.is_idle for client in self.clients.values())
+        every_s = 0.0 if is_shown else self.video.needed_every_s
+        if every_s != self._needed_every_s and self.event_loop is not None:
+            self._needed_every_s = every_s
+            self.robot.loop.need_picture_every(every_s)
+
     def announce(self, name: str, **fields: object) -> None:
         """Tell all clients of an event; of one of `LASTING` also each that joins later.
 
@@ -281,8 +301,9 @@ class Hub:
         if not self.clients:
             return
         owner = self.lease.owner
+        loop = self.robot.loop
         state = {
-            **describe_state(self.robot.loop.state, self.now_ms()),
+            **describe_state(loop.state, self.now_ms(), is_resting=loop.is_resting),
             "nonce": self.nonces.issue(self._sent_s),
             "pilot": owner,
             "wheel_asked": self.lease.is_asked,
@@ -316,23 +337,29 @@ class Hub:
     def _note_tick(self) -> None:
         """Publish the newest tick: at most once per wake-up, the state before its picture."""
         self._is_tick_due = False
-        since_s = self.clock.now_s() - self._sent_s
         try:
-            if since_s >= state_every_s(self.robot.loop.state) or self._urgent() != self._sent:
+            if self._is_due():
                 self.publish_state()
         finally:
-            self._soon(self.show_newest)
+            asyncio.get_running_loop().call_soon(self.show_newest)
+
+    def _is_due(self) -> bool:
+        """True if the clients are to be told the state: something urgent changed, or it is time."""
+        since_s = self.clock.now_s() - self._sent_s
+        return since_s >= state_every_s(self.robot.loop.state) or self._urgent() != self._sent
 
     def show_newest(self) -> None:
         """Give the video the newest frame, which it does not get while nobody watches."""
-        if self._frame is not None and self._frame is not self.video.newest:
+        is_old = self.robot.loop.is_resting and not self.video.viewers
+        if self._frame is not None and self._frame is not self.video.newest and not is_old:
             self.video.show(self._frame, self.nonces.issue(self.clock.now_s()))
 
     async def _run_timer(self) -> None:
         """Pass on a lapsed wheel, and publish the state even if the control loop stalls."""
         while True:
-            due_s = self.clock.now_s() + STATE_EVERY_S
-            await self.clock.pause(STATE_EVERY_S)
+            pause_s = STATE_EVERY_S if self.clients else _UNWATCHED_S
+            due_s = self.clock.now_s() + pause_s
+            await self.clock.pause(pause_s)
             try:
                 self._note_time(due_s)
             except Exception:  # without a timer a silent pilot would keep the wheel for ever

@@ -25,7 +25,8 @@ def state_every_s(state: Tick) -> float:
     return _SOON_S if is_slow else STATE_EVERY_S
 
 
-def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
+def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> dict[str, Any]:
+    """Return the fields of a `state` message; of a robot at rest no picture is recent."""
     decision, camera, sensors = state.decision, state.camera, state.sensors
     captured_s, source_s = state.frame_captured_s, state.source_age_s
     # What a camera on a brick is late by for the brick and its line.
@@ -41,8 +42,10 @@ def describe_state(state: Tick, now_ms: float) -> dict[str, Any]:
         "emergency": state.emergency,
         "asks_pilot": decision.asks_pilot,
         "fault": state.fault,
-        "frame": state.frame_id,
-        "frame_age_ms": None if captured_s is None else round(now_ms - captured_s * 1000, 1),
+        "frame": None if is_resting else state.frame_id,
+        "frame_age_ms": None
+        if is_resting or captured_s is None
+        else round(now_ms - captured_s * 1000, 1),
         "link": state.link.level,
         "busy": state.link.is_busy,
         "camera": {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable
@@ -20,6 +21,10 @@ _REMEMBERED_FRAMES = 256
 """How many frames' capture times are remembered."""
 _FREQUENT_S = 0.06
 """Frames that come less often are all acknowledged: a pilot who sees nothing is noticed soon."""
+
+_SELDOM_S, _EARLY_SHARE = 0.25, 0.95
+"""A viewer who wants a picture less often than that lets a standing robot rest; and gets one from
+this share of its time on, as a camera that takes no more than are wanted is not exact."""
 
 
 class FrameAges:
@@ -103,8 +108,10 @@ class VideoHub:
         encoder: Encoder,
         clock: Clock,
         for_the_eye: Callable[[Frame], Frame] = lambda frame: frame,
+        on_viewers: Callable[[], None] = lambda: None,
     ) -> None:
         self.encoder = encoder
+        self._on_viewers = on_viewers
         self._clock = clock
         self._for_the_eye = for_the_eye
         self._viewers: dict[Viewer, None] = {}
@@ -124,13 +131,25 @@ class VideoHub:
     def viewers(self) -> int:
         return len(self._viewers) + self._streams
 
+    @property
+    def needed_every_s(self) -> float:
+        """How often a viewer needs a picture, in seconds; 0: always; infinite: nobody looks."""
+        if self._streams:
+            return 0.0
+        every_s = min((viewer.every_s for viewer in self._viewers), default=math.inf)
+        return every_s if every_s > _SELDOM_S else 0.0
+
     def add(self, viewer: Viewer) -> None:
         """Add a viewer; the newest frame is sent to it at once."""
         self._viewers[viewer] = None
+        self._on_viewers()
         self.offer(viewer)
 
     def remove(self, viewer: Viewer) -> None:
         self._viewers.pop(viewer, None)
+        self._on_viewers()
+        if not self.viewers:
+            self.newest = None  # the next viewer is shown none that is so old
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
         """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
@@ -151,7 +170,7 @@ class VideoHub:
         frame, now_s = self.newest, self._clock.now_s()
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
-        if now_s - viewer.last_sent_s < viewer.every_s:
+        if now_s - viewer.last_sent_s < _EARLY_SHARE * viewer.every_s:
             return
         window = viewer.window
         is_large = viewer.size.is_large and not viewer.every_s  # who looks seldom looks at many
@@ -198,6 +217,7 @@ class VideoHub:
         """Yield the newest frames as JPEG, for viewers that cannot acknowledge."""
         last_id = 0
         self._streams += 1
+        self._on_viewers()
         try:
             while True:
                 if self.newest is None or self.newest.frame_id == last_id:
@@ -210,3 +230,4 @@ class VideoHub:
                 yield self._jpeg
         finally:
             self._streams -= 1
+            self._on_viewers()

@@ -6,9 +6,9 @@ import argparse
 from collections import Counter
 from collections.abc import Callable
 from datetime import datetime
-from importlib.metadata import entry_points
 from typing import Any
 
+from robot.entry_points import points
 from robot.errors import ConfigurationError
 from robot.recordings.editing import EpisodeFrame, choose, edit_of, moments
 from robot.recordings.edits import Notes
@@ -58,7 +58,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("title", set_title, "give one a title").add_argument("title")
     add("protect", protect, "never offer one for deletion")
     add("unprotect", protect, "offer it again")
-    for point in sorted(entry_points(group=VERBS), key=lambda point: point.name):
+    for point in points(VERBS):
         added: EpisodeVerb = point.load()
         added.configure(add(point.name, added.run, added.help, of_one=False))
     budget = add("budget", show_budget, "what is kept, and what could go", of_one=False)

@@ -1,0 +1,20 @@
+"""What is installed that plugs in, read once: each look through all packages costs 10 ms."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+from importlib.metadata import EntryPoint
+from importlib.metadata import entry_points as read_entry_points
+from typing import Any
+
+
+def points(group: str) -> list[EntryPoint]:
+    """Return the entry points of a group, in the order of their names."""
+    return sorted(_all(tuple(sys.path)).select(group=group), key=lambda point: point.name)
+
+
+@cache
+def _all(path: tuple[str, ...]) -> Any:  # of another type on older Pythons
+    """Read them again only where the places have changed in which packages are looked for."""
+    return read_entry_points()

@@ -1,0 +1,120 @@
+"""A robot that stands unwatched rests, and whoever comes finds it awake at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from robot.devices.rig import Rig
+from robot.policy.registry import make_policy
+from robot.testing import VirtualClock
+from robot.types import Mode
+from server.protocol import encode_acknowledgement, parse_picture
+
+from .virtual import Socket
+from .virtual_server import VirtualServer, connect
+
+pytest.importorskip("panda3d")
+
+from robot.simulator.camera import SimCamera, SimCameraOptions
+from robot.simulator.driver import SimDriver, SimOptions
+
+FRESH_S = 0.1
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[VirtualServer]:
+    clock = VirtualClock(100.0)
+    body = SimDriver(SimOptions())
+    rig = Rig(body, SimCamera(body, SimCameraOptions(), clock), make_policy("published-8"), clock)
+    with VirtualServer(rig=rig) as server:
+        yield server
+
+
+@pytest.fixture
+def resting(server: VirtualServer) -> VirtualServer:
+    server.forward(3.0)
+    assert server.rig.loop.is_resting
+    return server
+
+
+def spent(server: VirtualServer, seconds: float) -> tuple[int, int]:
+    """Return how many pictures were made, and how many ticks run, in so many seconds."""
+    camera, loop = server.rig.camera, server.rig.loop
+    pictures, ticks = camera._last_frame_id, loop.state.cycles
+    server.forward(seconds)
+    return camera._last_frame_id - pictures, loop.state.cycles - ticks
+
+
+def look_once_a_second(server: VirtualServer) -> Socket:
+    async def begin() -> Socket:
+        def acknowledge(message: str | bytes) -> None:
+            assert isinstance(message, bytes)
+            socket.send(encode_acknowledgement(parse_picture(message).frame_id))
+
+        socket = server.connect("/ws/video?every_ms=1000", acknowledge, {"host": "127.0.0.1"})
+        return socket
+
+    return server.run(begin())
+
+
+def test_unwatched_it_makes_no_picture_and_hardly_ticks(resting: VirtualServer) -> None:
+    pictures, ticks = spent(resting, 10.0)
+
+    assert pictures == 0
+    assert ticks <= 50
+
+
+def test_a_viewer_gets_no_old_picture_and_soon_a_new_one(resting: VirtualServer) -> None:
+    came_s = resting.clock.now_s()
+
+    with connect(resting.ws("/ws/video")) as viewer:
+        picture = parse_picture(viewer.recv(FRESH_S))  # type: ignore[arg-type]
+
+    assert picture.captured_s >= came_s
+    assert resting.clock.now_s() - came_s <= FRESH_S
+
+
+def test_who_looks_once_a_second_costs_one_picture_a_second(resting: VirtualServer) -> None:
+    viewer = look_once_a_second(resting)
+    resting.forward(1.5)
+    pictures, ticks = spent(resting, 10.0)
+    viewer.close()
+
+    assert 9 <= pictures <= 11
+    assert ticks <= 60
+
+
+def test_a_page_without_a_picture_leaves_it_at_rest(resting: VirtualServer) -> None:
+    with resting.pilot() as pilot:
+        pilot.send(type="idle")
+        resting.forward(2.0)
+        assert spent(resting, 5.0)[0] == 0
+        pilot.send(type="watch")
+        assert spent(resting, 1.0)[0] >= 28
+
+
+def test_a_pilot_starts_at_once_and_the_pause_is_not_the_cameras_period(
+    resting: VirtualServer,
+) -> None:
+    resting.forward(5.0)
+    came_s = resting.clock.now_s()
+    with resting.pilot() as pilot:
+        assert pilot.page.state["frame_age_ms"] <= 1000 * FRESH_S
+        pilot.mode("train")
+        pilot.hold("left")
+        pilot.wait_for_state(action="left")
+        resting.forward(1.0)
+        state = resting.rig.loop.state
+        assert state.decision.mode is Mode.TRAIN
+        assert not resting.rig.loop.is_resting
+        assert state.camera.period_s == pytest.approx(1 / 30, rel=0.1)
+        assert state.camera.speed_scale == 1.0
+    assert resting.clock.now_s() - came_s < 5.0
+
+
+def test_the_rate_that_the_settings_show_is_that_of_before_the_rest(
+    resting: VirtualServer,
+) -> None:
+    assert resting.rig.loop.state.cycle_hz == pytest.approx(30.0, rel=0.1)
