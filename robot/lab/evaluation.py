@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import statistics
 import time
 from collections.abc import Iterator, Sequence
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot.errors import RecordingError
 from robot.lab.task import Result
@@ -39,6 +41,35 @@ class Pair(NamedTuple):
     @property
     def place(self) -> str:
         return self.train.name.rpartition("_")[0] or self.train.name
+
+
+class Lesson(NamedTuple):
+    """How much of a drive is learned.
+
+    Attributes:
+        frames: How many frames at most; None: all.
+        in_a_row: True: the first ones, as a pilot teaches. False: spread evenly over the drive,
+            which covers it, and flatters whatever learns from few.
+    """
+
+    frames: int | None = None
+    in_a_row: bool = False
+
+    @property
+    def name(self) -> str:
+        if self.frames is None:
+            return "all"
+        return f"first {self.frames}" if self.in_a_row else f"{self.frames} spread"
+
+    def places(self, n: int) -> NDArray[np.intp]:
+        """Return which frames of a drive of `n` are learned, in order."""
+        count = min(self.frames or n, n)
+        return (
+            np.arange(count) if self.in_a_row else np.linspace(0, n - 1, count).round().astype(int)
+        )
+
+
+WHOLE_DRIVE = Lesson()
 
 
 def load_pairs(folder: Path | str) -> list[Pair]:
@@ -71,13 +102,13 @@ def evaluate(
     learners: Sequence[str],
     *,
     light: float = 1.0,
-    examples: int | None = None,
+    lessons: Sequence[Lesson] = (WHOLE_DRIVE,),
 ) -> Iterator[Result]:
-    """Yield what `judge` finds of each learner on each pair, and of which it is.
+    """Yield what `judge` finds of each learner after each lesson on each pair, and of which it is.
 
     Args:
         light: How much of the light is left when the learner is tested.
-        examples: How many frames of a drive are learned, spread evenly over it; None: all.
+        lessons: How much of a drive is learned.
 
     Raises:
         ConfigurationError: If a learner is unknown.
@@ -88,12 +119,12 @@ def evaluate(
     for pair in pairs:
         vectors: Vectors = {}
         drives = {"train": pair.train.name, "test": pair.test.name}
-        for name in learners:
+        for name, lesson in itertools.product(learners, lessons):
             policy = make_policy(name)
             train = seen_by(policy, pair.train, vectors)
             test = seen_by(policy, pair.test, vectors, light)
-            found = judge(policy, train, test, examples)
-            yield {"place": pair.place, **drives, "learner": name, **found}
+            found = judge(policy, train, test, lesson)
+            yield {"place": pair.place, **drives, "learner": name, "lesson": lesson.name, **found}
 
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
@@ -115,7 +146,7 @@ def darkened(frame: Frame, light: float) -> Frame:
     return replace(frame, encoding=Encoding.RGB, data=pixels.tobytes())
 
 
-def judge(policy: Policy, train: Seen, test: Seen, examples: int | None = None) -> Result:
+def judge(policy: Policy, train: Seen, test: Seen, lesson: Lesson = WHOLE_DRIVE) -> Result:
     """Teach a new policy one drive and test it on the other.
 
     Returns:
@@ -126,7 +157,7 @@ def judge(policy: Policy, train: Seen, test: Seen, examples: int | None = None) 
         `learn_ms` and `predict_ms` are the times of a frame on this machine, without the features.
     """
     started_s = time.perf_counter()
-    n_taught = teach(policy, train, examples)
+    n_taught = teach(policy, train, lesson)
     policy.propose(0, train[0][0])  # some are fitted only when asked
     learned_s = time.perf_counter() - started_s
     policy.reset()
@@ -151,18 +182,17 @@ def judge(policy: Policy, train: Seen, test: Seen, examples: int | None = None) 
     }
 
 
-def teach(policy: Policy, drive: Seen, examples: int | None = None) -> int:
+def teach(policy: Policy, drive: Seen, lesson: Lesson = WHOLE_DRIVE) -> int:
     """Teach a policy one more drive, perhaps of another place than the last.
 
-    Of a drive with more frames than `examples` only so many are learned, spread evenly over it.
-    Returns how many were.
+    Returns how many frames were learned.
     """
     policy.reset()
-    n_taught = min(examples or len(drive), len(drive))
-    for i in np.linspace(0, len(drive) - 1, n_taught).round().astype(int):
+    places = lesson.places(len(drive))
+    for i in places:
         x, label, point = drive[i]
         policy.learn(x, label, None, point)
-    return n_taught
+    return len(places)
 
 
 def _angles(
@@ -209,15 +239,16 @@ _MEASURES = {
 
 
 def table(results: Sequence[Result]) -> Table:
-    """Return one row a pair and learner, then the mean of each learner; of times, the median."""
-    names = ("place", "train", "test", "learner")
+    """Return one row a pair, learner and lesson, then the mean of each learner after each lesson;
+    of times, the median."""
+    names = ("place", "train", "test", "learner", "lesson")
     rows: list[tuple[Cell, ...]] = [
         (*(r[name] for name in names), f"{r['correct']}/{r['frames']}", *_measures([r]))
         for r in results
     ]
-    for learner in dict.fromkeys(r["learner"] for r in results):
-        own = [r for r in results if r["learner"] == learner]
-        rows.append(("mean", "", "", learner, "", *_measures(own)))
+    for learner, lesson in dict.fromkeys((r["learner"], r["lesson"]) for r in results):
+        own = [r for r in results if (r["learner"], r["lesson"]) == (learner, lesson)]
+        rows.append(("mean", "", "", learner, lesson, "", *_measures(own)))
     columns = (*names, "right", *_MEASURES)
     return Table(title="Taught on one drive, tested on another", columns=columns, rows=tuple(rows))
 

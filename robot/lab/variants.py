@@ -55,6 +55,7 @@ VARIANTS: dict[str, Design] = {
     "without-pace": Design(action_filter=NoPace),
     "without-rate": Design(thins=False),
     "without-balance": Design(balance=0.0),
+    "without-smoothness": Design(is_smooth=False),
     "without-context": Design(is_contextual=False),
     "without-reflex": Design(action_filter=lambda kinds: ActionFilter(kinds, gives_up=False)),
     "without-forgetting": Design(forgets=False),

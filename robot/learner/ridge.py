@@ -19,7 +19,7 @@ import functools
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterator, Sequence
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,9 @@ class RecursiveRidge(LinearPart):
         n_features: How many values are used; a constant is added to them.
         penalty: Weight of the squared coefficients.
         scale: What the values are divided by, so that they lie about in [0, 1].
+        alike: How alike the weights of each two values are expected to be, before any frame: a
+            covariance of shape (n_features, n_features), its diagonal 1. None: each is on its own.
+            It costs nothing later on, for it is where the inverse begins.
     """
 
     fields: Sequence[Array] = (
@@ -114,7 +117,14 @@ class RecursiveRidge(LinearPart):
         Array("angles", np.float64, ("size", 2), -1e9, 1e9, may_miss=True),
     )
 
-    def __init__(self, n_features: int, *, penalty: float = 3.0, scale: float = 255.0) -> None:
+    def __init__(
+        self,
+        n_features: int,
+        *,
+        penalty: float = 3.0,
+        scale: float = 255.0,
+        alike: Floats | None = None,
+    ) -> None:
         if n_features < 1 or penalty <= 0.0 or scale <= 0.0:
             raise ValueError("n_features, penalty and scale must be above 0")
         self.n_features, self.penalty, self.scale = n_features, penalty, scale
@@ -122,6 +132,9 @@ class RecursiveRidge(LinearPart):
         self.n_triangle = size * (size + 1) // 2
         self._inverse = np.eye(size, dtype=np.float32) / np.float32(penalty)
         self._most = 2.0 / penalty
+        if alike is not None:
+            self._inverse[:-1, :-1] = alike / penalty
+            self._most *= float(np.abs(alike).sum(axis=0).max())  # no eigenvalue is larger
         self._weights = np.zeros((size, 0))
         self._angles: Floats | None = None
         self._work = np.zeros((size, size), np.float32)
@@ -236,7 +249,7 @@ class RecursiveRidge(LinearPart):
         waiting = self._waiting.astype(np.float64)
         inverse = self._inverse - waiting.T @ waiting
         try:
-            np.linalg.cholesky(inverse + _ROUNDED / self.penalty * np.eye(self.size))
+            np.linalg.cholesky(inverse + _ROUNDED * self._most * np.eye(self.size))
         except np.linalg.LinAlgError:
             return bool(np.isfinite(inverse).all())
         return False
@@ -269,8 +282,8 @@ class ContextRidge(RecursiveRidge):
         ),
     )
 
-    def __init__(self, n_features: int, *, penalty: float = 3.0, scale: float = 255.0) -> None:
-        super().__init__(n_features, penalty=penalty, scale=scale)
+    def __init__(self, n_features: int, **of_each: Any) -> None:
+        super().__init__(n_features, **of_each)
         self._ridges: list[RecursiveRidge] = []
         self._counts = np.zeros((1 + N_CONTEXTS, 0), np.int64)
         self._held_back: list[list[Floats]] = []
@@ -323,6 +336,7 @@ class ContextRidge(RecursiveRidge):
         ridge = RecursiveRidge(self.n_features, penalty=self.penalty, scale=self.scale)
         for name in ("_inverse", "_weights", "_waiting"):
             setattr(ridge, name, getattr(self, name).copy())
+        ridge._most = self._most
         ridge.restored()
         return ridge
 

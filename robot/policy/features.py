@@ -99,6 +99,9 @@ class GradientFeatures(PictureFeatures):
     samples = 10
     """Gradients are taken at 10x10 points of each cell: every second pixel of 160x120. A larger
     picture is made that small before, so that a view is the same to a camera of any size."""
+    reach, shared = (2.0, 1.0), 0.7
+    """How many cells apart, sideways and up or down, weights are still alike, and how much of a
+    weight that is."""
     noise = 100.0
     """Energy of a cell below which it counts as plain: one grey level a sample."""
 
@@ -107,6 +110,24 @@ class GradientFeatures(PictureFeatures):
         grey = image.at_common_scale(image.to_grey(frame), *COMMON_SIDES)
         small = image.shrink(grey, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT)
         return np.concatenate([self._histograms(grey), small.ravel() >> 1])
+
+    @classmethod
+    @cache
+    def alike(cls) -> NDArray[np.float64]:
+        """Return how alike a linear part's weights of each two values are, shape (384, 384).
+
+        What is to be done about an edge hardly depends on whether it lies in this cell or the next
+        one: weights of one direction are alike in cells that are near each other, most of all
+        beside each other. So a few examples say something of views that are shifted a little,
+        which they could also be told by shifted copies, for twice the time.
+        """
+        near = [
+            np.exp(-0.5 * ((np.arange(n)[:, None] - np.arange(n)) / reach) ** 2)
+            for n, reach in ((cls.n_rows, cls.reach[1]), (cls.n_columns, cls.reach[0]))
+        ]
+        cells = np.kron(np.kron(near[0], near[1]), np.eye(cls.n_bins))
+        alike: NDArray[np.float64] = cls.shared * cells + (1.0 - cls.shared) * np.eye(len(cells))
+        return alike
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the sums of squares of each cell's gradients and of its pixels."""

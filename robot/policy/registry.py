@@ -42,6 +42,8 @@ class Design:
     features: Callable[[], Features] = GradientFeatures
     action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter
     is_linear: bool = True
+    is_smooth: bool = True
+    """The linear part expects alike weights in cells beside each other (`GradientFeatures`)."""
     is_contextual: bool = True
     """The linear part knows what is under way; else the move under way has inertia."""
     linear_share: float = LINEAR_SHARE
@@ -61,11 +63,12 @@ class Design:
         # The linear part costs a floating-point step over all pairs of gradients an example.
         ridge = ContextRidge if self.is_contextual else RecursiveRidge
         is_linear = self.is_linear and not is_whole
+        alike = GradientFeatures.alike() if self.is_smooth else None
         learner = BSOCClassifier(
             number,
             group_cost=self.group_cost,
             n_voters=self.n_voters,
-            linear=ridge(GradientFeatures.n_gradients) if is_linear else None,
+            linear=ridge(GradientFeatures.n_gradients, alike=alike) if is_linear else None,
             linear_share=self.linear_share,
             balance=self.balance,
             integer=is_whole,

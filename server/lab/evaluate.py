@@ -10,7 +10,7 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError, told_as
 from robot.lab import evaluation
-from server.cli.parser import number, progress, whole
+from server.cli.parser import number, progress, several, whole
 from server.lab.output import write_json
 
 OURS = ["published-32", "integer-32", "default-32", "linear-alone-32", "without-angle-32"]
@@ -37,9 +37,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--examples",
-        type=whole(1),
+        type=several(whole(1)),
         metavar="N",
-        help="learn only so many frames of a drive, spread evenly over it (default: all)",
+        help="learn only N frames of a drive, spread evenly over it; several numbers, with commas "
+        "between, are judged one after another (default: all)",
+    )
+    parser.add_argument(
+        "--first",
+        type=several(whole(1)),
+        metavar="N",
+        help="learn only the first N frames of a drive, in a row, as a pilot teaches; may be given "
+        "beside --examples",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results here")
 
@@ -53,9 +61,11 @@ def run(args: argparse.Namespace) -> int:
         with told_as(ConfigurationError, f"cannot write {args.json}"):
             args.json.open("a").close()
     results = []
-    with progress(len(pairs) * len(learners), "run", "evaluate", "evaluate") as bar:
-        how = {"light": args.light, "examples": args.examples}
-        for result in evaluation.evaluate(pairs, learners, **how):
+    lessons = [evaluation.Lesson(n, in_a_row=True) for n in args.first or ()]
+    lessons = [*lessons, *map(evaluation.Lesson, args.examples or ())] or [evaluation.WHOLE_DRIVE]
+    n_runs = len(pairs) * len(learners) * len(lessons)
+    with progress(n_runs, "run", "evaluate", "evaluate") as bar:
+        for result in evaluation.evaluate(pairs, learners, light=args.light, lessons=lessons):
             results.append(result)
             bar.update()
     print(evaluation.table(results).as_text())

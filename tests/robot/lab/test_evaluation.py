@@ -138,6 +138,19 @@ def test_a_learner_that_is_named_twice_is_one(tmp_path, capsys):
     assert capsys.readouterr().out.count("published-4") == 3  # two directions and their mean
 
 
+def test_the_first_frames_and_spread_ones_are_judged_side_by_side(tmp_path, capsys):
+    for name in "AB":
+        write_recording(tmp_path / f"hall_{name}.npz", seed=ord(name))
+    words = ["evaluate", str(tmp_path), "--learners", "published-4"]
+    out = tmp_path / "out.json"
+    words += ["--json", str(out)]
+    assert main([*words, "--first", "2,3", "--examples", "3"]) == 0
+    pairs = json.loads(out.read_text())["pairs"]
+    assert [p["lesson"] for p in pairs] == 2 * ["first 2", "first 3", "3 spread"]
+    means = [line for line in capsys.readouterr().out.splitlines() if line.startswith("mean")]
+    assert len(means) == 3 and all(p["lesson"] in " ".join(means) for p in pairs)
+
+
 def test_files_that_a_mac_lays_beside_recordings_are_none(tmp_path):
     for name in "AB":
         write_recording(tmp_path / f"hall_{name}.npz")
@@ -217,8 +230,9 @@ def test_the_test_can_be_made_darker_and_the_lesson_stays(tmp_path, light):
     assert evaluation.darkened(frame, 1.0) is frame
 
 
+@pytest.mark.parametrize("in_a_row", [False, True])
 @pytest.mark.parametrize("examples", [1, 5, 10**6])
-def test_few_examples_are_spread_over_the_drive(tmp_path, examples):
+def test_few_examples_are_spread_over_the_drive_or_its_first(tmp_path, examples, in_a_row):
     for name in ("hall_A", "hall_B"):
         write_recording(tmp_path / f"{name}.npz", seed=ord(name[-1]))
     pair = evaluation.load_pairs(tmp_path)[1]
@@ -226,11 +240,13 @@ def test_few_examples_are_spread_over_the_drive(tmp_path, examples):
     drive = evaluation.seen_by(policy, pair.train, {})
     learned: list[np.ndarray] = []
     with mock.patch.object(policy, "learn", lambda x, label, *how: learned.append(x)):
-        n_taught = evaluation.teach(policy, drive, examples)
+        n_taught = evaluation.teach(policy, drive, evaluation.Lesson(examples, in_a_row))
     every = [policy.extract(shot.frame(0, 0.0)) for shot in pair.train.shots]
     places = [next(i for i, x in enumerate(every) if np.array_equal(x, y)) for y in learned]
     assert n_taught == len(learned) == min(examples, len(every))
-    if examples > 1:
+    if in_a_row:
+        assert places == list(range(n_taught))
+    elif examples > 1:
         gaps = np.diff(places)
         assert (places[0], places[-1]) == (0, len(every) - 1) and np.ptp(gaps) <= 1
 

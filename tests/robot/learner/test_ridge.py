@@ -37,6 +37,26 @@ def test_equals_batch_ridge(lessons):
     np.testing.assert_allclose(ridge.scores(xs[3]), np.append(xs[3], 1.0) @ expected, atol=CLOSE)
 
 
+def test_with_alike_weights_it_equals_batch_ridge_under_that_covariance(lessons):
+    xs, targets = lessons
+    places = np.arange(6)
+    alike = 0.3 * np.eye(6) + 0.7 * np.exp(-0.5 * (places[:, None] - places) ** 2)
+    ridge = RecursiveRidge(6, penalty=2.0, scale=1.0, alike=alike)
+    for _ in range(3):
+        ridge.add_label()
+    for x, target in zip(xs, targets, strict=True):
+        ridge.learn(x, target)
+    z = np.hstack([xs, np.ones((50, 1))])
+    precision = np.eye(7)
+    precision[:6, :6] = np.linalg.inv(alike)
+    expected = np.linalg.solve(z.T @ z + 2.0 * precision, z.T @ targets)
+    np.testing.assert_allclose(ridge.scores(xs[3]), z[3] @ expected, atol=CLOSE)
+    for x, target in zip(xs, targets, strict=True):
+        ridge.forget(x, target, 1.0)
+    np.testing.assert_allclose(ridge.scores(xs[3]), 0.0, atol=1e-3)
+    ridge.check()
+
+
 def test_takes_back_and_relabels(lessons):
     xs, targets = lessons
     ridge = RecursiveRidge(6, penalty=2.0, scale=1.0)

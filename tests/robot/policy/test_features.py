@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.learner.ridge import RecursiveRidge
 from robot.policy.features import GradientFeatures, GreyFeatures
 from tests.robot.policy.pictures import frame_of
 
@@ -65,3 +66,25 @@ def test_a_small_picture_is_enlarged(size):
     same = GradientFeatures().extract(frame_of(255 * (full[0] / 120 + full[1] / 160) / 2))
     assert x.shape == same.shape
     assert size == (1, 1) or np.corrcoef(x[384:], same[384:])[0, 1] > 0.98
+
+
+def test_what_is_learned_of_an_edge_holds_for_one_in_the_next_cell():
+    """Two views that differ in one cell only; then the same ones, moved sideways by a cell."""
+
+    def view(column: int, is_left: bool) -> np.ndarray:
+        x = np.zeros(GradientFeatures.n_gradients, np.uint8)
+        x.reshape(6, 8, 8)[3, column, 0 if is_left else 4] = 200
+        return x
+
+    margins = []
+    for alike in (GradientFeatures.alike(), None):
+        ridge = RecursiveRidge(GradientFeatures.n_gradients, alike=alike)
+        for _ in range(2):
+            ridge.add_label()
+        for _ in range(5):
+            ridge.learn(view(3, True), np.array([1.0, 0.0]))
+            ridge.learn(view(3, False), np.array([0.0, 1.0]))
+        left, right = ridge.scores(view(4, True)), ridge.scores(view(4, False))
+        margins.append((left[0] - left[1], right[1] - right[0]))
+    assert min(margins[0]) > 0.1
+    np.testing.assert_allclose(margins[1], 0.0, atol=1e-6)
