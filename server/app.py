@@ -10,7 +10,6 @@ from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
 from server.access.guard import Guard
-from server.access.network import host_names
 from server.access.pairing import cookie_name
 from server.access.proxies import Proxies
 from server.access.rules import Access
@@ -58,7 +57,8 @@ def create_app(services: Services) -> FastAPI:
     # NOTE: set here, because FastAPI has the argument `lifespan` only since 0.93.
     app.router.lifespan_context = lifespan
     access = Access(
-        names=frozenset([*host_names(config), *(public.name for public in config.public)]),
+        names=services.surroundings,
+        addresses=lambda: services.surroundings.page_addresses,
         allows_addresses=config.needs_pairing,
         find_session=services.pairing.find if services.pairing else None,
         cookie=cookie_name(config),

@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 from robot.errors import ConfigurationError, told_as
 from robot.store.folder import default_root
 
+DEFAULT_HOSTNAME = "drivelesson"
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 
@@ -106,8 +107,10 @@ class Config:
     port: int = 8000
     lan: bool = False
     tls: bool = False
-    hostname: str = "drivelesson"
+    hostname: str = DEFAULT_HOSTNAME
     """The robot's name on the local network, without `.local`."""
+    also_at: tuple[str, ...] = ()
+    """Further names that this machine has, in lower case."""
     data: Path = field(default_factory=default_root)
     web: Path = field(default_factory=lambda: _find_web())
     """The page's files: beside the package in a clone, inside it in a wheel."""

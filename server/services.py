@@ -27,6 +27,7 @@ from server.access.admission import AdmissionControl
 from server.access.listener import AdmissionListener, connection_capacity
 from server.access.pairing import Pairing
 from server.access.rules import Members, Role
+from server.access.surroundings import Surroundings
 from server.clients.hub import Hub
 from server.coaching.progress import Progress
 from server.config import Config
@@ -50,6 +51,7 @@ class Services:
     robot: Rig
     identity: IdentityFile
     hub: Hub
+    surroundings: Surroundings
     progress: Progress
     retraining: Retraining
     persistence: Persistence | None = None
@@ -123,6 +125,7 @@ def make_services(
     hub: Hub | None = None,
     persistence: Persistence | None = None,
     pairing: Pairing | None = None,
+    surroundings: Surroundings | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Services:
     """Create the services for one robot. Nothing starts yet."""
@@ -133,6 +136,7 @@ def make_services(
         robot=robot,
         identity=identity,
         hub=hub,
+        surroundings=surroundings or Surroundings(config),
         progress=Progress(robot.loop, lambda: persistence.recording if persistence else None),
         retraining=Retraining(robot.clock),
         persistence=persistence,

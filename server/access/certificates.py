@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import datetime as dt
 import re
+import ssl
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,8 @@ _Extensions = list[tuple[x509.ExtensionType, bool]]
 """Each with whether it is critical."""
 _EVER = dt.datetime(2000, 1, 1, tzinfo=dt.UTC), dt.datetime(2049, 12, 31, tzinfo=dt.UTC)
 """How long the authority is valid: it may be made while the robot's clock is years off."""
+_RENEWED_BEFORE = dt.timedelta(days=30)
+"""A certificate is renewed when it is valid for less than this."""
 _A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones take no longer
 
 
@@ -70,6 +73,38 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
         write_whole(files.key, _key_pem(key), mode=0o600)
         write_whole(files.chain, _pem(certificate) + _pem(authority[0]), mode=0o600)
     return files
+
+
+class RenewedCertificates:
+    """A server's certificate, renewed while it serves when its names or the wall clock change.
+
+    New connections get the new one by the same `SSLContext`; those that are open stay.
+    """
+
+    def __init__(self, folder: Path, names: Sequence[str], now: dt.datetime) -> None:
+        self._folder, self._names = folder, frozenset(names)
+        self.files = make_certificates(folder, names, now)
+        self._made = now
+        self._context: ssl.SSLContext | None = None
+
+    def use(self, context: ssl.SSLContext) -> None:
+        """Renew the certificate in the context of a running server, too."""
+        self._context = context
+
+    def renew(self, names: Sequence[str], now: dt.datetime) -> str | None:
+        """Make a new one if it is needed; return why, or None.
+
+        A certificate that cannot be written leaves the one before in use.
+        """
+        is_outdated = not self._made - _A_DAY < now < self._made + _MOST - _RENEWED_BEFORE
+        if not is_outdated and self._names == frozenset(names):
+            return None
+        why = "the clock was set" if is_outdated else "names or addresses changed"
+        self.files = make_certificates(self._folder, names, now)
+        self._names, self._made = frozenset(names), now
+        if self._context is not None:
+            self._context.load_cert_chain(self.files.chain, self.files.key)
+        return why
 
 
 def _load_or_make_authority(folder: Path, names: Sequence[str], now: dt.datetime) -> _Authority:

@@ -16,13 +16,14 @@ from dataclasses import dataclass
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect, HTTPConnection
-from starlette.responses import JSONResponse
+from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from robot.clock import Clock
 from server.access.admission import AdmissionControl, ConnectionLimiter, Peer, Slot, address_key
 from server.access.proxies import PEER, PREFIX, Proxies
-from server.access.rules import Access, Refusal, Role, Session
+from server.access.rules import Access, Refusal, Role, Session, host_name
+from server.access.unknown_name import explain_unknown_name
 
 log = logging.getLogger(__name__)
 
@@ -255,6 +256,17 @@ async def _close(scope: Scope, send: Send) -> None:
             await send({"type": "http.response.body", "body": b""})
 
 
+def _say(refusal: Refusal, asked: Headers, headers: dict[str, str]) -> Response:
+    """Return the answer that says why: a page where a person opened an unknown name."""
+    if refusal.reason == "host" and "text/html" in asked.get("accept", ""):
+        name = host_name(asked.get("host", ""))[:80]
+        page = explain_unknown_name(name, refusal.open_at, asked.get("accept-language", ""))
+        headers["content-security-policy"] = "default-src 'none'"
+        return HTMLResponse(page, refusal.status, headers)
+    told = {"error": refusal.reason, "detail": refusal.sentence}
+    return JSONResponse(told, refusal.status, headers)
+
+
 async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:
     """Answer with a status; a websocket gets a plain 403 where the server supports no other."""
     kind = scope["type"]
@@ -266,8 +278,7 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) 
     headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
     if refusal.location is not None:
         headers["location"] = scope.get(PREFIX, "") + refusal.location
-    told = {"error": refusal.reason, "detail": refusal.sentence}
-    answer = JSONResponse(told, refusal.status, headers)
+    answer = _say(refusal, Headers(scope=scope), headers)
     start = {"status": answer.status_code, "headers": answer.raw_headers}
     await send({"type": f"{prefix}.start", **start})
     await send({"type": f"{prefix}.body", "body": answer.body})

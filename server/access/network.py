@@ -1,96 +1,120 @@
-"""The machine's own addresses and names, and `http://drivelesson.local`: the robot's name on the
-local network, by mDNS."""
+"""This machine's own addresses and names, and the addresses at which its page is open."""
 
 from __future__ import annotations
 
 import contextlib
-import logging
+import re
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
-from robot.errors import MissingExtraError
 from server.config import Config, as_address
 
-log = logging.getLogger(__name__)
-
 ROBOT, ADDRESS = "drivelesson", "address"
-"""Properties of the service: the robot's name, and the best of its addresses."""
+"""Properties of the announced service: the robot's name, and the best of its addresses."""
+EVERYWHERE = ("0.0.0.0", "::")
+_RESOLVER = Path("/etc/resolv.conf")
+_NAME = re.compile(r"[\w-]+(?:\.[\w-]+)*", re.ASCII)
+_PROBES = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
+"""Addresses for documentation: the system names the source of packets there; nothing is sent."""
 
 
 def lan_addresses(config: Config) -> list[str]:
-    """Return the IPv4 addresses for the terminal and the certificate, the most likely first."""
-    if config.host not in ("0.0.0.0", "::"):
+    """Return the addresses for the terminal and the certificate, the most likely first."""
+    if config.host not in EVERYWHERE:
         return [config.host]
-    return [address for address in own_addresses() if not address.startswith("127.")]
+    found = own_addresses()
+    if config.host == "::":
+        found += own_addresses(6)
+    return [address for address in found if is_for_others(address)]
 
 
-def own_addresses() -> list[str]:
-    """Return this machine's IPv4 addresses; first the one that others most likely see."""
+def is_for_others(address: str) -> bool:
+    """True of an address at which another machine can open the page by typing it."""
+    own = as_address(address)
+    return own is not None and not own.is_loopback and not (own.version == 6 and own.is_link_local)
+
+
+def own_addresses(version: int = 4) -> list[str]:
+    """Return this machine's addresses of IPv4 or IPv6; first what others most likely see."""
     found: list[str] = []
-    with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.connect(("192.0.2.1", 9))  # the source of packets to other networks; nothing is sent
+    family, elsewhere = _PROBES[version == 6]
+    with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
+        probe.connect((elsewhere, 9))
         found.append(str(probe.getsockname()[0]))
     with contextlib.suppress(ImportError):
         import ifaddr  # comes with zeroconf
 
         for adapter in ifaddr.get_adapters():
-            found += [str(ip.ip) for ip in adapter.ips if ip.is_IPv4]
+            found += [
+                str(ip.ip) if ip.is_IPv4 else ip.ip[0]
+                for ip in adapter.ips
+                if ip.is_IPv4 == (version == 4)
+            ]
     return list(dict.fromkeys(found))
 
 
-def page_addresses(config: Config) -> list[str]:
-    """Return the addresses of the page, the best first."""
+def page_addresses(config: Config, addresses: Sequence[str] | None = None) -> list[str]:
+    """Return the addresses of the page, the best first; `addresses` are the machine's own."""
     public = [str(address) for address in config.public]
     if public and not config.lan:
         return public
-    hosts = [*lan_addresses(config), f"{config.hostname}.local"] if config.lan else [config.host]
+    if config.lan:
+        own = lan_addresses(config) if addresses is None else addresses
+        hosts = [*own, f"{config.hostname}.local"]
+    else:
+        hosts = [config.host]
     if config.tls:  # no certificate of ours is for a public address: the name comes before it
         hosts.sort(key=lambda host: not getattr(as_address(host), "is_private", True))
     scheme = "https" if config.tls else "http"
-    own = [f"{scheme}://{f'[{h}]' if ':' in h else h}:{config.port}" for h in hosts]
-    return public + own
+    return public + [
+        f"{scheme}://{f'[{h}]' if ':' in h else h}:{config.port}" for h in dict.fromkeys(hosts)
+    ]
 
 
 def host_names(config: Config) -> list[str]:
+    """Return the names that the robot answers to, as far as they are known without asking."""
     own = socket.gethostname().lower()
     names = ["localhost", "127.0.0.1", "::1"]
     if config.lan:
         names += [f"{config.hostname}.local", own, f"{own}.local"]
-    return list(dict.fromkeys([*names, config.host.lower()]))
+    return list(dict.fromkeys([*names, config.host.lower(), *config.also_at]))
 
 
-@contextlib.contextmanager
-def announced(config: Config, robot: str) -> Iterator[None]:
-    """Answer to the robot's name on the network inside the block.
+def names_in_network(
+    hostname: str, addresses: Iterable[str], resolver: Path = _RESOLVER
+) -> list[str]:
+    """Return the names that the network gives this machine: its own name with each domain in which
+    this machine searches, and what the resolver answers for its addresses.
 
-    Robots that share a host name would share their addresses too, so each says its own in a
-    property, where the board of a class reads it.
-
-    Where the network allows no multicast, or zeroconf is not installed, that is only logged, and
-    the robot drives.
+    May wait for the resolver for many seconds.
     """
-    hostname, addresses = config.hostname, lan_addresses(config)
+    own = socket.gethostname().lower()
+    first = [own.partition(".")[0], hostname.lower()]
+    found = [
+        own,
+        f"{first[0]}.local",
+        *(f"{name}.{end}" for end in _domains(resolver) for name in first),
+    ]
+    if first[0] == "penguin":  # Linux on a Chromebook, as its browser calls it
+        found.append("penguin.linux.test")
+    for address in addresses:
+        with contextlib.suppress(OSError):
+            name, aliases, _ = socket.gethostbyaddr(address)
+            found += [name, *aliases]
+    plain = [name.lower().rstrip(".") for name in found]
+    return [name for name in dict.fromkeys(plain) if _NAME.fullmatch(name)]
+
+
+def _domains(resolver: Path) -> list[str]:
+    """Return the domains in which short names are searched; the last such line counts."""
     try:
-        from zeroconf import Error, ServiceInfo, Zeroconf
-    except ImportError:
-        log.warning("%s", MissingExtraError(f"the name {hostname}.local", "lan"))
-        yield
-        return
-    kind = "_https._tcp.local." if config.tls else "_http._tcp.local."
-    with contextlib.ExitStack() as stack:
-        try:
-            service = ServiceInfo(
-                kind,
-                f"Drivelesson {hostname}.{kind}",
-                port=config.port,
-                addresses=[socket.inet_aton(address) for address in addresses],
-                server=f"{hostname}.local.",
-                properties={"path": "/", ROBOT: robot, ADDRESS: addresses[0] if addresses else ""},
-            )
-            responder = Zeroconf(interfaces=addresses)
-            stack.callback(responder.close)
-            responder.register_service(service, allow_name_change=True)
-            log.info("mdns name=%s.local port=%d", hostname, config.port)
-        except (OSError, Error) as error:
-            log.warning("mdns off error=%r", str(error))
-        yield
+        lines = resolver.read_text("utf-8", "replace").splitlines()
+    except OSError:
+        return []
+    found: list[str] = []
+    for line in lines:
+        word, *rest = line.split() or [""]
+        if word in ("search", "domain"):
+            found = [end.strip(".").lower() for end in rest]
+    return [end for end in found if end and end not in ("local", "localhost")]

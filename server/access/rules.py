@@ -8,7 +8,7 @@ DNS rebinding. On a local network only paired browsers are admitted.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
@@ -70,6 +70,8 @@ class Refusal:
     """Text for the person."""
     location: str | None = None
     """Address to redirect to."""
+    open_at: tuple[str, ...] = ()
+    """Addresses of the page, for who came by a name that is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +100,8 @@ class Access:
     """The rules of one server.
 
     Args:
-        names: Names that the robot answers to.
+        names: Names that the robot answers to; they may change while it serves.
+        addresses: Returns where people open the page now, for who came by another name.
         allows_addresses: Accept any IP address as Host too: DNS rebinding needs a name.
         find_session: Returns the session of a secret; None where every client is admitted.
         cookie: Name of the cookie that carries the session.
@@ -106,7 +109,8 @@ class Access:
         public: Where people open the page that a proxy serves.
     """
 
-    names: frozenset[str]
+    names: Container[str]
+    addresses: Callable[[], Sequence[str]] = tuple
     allows_addresses: bool = False
     find_session: Callable[[str], Session | None] | None = None
     cookie: str = ""
@@ -119,8 +123,13 @@ class Access:
         name = host_name(host)
         if name in self.names or (self.allows_addresses and as_address(name) is not None):
             return None
-        sentence = f"This robot does not answer to {_short(host)}. {_behind(f'http://{host}')}"
-        return Refusal(421, "host", sentence)
+        open_at = list(self.addresses())
+        where = f" Open it by its address: {open_at[0]}." if open_at else ""
+        sentence = (
+            f"This robot does not answer to {_short(host)}.{where} If this is its name, start it "
+            f"with --also-at {_short(name)}. {_behind(f'http://{host}')}"
+        )
+        return Refusal(421, "host", sentence, open_at=tuple(open_at))
 
     def check_origin(
         self, headers: Mapping[str, str], scheme: str, method: str | None

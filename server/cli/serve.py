@@ -22,24 +22,28 @@ from robot.errors import ConfigurationError, RecordingError
 from robot.policy.registry import MOST_NODES, full_name, split_name
 from robot.store.folder import Storage, default_root
 from robot.store.prepare import prepare
-from server.access.network import host_names, lan_addresses, page_addresses
 from server.access.rules import Role
 from server.cli.parser import declare, host_name, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
-from server.config import Config, Limits, PublicAddress, read_networks
+from server.config import DEFAULT_HOSTNAME, Config, Limits, PublicAddress, read_networks
 from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address, show_page
 from server.hosting.logs import start_logging
 from server.services import installed, make_services
 
 if TYPE_CHECKING:
+    from robot.clock import Clock
     from robot.control.loop import LoopConfig
     from robot.devices.rig import Rig
     from robot.store.models.autosave import Autosave
+    from server.access.certificates import RenewedCertificates
     from server.access.pairing import Pairing
+    from server.access.surroundings import Place, Surroundings
     from server.clients.hub import Hub
 
 log = logging.getLogger(__name__)
 DEFAULT_ROBOT = "sim"
+_NAME_S = 1.5
+"""How long the start waits for its name on the network, in seconds."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -80,7 +84,9 @@ def _add_network(add: Callable[..., Any], shown: str) -> None:
     add("--proxy-at", default="127.0.0.0/8,::1", metavar="ADDRESS", help=text)
     add("--tls", action="store_true", help="serve https, with a certificate of ours")
     text = f"with --lan, answer to this name with .local behind it{shown}"
-    add("--hostname", type=host_name, default="drivelesson", help=text)
+    add("--hostname", type=host_name, default=DEFAULT_HOSTNAME, help=text)
+    text = "a further name that this machine has in its network, such as rover.fritz.box; may be "
+    add("--also-at", action="append", default=[], metavar="NAME", help=text + "repeated")
 
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
@@ -107,10 +113,11 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from robot.devices.rig import build_rig
-    from server.access.network import announced
+    from server.access.announcement import Announcement
+    from server.access.surroundings import Surroundings, Watch
     from server.app import create_app
     from server.clients.hub import Hub
-    from server.hosting.serving import end_by_signals, open_socket, serve
+    from server.hosting.serving import end_by_signals, open_sockets, serve
     from server.identity import IdentityFile
     from server.persistence import Persistence
 
@@ -132,17 +139,26 @@ def run(args: argparse.Namespace) -> int:
         )
     moved = prepare(config.data)
     storage = Storage(config.data, must_be_usable=False)
-    listener = open_socket(config.host, config.port)
-    config = dataclasses.replace(config, port=listener.getsockname()[1])
+    listeners = open_sockets(config.host, config.port)
+    config = dataclasses.replace(config, port=listeners[0].getsockname()[1])
+    identity = IdentityFile(config.data, args.name)
+    announcement = Announcement(config, identity.now.name)
+    surroundings = Surroundings(config, claim=announcement.announce if config.lan else None)
+    watch = Watch(surroundings, rig.clock)
+    if config.lan:
+        watch.start()
     certificates = None
     if config.tls:
-        from server.access.certificates import make_certificates
+        from server.access.certificates import RenewedCertificates
 
-        names = [*host_names(config), *lan_addresses(config)]
-        certificates = make_certificates(config.data / "tls", names, dt.datetime.now(dt.UTC))
-    addresses = page_addresses(config)
-    pairing = _open_pairing(config, addresses[0], rig) if config.needs_pairing else None
-    identity = IdentityFile(config.data, args.name)
+        certificates = RenewedCertificates(
+            config.data / "tls", surroundings.certified, dt.datetime.now(dt.UTC)
+        )
+    pairing = (
+        _open_pairing(config, lambda: surroundings.page_addresses[0], rig)
+        if config.needs_pairing
+        else None
+    )
     hub = Hub(config, rig, identity.now.name)
     persistence = Persistence(
         storage,
@@ -160,23 +176,73 @@ def run(args: argparse.Namespace) -> int:
         hub=hub,
         persistence=persistence,
         pairing=pairing,
+        surroundings=surroundings,
         options=vars(args),
     )
+    if config.lan:
+        watch.wait_for_the_first(_NAME_S)
+    addresses = surroundings.page_addresses
     here = pairing_address(addresses[0], pairing.tokens[Role.PILOT]) if pairing else addresses[0]
     rig.driver.announce(here)
     end_by_signals()
-    name_on_network = announced(config, identity.now.name)
-    with rig, persistence, name_on_network if config.lan else contextlib.nullcontext():
+    with rig, persistence, contextlib.ExitStack() as stack:
+        stack.callback(announcement.close)
+        stack.callback(watch.stop)
         _choose_model(persistence.autosave, args, learner)
         if pairing is None:
             print(greet_here(addresses[0], with_eye=with_eye), flush=True)
             if not args.no_page and sys.stdout.isatty():
                 show_page(addresses[0])
         else:
-            tokens = {r: t for r, t in pairing.tokens.items() if with_eye or r is not Role.EYE}
-            print(greet_phones(addresses, tokens), flush=True)
-        serve(create_app(services), listener, certificates)
+            print(greet_phones(addresses, _tokens(pairing, with_eye=with_eye)), flush=True)
+        surroundings.listeners.append(
+            lambda before, now: _follow(surroundings, before, now, pairing, rig, with_eye=with_eye)
+        )
+        if certificates is not None:
+            surroundings.ticks.append(lambda _: _renew(certificates, surroundings, rig.clock))
+        files = certificates.files if certificates else None
+        serve(create_app(services), listeners, files, certificates.use if certificates else None)
     return 0
+
+
+def _tokens(pairing: Pairing, *, with_eye: bool) -> dict[Role, str]:
+    return {r: t for r, t in pairing.tokens.items() if with_eye or r is not Role.EYE}
+
+
+def _follow(
+    surroundings: Surroundings,
+    before: Place,
+    now: Place,
+    pairing: Pairing | None,
+    rig: Rig,
+    *,
+    with_eye: bool,
+) -> None:
+    """Show the new addresses, with codes that work there: cookies are the old address's."""
+    if (before.addresses, before.hostname) == (now.addresses, now.hostname):
+        return
+    addresses = surroundings.page_addresses
+    log.warning("the robot is now at %s", " ".join(addresses))
+    if now.hostname != before.hostname:
+        print(f"{before.hostname}.local is another robot's: this one is {now.hostname}.local.")
+    if pairing is None:
+        return
+    tokens = _tokens(pairing, with_eye=with_eye)
+    print(f"The network has changed.\n{greet_phones(addresses, tokens)}", flush=True)
+    rig.driver.announce(pairing_address(addresses[0], tokens[Role.PILOT]))
+
+
+def _renew(certificates: RenewedCertificates, surroundings: Surroundings, clock: Clock) -> None:
+    """Renew the certificate if the clock was set, or names have changed."""
+    try:
+        why = certificates.renew(
+            surroundings.certified, dt.datetime.fromtimestamp(clock.wall_s(), dt.UTC)
+        )
+    except (ConfigurationError, OSError, OverflowError) as error:
+        log.warning("the certificate is not renewed: %s", error)
+        return
+    if why is not None:
+        log.info("certificate renewed: %s", why)
 
 
 def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) -> None:
@@ -236,13 +302,14 @@ def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) ->
 
 def _make_config(args: argparse.Namespace) -> Config:
     return Config(
-        host=args.host or ("0.0.0.0" if args.lan else "127.0.0.1"),
+        host=args.host or ("::" if args.lan else "127.0.0.1"),
         port=args.port,
         lan=args.lan,
         tls=args.tls,
         public=tuple(map(PublicAddress.parse, filter(None, args.behind_proxy.split(",")))),
         proxies=read_networks(args.proxy_at),
         hostname=args.hostname,
+        also_at=tuple(name.strip().lower().rstrip(".") for name in args.also_at),
         data=args.data,
         jpeg_quality=args.jpeg_quality,
         limits=build(Limits, args.settings.tables.get("limits", {}), "limits"),
@@ -259,14 +326,16 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
     )
 
 
-def _open_pairing(config: Config, address: str, rig: Rig) -> Pairing:
+def _open_pairing(config: Config, address: str | Callable[[], str], rig: Rig) -> Pairing:
+    """Return the codes and sessions; `address` is where the page is open, now or always."""
     from server.access.pairing import Pairing
 
     def show(role: Role, token: str) -> None:
         """Draw the next phone's code where the one before it was drawn."""
-        print(greet_next(address, role, token), flush=True)
+        here = address if isinstance(address, str) else address()
+        print(greet_next(here, role, token), flush=True)
         if role is Role.PILOT:
-            rig.driver.announce(pairing_address(address, token))
+            rig.driver.announce(pairing_address(here, token))
 
     def show_soon(role: Role, token: str) -> None:
         """Leave it to a thread: a terminal that is held (Ctrl+S) must hold up no STOP."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import gc
 import signal
 import socket
 import sys
 import threading
-from collections.abc import Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robot.errors import ConfigurationError
@@ -18,6 +19,8 @@ from server.config import Config
 from server.services import limit_connections
 
 if TYPE_CHECKING:
+    import ssl
+
     from uvicorn import Server
 
     from server.access.certificates import Certificates
@@ -44,6 +47,8 @@ def open_socket(host: str, port: int) -> socket.socket:
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if hasattr(socket, "TCP_USER_TIMEOUT"):
             listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _DEAD_PEER_MS)
+        if family == socket.AF_INET6 and hasattr(socket, "IPV6_V6ONLY"):
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         listener.bind((host, port))
         listener.listen(_BACKLOG)
     except (OSError, TypeError) as error:  # the latter where the text can be no name
@@ -53,6 +58,27 @@ def open_socket(host: str, port: int) -> socket.socket:
             f"cannot serve on {host} port {port}: {why}; choose another with --host or --port"
         ) from error
     return listener
+
+
+def open_sockets(host: str, port: int) -> list[socket.socket]:
+    """Listen on an address; on `::`, everywhere, by IPv6 and by IPv4 on the same port.
+
+    Two sockets, so that an address of IPv4 looks as it always did. A machine that has only one of
+    the two is served by that one.
+    """
+    if host != "::":
+        return [open_socket(host, port)]
+    found: list[socket.socket] = []
+    for one in ("0.0.0.0", "::"):
+        try:
+            found.append(open_socket(one, found[0].getsockname()[1] if found else port))
+        except ConfigurationError as error:
+            is_taken = getattr(error.__cause__, "errno", None) == errno.EADDRINUSE
+            if is_taken or (one == "::" and not found):
+                for listener in found:
+                    listener.close()
+                raise
+    return found
 
 
 def _make_server(app: Any, certificates: Certificates | None) -> Server:
@@ -94,12 +120,23 @@ def leave_out_of_collections() -> None:
     gc.freeze()
 
 
-def serve(app: Any, listener: socket.socket, certificates: Certificates | None = None) -> None:
-    """Serve until SIGINT or SIGTERM."""
+def serve(
+    app: Any,
+    listeners: socket.socket | Sequence[socket.socket],
+    certificates: Certificates | None = None,
+    on_tls: Callable[[ssl.SSLContext], None] | None = None,
+) -> None:
+    """Serve until SIGINT or SIGTERM; `on_tls` gets the context, to renew its certificate."""
     server = _make_server(app, certificates)
+    if on_tls is not None:
+        server.config.load()
+        if server.config.ssl is not None:
+            on_tls(server.config.ssl)
     leave_out_of_collections()
-    with limit_connections(app, listener) as guarded:
-        _run(_serve(server, guarded))
+    with contextlib.ExitStack() as stack:
+        some = [listeners] if isinstance(listeners, socket.socket) else listeners
+        guarded = [stack.enter_context(limit_connections(app, one)) for one in some]
+        _run(_serve(server, *guarded))
 
 
 def end_by_signals() -> None:
@@ -121,9 +158,10 @@ def _run(served: Coroutine[Any, Any, None]) -> None:
         runner.run(served)
 
 
-async def _serve(server: Server, guarded: AdmissionListener) -> None:
+async def _serve(server: Server, *listeners: AdmissionListener) -> None:
     """Serve until told to end; then close what hangs: an upload, a half handshake."""
-    serving = asyncio.ensure_future(server.serve(sockets=[guarded]))
+    guarded = listeners[0]  # all have the same admission
+    serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
     # A signal that newer uvicorns raise again ends the loop, which would log it as an error.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():

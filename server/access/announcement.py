@@ -1,0 +1,139 @@
+"""`http://drivelesson.local`: the robot's name on the local network, by mDNS."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from robot.errors import MissingExtraError
+from server.access.network import ADDRESS, ROBOT, lan_addresses
+from server.config import DEFAULT_HOSTNAME, Config, as_address
+
+log = logging.getLogger(__name__)
+PROBE_MS = 700
+"""How long others are asked whether a name is taken, in milliseconds; RFC 6762 probes as long."""
+_MOST_NAMES = 50
+
+
+class Announcement:
+    """Answers to the robot's name on the network; announced anew when addresses or the name change.
+
+    Robots that share a host name would share their addresses too, so each says its own in a
+    property, where the board of a class reads it.
+
+    Where the network allows no multicast, or zeroconf is not installed, that is only logged, and
+    the robot drives.
+    """
+
+    def __init__(self, config: Config, robot: str) -> None:
+        self._config, self._robot = config, robot
+        self._responder: Any = None
+        self._is_off = False
+        self.hostname = config.hostname
+
+    def announce(self, addresses: Sequence[str]) -> str:
+        """Announce the robot at these addresses; return the name that it has, without `.local`.
+
+        A name that nobody has chosen, and that another machine has already, is left to it: this
+        robot takes NAME-2, or the next.
+        """
+        self.close()
+        try:
+            import zeroconf
+        except ImportError:
+            if not self._is_off:
+                extra = MissingExtraError(f"the name {self.hostname}.local", "lan")
+                log.warning("%s", extra)
+            self._is_off = True
+            return self.hostname
+        _be_brief(logging.getLogger("zeroconf"))
+        addresses = [one for one in addresses if as_address(one) is not None]
+        if not addresses:  # it is announced as soon as there is one
+            log.warning("mdns off: this machine has no address in a network")
+            return self.hostname
+        try:
+            version = (
+                zeroconf.IPVersion.All if any(map(_is_6, addresses)) else zeroconf.IPVersion.V4Only
+            )
+            self._responder = zeroconf.Zeroconf(interfaces=list(addresses), ip_version=version)
+            self.hostname = self._free_name(addresses)
+            self._responder.register_service(self._service(addresses), allow_name_change=True)
+            log.info("mdns name=%s.local port=%d", self.hostname, self._config.port)
+        except (OSError, ValueError, zeroconf.Error, RuntimeError) as error:
+            log.warning("mdns off error=%r", str(error))
+            self.close()
+        return self.hostname
+
+    def _service(self, addresses: Sequence[str]) -> Any:
+        from zeroconf import ServiceInfo
+
+        kind = "_https._tcp.local." if self._config.tls else "_http._tcp.local."
+        best = addresses[0] if addresses else ""
+        return ServiceInfo(
+            kind,
+            f"Drivelesson {self.hostname}.{kind}",
+            port=self._config.port,
+            parsed_addresses=list(addresses),
+            server=f"{self.hostname}.local.",
+            properties={"path": "/", ROBOT: self._robot, ADDRESS: best},
+        )
+
+    def _free_name(self, addresses: Sequence[str]) -> str:
+        """Return the first of NAME, NAME-2, NAME-3, ... that no other machine has."""
+        first = self._config.hostname
+        others = self.others_at(self.hostname, addresses)
+        if not others:
+            return self.hostname
+        if first != DEFAULT_HOSTNAME:  # somebody has chosen it
+            log.warning("%s.local is also %s: choose another --hostname", first, min(others))
+            return first
+        for number in range(2, _MOST_NAMES):
+            if not self.others_at(f"{first}-{number}", addresses):
+                return f"{first}-{number}"
+        return first
+
+    def others_at(self, name: str, addresses: Sequence[str]) -> set[str]:
+        """Return the addresses of other machines that answer to a name."""
+        import zeroconf
+
+        if not hasattr(zeroconf, "AddressResolver"):  # before 0.133
+            return set()
+        asked = zeroconf.AddressResolver(f"{name}.local.")
+        asked.request(self._responder, PROBE_MS)
+        own = {str(as_address(address)) for address in addresses}
+        return {one.partition("%")[0] for one in asked.parsed_addresses()} - own
+
+    def close(self) -> None:
+        """Take the announcement back; idempotent."""
+        responder, self._responder = self._responder, None
+        if responder is not None:
+            with contextlib.suppress(Exception):  # the network may be gone
+                responder.close()
+
+
+@contextlib.contextmanager
+def announced(config: Config, robot: str) -> Iterator[None]:
+    """Answer to the robot's name on the network inside the block."""
+    announcement = Announcement(config, robot)
+    announcement.announce(lan_addresses(config))
+    try:
+        yield
+    finally:
+        announcement.close()
+
+
+def _is_6(address: str) -> bool:
+    return ":" in address
+
+
+def _one_line(record: logging.LogRecord) -> bool:
+    """Leave tracebacks of an address that is gone out of the log: the watch renews it."""
+    record.exc_info = None
+    return True
+
+
+def _be_brief(logger: logging.Logger) -> None:
+    if _one_line not in logger.filters:
+        logger.addFilter(_one_line)

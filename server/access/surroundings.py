@@ -1,0 +1,173 @@
+"""What is around a robot's server while it serves: addresses, names, the wall clock.
+
+Nothing of it holds for long: Wi-Fi comes late, a router gives another address, the clock of a small
+computer leaps from 1970. One watch looks every two seconds; whatever depends on it follows.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from robot.clock import Clock, Worker
+from server.access.network import host_names, lan_addresses, names_in_network, page_addresses
+from server.config import Config
+
+log = logging.getLogger(__name__)
+LOOK_EVERY_S = 2.0
+"""A change is followed within twice this time."""
+ASK_EVERY_S = 60.0
+"""How often the resolver is asked for this machine's names, besides at each change."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the robot is on the network: its name without `.local`, addresses, names."""
+
+    hostname: str
+    addresses: tuple[str, ...]
+    names: tuple[str, ...] = ()
+
+
+class Surroundings:
+    """The names and addresses of one server as they are now; the guard asks `in`.
+
+    Args:
+        config: The server's; `hostname` is the name that it would like to have.
+        addresses: Returns this machine's addresses, the best first.
+        ask_names: Asks the resolver for this machine's names; may take long.
+        claim: Announces the robot at these addresses, and returns the name that it got.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        *,
+        addresses: Callable[[Config], Sequence[str]] = lan_addresses,
+        ask_names: Callable[[str, Sequence[str]], Sequence[str]] = names_in_network,
+        claim: Callable[[Sequence[str]], str] | None = None,
+    ) -> None:
+        self._config, self._look, self._ask, self._claim = config, addresses, ask_names, claim
+        found = tuple(addresses(config)) if config.lan else ()
+        self.now = Place(config.hostname, found)
+        self._known = self._names_known()
+        self.listeners: list[Callable[[Place, Place], None]] = []
+        """Called on the watch's thread with the place before and the new one."""
+        self.ticks: list[Callable[[Place], None]] = []
+        """Called at every look: for what depends on the wall clock, too."""
+        self._is_claimed = claim is None
+        self._asked_s: float | None = None
+
+    def __contains__(self, name: object) -> bool:
+        """True of a name that this robot answers to.
+
+        A name without a dot is nobody's on the internet, so no page from there can be called by it:
+        whatever leads here by such a name is of this network.
+        """
+        place = self.now
+        if name in self._known or name in place.names:
+            return True
+        text = str(name)
+        return self._config.lan and bool(text) and "." not in text and ":" not in text
+
+    def _names_known(self) -> frozenset[str]:
+        public = (address.name for address in self._config.public)
+        return frozenset([*host_names(self.config_now), *public])
+
+    @property
+    def config_now(self) -> Config:
+        """The configuration with the name that the robot has now."""
+        return dataclasses.replace(self._config, hostname=self.now.hostname)
+
+    @property
+    def page_addresses(self) -> list[str]:
+        return page_addresses(self.config_now, self.now.addresses)
+
+    @property
+    def certified(self) -> list[str]:
+        """All names and addresses that a certificate is to be for."""
+        place = self.now
+        return list(dict.fromkeys([*host_names(self.config_now), *place.names, *place.addresses]))
+
+    def look(self) -> bool:
+        """Look once; True if something has changed."""
+        before = self.now
+        addresses = tuple(self._look(self._config))
+        hostname = before.hostname
+        if not self._is_claimed or addresses != before.addresses:
+            self._is_claimed = True
+            self._asked_s = None
+            if self._claim is not None:
+                hostname = self._claim(addresses)
+        self._change(dataclasses.replace(before, hostname=hostname, addresses=addresses))
+        for tick in self.ticks:
+            tick(self.now)
+        return self.now != before
+
+    def ask(self, now_s: float) -> None:
+        """Ask the resolver for this machine's names, if it is time to; waits for its answer."""
+        if self._asked_s is not None and now_s - self._asked_s < ASK_EVERY_S:
+            return
+        self._asked_s = now_s
+        place = self.now
+        names = tuple(self._ask(place.hostname, place.addresses))
+        if self.now.addresses == place.addresses:
+            self._change(dataclasses.replace(self.now, names=names))
+
+    def _change(self, place: Place) -> None:
+        before, self.now = self.now, place
+        if place == before:
+            return
+        self._known = self._names_known()
+        log.info(
+            "network addresses=%s name=%s.local names=%s",
+            ",".join(place.addresses) or "none", place.hostname, ",".join(place.names) or "none",
+        )  # fmt: skip
+        for listener in self.listeners:
+            listener(before, place)
+
+
+class Watch:
+    """Looks at the surroundings on a thread of its own; another waits for the resolver."""
+
+    def __init__(self, surroundings: Surroundings, clock: Clock) -> None:
+        self._surroundings, self._clock = surroundings, clock
+        self._ending = threading.Event()
+        self._threads: list[Worker] = []
+        self._looked = threading.Event()
+
+    def start(self) -> None:
+        self._threads = [
+            self._clock.start_thread(self._run, "surroundings"),
+            self._clock.start_thread(self._ask, "names"),
+        ]
+
+    def wait_for_the_first(self, timeout_s: float) -> None:
+        """Wait until the name is known, or the time is up."""
+        self._clock.wait(self._looked, timeout_s)
+
+    def stop(self) -> None:
+        self._ending.set()
+        if self._threads:
+            self._threads[0].join(timeout=LOOK_EVERY_S)
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            try:
+                self._surroundings.look()
+            except Exception:  # the robot drives on, whatever the network does
+                log.exception("the network cannot be looked at")
+            self._looked.set()
+            self._clock.wait(self._ending, LOOK_EVERY_S)
+
+    def _ask(self) -> None:
+        self._clock.wait(self._looked, None)
+        while not self._ending.is_set():
+            try:
+                self._surroundings.ask(self._clock.now_s())
+            except Exception:
+                log.exception("this machine's names cannot be asked for")
+            self._clock.wait(self._ending, LOOK_EVERY_S)

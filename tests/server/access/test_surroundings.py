@@ -1,0 +1,265 @@
+"""What depends on addresses, names and the wall clock follows them while the server serves."""
+
+from __future__ import annotations
+
+import datetime as dt
+import random
+import socket
+import ssl
+from collections.abc import Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from unittest import mock
+
+import pytest
+
+from robot.testing import VirtualClock
+from server.access.announcement import Announcement
+from server.access.certificates import RenewedCertificates
+from server.access.network import lan_addresses, names_in_network, page_addresses
+from server.access.pairing import Pairing
+from server.access.rules import Access, Role
+from server.access.surroundings import LOOK_EVERY_S, Surroundings, Watch
+from server.access.unknown_name import explain_unknown_name
+from server.cli.serve import _follow
+from server.config import Config
+from server.hosting.serving import open_sockets
+
+LAN = Config(host="::", lan=True, port=8000)
+
+
+class Network:
+    """What a machine finds when it looks; `there` and `names` are changed by the tests."""
+
+    def __init__(self, *there: str) -> None:
+        self.there, self.names = list(there), list[str]()
+        self.claimed: list[tuple[str, ...]] = []
+        self.hostname = "drivelesson"
+
+    def claim(self, addresses: Sequence[str]) -> str:
+        self.claimed.append(tuple(addresses))
+        return self.hostname
+
+    def surroundings(self, config: Config = LAN) -> Surroundings:
+        return Surroundings(
+            config,
+            addresses=lambda _: list(self.there),
+            ask_names=lambda *_: list(self.names),
+            claim=self.claim,
+        )
+
+
+def test_an_address_that_comes_late_is_announced_and_shown(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    network = Network()
+    around = network.surroundings()
+    shown: list[str] = []
+    rig: Any = SimpleNamespace(driver=SimpleNamespace(announce=shown.append))
+    pairing = Pairing(10)
+    around.listeners.append(
+        lambda before, now: _follow(around, before, now, pairing, rig, with_eye=False)
+    )
+    around.look()
+    assert around.page_addresses == ["http://drivelesson.local:8000"]
+    network.there = ["192.168.1.7"]
+    assert around.look()
+    assert network.claimed == [(), ("192.168.1.7",)]
+    code = f"http://192.168.1.7:8000/pair#{pairing.tokens[Role.PILOT]}"
+    assert code in capsys.readouterr().out and shown == [code]
+    assert not around.look() and not capsys.readouterr().out, "said once"
+    network.there, network.hostname = ["192.168.1.9", "fd99::1"], "drivelesson-2"
+    around.look()
+    out = capsys.readouterr().out
+    assert "this one is drivelesson-2.local" in out and "http://[fd99::1]:8000" in out
+    assert "drivelesson-2.local" in around and "drivelesson.local" not in around
+
+
+def test_any_history_of_addresses_is_followed_within_five_seconds() -> None:
+    """Twenty changes at any time: what the terminal shows is right two looks later."""
+    chance, clock, network = random.Random(3), VirtualClock(), Network("10.0.0.1")
+    around = network.surroundings()
+    for _ in range(20):
+        pool = ["10.0.0.1", "192.168.178.20", "fd00::5", "2001:db8::7", "172.16.0.3"]
+        network.there = chance.sample(pool, chance.randint(0, 3))
+        clock.advance(chance.uniform(0.0, LOOK_EVERY_S))
+        around.look()
+        assert around.page_addresses == page_addresses(LAN, network.there)
+        assert network.claimed[-1] == tuple(network.there)
+    assert 2 * LOOK_EVERY_S < 5.0
+
+
+def test_the_watch_looks_again_and_outlives_a_network_that_fails() -> None:
+    looks = 0
+
+    def look(_: Config) -> list[str]:
+        nonlocal looks
+        looks += 1
+        if looks == 3:
+            raise OSError("no such device")
+        return ["10.0.0.1"] if looks > 4 else []
+
+    clock = VirtualClock()
+    around = Surroundings(LAN, addresses=look, ask_names=lambda *_: [], claim=lambda _: "x")
+    ended = SimpleNamespace(n=0)
+
+    def wait(event: Any, timeout_s: float | None = None) -> bool:
+        ended.n += 1
+        clock.advance(timeout_s or 0.0)
+        if ended.n == 6:
+            event.set()
+        return bool(event.is_set())
+
+    watch = Watch(around, clock)
+    with mock.patch.object(clock, "wait", wait):
+        watch._run()
+    assert around.now.addresses == ("10.0.0.1",) and clock.now_s() == 6 * LOOK_EVERY_S
+
+
+@pytest.mark.parametrize(
+    ("asked", "is_known"),
+    [
+        ("rover.fritz.box", True),
+        ("rover.school.example", True),
+        ("robot_1", True),
+        ("drivelesson", True),
+        ("printer.school.example", True),
+        ("localhost", True),
+        ("evil.example", False),
+        ("drivelesson.local.evil.example", False),
+        ("rover.fritz.box.evil.example", False),
+        ("rover.evil.example", False),
+        ("", False),
+    ],
+)
+def test_names_that_the_network_gives_are_answered_and_no_others(
+    asked: str, is_known: bool
+) -> None:
+    network = Network("192.168.178.20")
+    network.names = ["rover.fritz.box", "rover.school.example", "printer.school.example"]
+    around = network.surroundings()
+    around.ask(0.0)
+    access = Access(names=around, addresses=lambda: around.page_addresses)
+    refusal = access.check_host({"host": f"{asked}:8000"})
+    assert (refusal is None) is is_known
+    if refusal is not None:
+        assert "http://192.168.178.20:8000" in refusal.sentence
+
+
+def test_without_lan_a_bare_name_is_none_of_ours() -> None:
+    around = Surroundings(Config(also_at=("rover.test",)))
+    assert "rover.test" in around and "localhost" in around
+    assert "robot" not in around
+
+
+def test_the_resolver_says_how_others_call_this_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "resolv.conf"
+    file.write_text("# made by dhcp\ndomain old.example\nsearch Fritz.Box school.example local\n")
+    monkeypatch.setattr(socket, "gethostname", lambda: "Rover")
+    asked: list[str] = []
+
+    def ask(address: str) -> tuple[str, list[str], list[str]]:
+        asked.append(address)
+        if ":" in address:
+            raise OSError("no answer")
+        return "lab-7.school.example.", ["lab <7>"], []
+
+    monkeypatch.setattr(socket, "gethostbyaddr", ask)
+    names = names_in_network("drivelesson", ["10.1.1.7", "fd00::7"], file)
+    assert {"rover", "rover.local", "rover.fritz.box", "lab-7.school.example"} <= set(names)
+    assert "drivelesson.school.example" in names and "rover.old.example" not in names
+    assert not [name for name in names if "<" in name] and asked == ["10.1.1.7", "fd00::7"]
+    monkeypatch.setattr(socket, "gethostname", lambda: "penguin")
+    assert "penguin.linux.test" in names_in_network("drivelesson", [], tmp_path / "none")
+
+
+@pytest.mark.parametrize("accepted", ["en-GB,en;q=0.9", "es-ES", "zh-CN,zh", "fr"])
+def test_who_opens_an_unknown_name_is_led_to_the_address(accepted: str) -> None:
+    page = explain_unknown_name("a<b>.example", ["http://10.0.0.2:8000"], accepted).decode()
+    assert '<a href="http://10.0.0.2:8000/">' in page and "--also-at a&lt;b&gt;" in page
+    assert f'lang="{accepted[:2] if accepted != "fr" else "en"}"' in page
+
+
+NEW_YEAR = dt.datetime(1970, 1, 1, 0, 5, tzinfo=dt.UTC)
+NOW = dt.datetime(2026, 9, 1, tzinfo=dt.UTC)
+
+
+def test_a_certificate_of_1970_is_renewed_when_the_clock_is_set(tmp_path: Path) -> None:
+    made = RenewedCertificates(tmp_path, ["drivelesson.local"], NEW_YEAR)
+    server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    server.load_cert_chain(made.files.chain, made.files.key)
+    made.use(server)
+    authority = made.files.authority.read_bytes()
+    before = _shown_to_a_client(server)
+    assert made.renew(["drivelesson.local"], NEW_YEAR) is None
+    assert made.renew(["drivelesson.local"], NOW) == "the clock was set"
+    assert _shown_to_a_client(server) != before, "in the context that serves"
+    assert made.renew(["drivelesson.local"], NOW) is None
+    assert made.renew(["drivelesson.local", "192.168.1.7"], NOW) == "names or addresses changed"
+    assert made.renew(["drivelesson.local", "192.168.1.7"], NOW + dt.timedelta(days=380))
+    assert made.renew(["drivelesson.local", "192.168.1.7"], NEW_YEAR), "back again"
+    assert made.files.authority.read_bytes() == authority, "phones trust that one"
+
+
+def _shown_to_a_client(server: ssl.SSLContext) -> bytes:
+    """Return the certificate that a new connection gets."""
+    client = ssl.create_default_context()
+    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
+    up, down = ssl.MemoryBIO(), ssl.MemoryBIO()
+    ends = [client.wrap_bio(down, up), server.wrap_bio(up, down, server_side=True)]
+    for end in ends * 3:
+        try:
+            end.do_handshake()
+        except ssl.SSLWantReadError:
+            continue
+    shown = ends[0].getpeercert(binary_form=True)
+    assert shown is not None
+    return shown
+
+
+def test_of_two_robots_that_nobody_named_the_second_takes_another_name(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    zeroconf = pytest.importorskip("zeroconf")
+    if not hasattr(zeroconf, "AddressResolver"):
+        pytest.skip("this zeroconf cannot ask for a host's addresses")
+    one, two, named = (
+        Announcement(Config(lan=True, port=8130 + i, hostname=name), "Ada")
+        for i, name in enumerate(["drivelesson", "drivelesson", "ada"])
+    )
+    try:
+        assert one.announce(["127.0.0.8"]) == "drivelesson"
+        assert two.announce(["127.0.0.9"]) == "drivelesson-2"
+        assert two.announce(["127.0.0.9"]) == "drivelesson-2", "it keeps it"
+        assert named.announce(["127.0.0.9"]) == "ada"
+    finally:
+        for each in (one, two, named):
+            each.close()
+
+
+def test_addresses_of_six_are_announced_and_served(caplog: pytest.LogCaptureFixture) -> None:
+    zeroconf = pytest.importorskip("zeroconf")
+    config = Config(lan=True, host="fd99::1", port=8140)
+    service = Announcement(config, "Ada")._service(lan_addresses(config))
+    assert service.parsed_addresses() == ["fd99::1"]
+    assert page_addresses(config)[0] == "http://[fd99::1]:8140"
+    assert isinstance(service, zeroconf.ServiceInfo)
+    listeners = open_sockets("::", 0)
+    ports = {listener.getsockname()[1] for listener in listeners}
+    families = {listener.family for listener in listeners}
+    for listener in listeners:
+        listener.close()
+    assert len(ports) == 1 and socket.AF_INET in families
+    if socket.has_ipv6 and _has_six():
+        assert families == {socket.AF_INET, socket.AF_INET6}
+
+
+def _has_six() -> bool:
+    try:
+        with socket.create_server(("::1", 0), family=socket.AF_INET6):
+            return True
+    except OSError:
+        return False
