@@ -31,6 +31,10 @@ class ConfigurationError(RobotError, ValueError):
     """An option, world, port or file given by a person is not usable."""
 
 
+class InUseError(ConfigurationError):
+    """Another program uses a folder or a port that only one can have; it may be free later."""
+
+
 class MissingExtraError(RobotError, ImportError):
     """A library that this feature needs is not installed; the message names the extra."""
 

@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         import robot
     except ImportError as error:
         print(f"drivelesson: {error}", file=sys.stderr)
-        return 1
+        return 2
     if getattr(robot, "PROJECT", None) != "drivelesson":
         print(
             f"drivelesson: the package 'robot' in {robot.__path__[0]} is another project's, as a "
@@ -33,17 +33,19 @@ def main(argv: Sequence[str] | None = None) -> int:
             "with 'uv tool install' or 'pipx install'",
             file=sys.stderr,
         )
-        return 1
+        return 2
     from server.cli.main import main as run
 
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a pipe on Windows knows few letters
             stream.reconfigure(errors="replace")
     try:
-        return run(argv)
-    except BrokenPipeError:  # the reader of our output, such as `head`, has ended
+        status = run(argv)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the program that read our output, such as `head`, has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+        return 0
+    return status
 
 
 if __name__ == "__main__":

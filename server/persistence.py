@@ -9,7 +9,7 @@ from typing import Any
 
 from robot.devices.rig import Rig
 from robot.driver import describe
-from robot.errors import ConfigurationError, RobotError
+from robot.errors import ConfigurationError, InUseError, RobotError
 from robot.recordings.queue import RecorderConfig
 from robot.recordings.recorder import Recorder
 from robot.recordings.store import EpisodeStore
@@ -86,9 +86,9 @@ class Persistence(StartStop):
             return
         try:
             self._lock.start()
+        except InUseError:
+            raise
         except ConfigurationError as error:
-            if isinstance(error.__cause__, TimeoutError):  # another program has the folder
-                raise
             log.warning("the data folder is not locked: %s", error)
         self.storage.sweep()
         self.journal.start(after=newest_boot(self.models))

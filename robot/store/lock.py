@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, InUseError
 from robot.types import StartStop
 
 
@@ -34,7 +34,7 @@ class FolderLock(StartStop):
                 raise FileNotFoundError("no such folder")
             lock.acquire()
         except Timeout as error:
-            raise ConfigurationError(
+            raise InUseError(
                 f"another drivelesson (process {self._read_holder()}) keeps its models and "
                 f"recordings in {self._folder}; stop it, or choose another folder with "
                 "--data FOLDER"

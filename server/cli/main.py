@@ -14,8 +14,23 @@ from typing import Any
 
 import robot
 from robot.entry_points import points
-from robot.errors import RobotError, did_you_mean
+from robot.errors import (
+    ConfigurationError,
+    InUseError,
+    MissingExtraError,
+    NotFoundError,
+    PluginError,
+    RecordingError,
+    RobotError,
+    did_you_mean,
+)
 from server.cli.parser import Parser
+
+DONE, TRY_AGAIN, CHANGE_FIRST, INTERRUPTED = 0, 1, 2, 130
+"""Exit statuses. 0: ended as asked. 1: it failed, and may succeed later as it is: a camera that is
+not there yet, a full disk, a port in use. 2: another start would fail in the same way: an option, a
+setting, a file or a missing library has to be changed first. 130: Ctrl-C."""
+_LASTING = (ConfigurationError, MissingExtraError, NotFoundError, PluginError, RecordingError)
 
 GROUP = "drivelesson.commands"
 FIRST = "serve"
@@ -34,7 +49,7 @@ def commands() -> dict[str, str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return the exit status: 0 done, 1 failed, 2 wrong usage."""
+    """Run one command and return its exit status, one of those below."""
     words = list(sys.argv[1:] if argv is None else argv)
     if words[:1] in (["-h"], ["--help"], ["help"]):
         _print_overview()
@@ -49,15 +64,23 @@ def main(argv: Sequence[str] | None = None) -> int:
             f"drivelesson: unknown command {name!r}{hint}; there are: {', '.join(commands())}",
             file=sys.stderr,
         )
-        return 2
+        return CHANGE_FIRST
     try:
         parser = make_parser(name, words)
         return int(load_command(name).run(parser.parse_args(words)))
+    except BrokenPipeError:  # the program that read our output, such as `head`, has ended
+        raise
     except (RobotError, OSError) as error:
         print(f"drivelesson: {error}", file=sys.stderr)
-        return 1
+        return status_of(error)
     except KeyboardInterrupt:
-        return 130
+        return INTERRUPTED
+
+
+def status_of(error: RobotError | OSError) -> int:
+    """Return the exit status that tells a supervisor whether another start can help."""
+    is_lasting = isinstance(error, _LASTING) and not isinstance(error, InUseError)
+    return CHANGE_FIRST if is_lasting else TRY_AGAIN
 
 
 def make_parser(

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, InUseError
 from server.access.listener import AdmissionListener
 from server.config import Config
 from server.services import limit_connections
@@ -54,7 +54,8 @@ def open_socket(host: str, port: int) -> socket.socket:
     except (OSError, TypeError) as error:  # the latter where the text can be no name
         listener.close()
         why = getattr(error, "strerror", None) or "there is no such host"
-        raise ConfigurationError(
+        is_taken = getattr(error, "errno", None) in (errno.EADDRINUSE, errno.EADDRNOTAVAIL)
+        raise (InUseError if is_taken else ConfigurationError)(
             f"cannot serve on {host} port {port}: {why}; choose another with --host or --port"
         ) from error
     return listener

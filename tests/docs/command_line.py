@@ -17,8 +17,16 @@ _HEAD = """# The command line
 
 Made from the program by `make docs`; do not edit by hand.
 
-`drivelesson COMMAND [OPTION ...]`. Without a command: `drivelesson serve --robot sim`. Exit status
-0: done; 1: failed, with one line on standard error that says why; 2: wrongly called.
+`drivelesson COMMAND [OPTION ...]`. Without a command: `drivelesson serve --robot sim`.
+
+| exit status | meaning | what a supervisor does |
+|---|---|---|
+| 0 | ended as asked; also when the program that reads the output has ended | nothing |
+| 1 | failed, and may succeed later: no camera yet, a full disk, a port in use | start again |
+| 2 | an option, a setting, a file or a missing library has to be changed first | leave it ended |
+| 130 | interrupted by Ctrl-C | nothing |
+
+An error is one line on standard error that says what failed and what to do.
 """
 
 

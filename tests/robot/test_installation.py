@@ -107,7 +107,7 @@ def test_beside_robot_framework_importing_ends_in_a_sentence(tmp_path: Path) -> 
     done = run(folder, "-c", "import robot")
     assert "ImportError: Robot Framework and Drivelesson" in done.stderr.splitlines()[-1]
     done = run(folder, "-m", "server")
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert done.stderr.startswith("drivelesson: Robot Framework and Drivelesson")
 
 
@@ -116,5 +116,5 @@ def test_where_robot_framework_came_last_the_command_says_so(tmp_path: Path) -> 
     (folder / "robot/__init__.py").write_text("__version__ = '7.0'\n")
     (folder / "robot/errors.py").write_text("")
     done = run(folder, "-m", "server")
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "is another project's" in done.stderr and "pipx" in done.stderr

@@ -113,6 +113,7 @@ ExecStart=/usr/sbin/chroot /opt/drivelesson/root /usr/bin/env PYTHONPATH=/opt/dr
   --max-nodes 32 --data /var/lib/drivelesson --config /etc/drivelesson.toml
 Restart=on-failure
 RestartSec=5
+RestartPreventExitStatus=2
 OOMScoreAdjust=-500
 
 [Install]

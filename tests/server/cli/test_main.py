@@ -8,7 +8,17 @@ import sys
 import pytest
 
 from robot import __version__
-from robot.errors import DriveError
+from robot.errors import (
+    CameraError,
+    ConfigurationError,
+    DriveError,
+    InUseError,
+    MissingExtraError,
+    NotConnectedError,
+    NotFoundError,
+    PluginError,
+    RecordingError,
+)
 from server.cli.main import commands, load_command, main
 
 WRONG = [
@@ -66,6 +76,48 @@ def test_an_error_of_the_system_is_told_in_a_line_with_its_file(
     told = capsys.readouterr().err
     assert told.startswith("drivelesson: ") and told.endswith(f"{said}\n")
     assert told.count("\n") == 1
+
+
+STATUSES = [
+    (ConfigurationError("no such option"), 2),
+    (MissingExtraError("the film", "export"), 2),
+    (PluginError("no robot is called x"), 2),
+    (NotFoundError("no episode of this name"), 2),
+    (RecordingError("the model cannot be read"), 2),
+    (InUseError("another drivelesson uses the folder"), 1),
+    (CameraError("no camera answers"), 1),
+    (DriveError("the motor is gone"), 1),
+    (NotConnectedError("not connected"), 1),
+    (OSError(28, "No space left on device"), 1),
+    (OSError(98, "Address already in use"), 1),
+    (KeyboardInterrupt(), 130),
+]
+
+
+@pytest.mark.parametrize(("fault", "status"), STATUSES, ids=lambda value: str(value)[:30])
+def test_the_exit_status_says_whether_another_start_can_help(
+    fault: BaseException, status: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(args: object) -> int:
+        raise fault
+
+    monkeypatch.setattr(load_command("completion"), "run", fail)
+    assert main(["completion", "bash"]) == status
+    assert main(["completoin"]) == 2
+
+
+def test_a_reader_that_ends_early_is_no_error() -> None:
+    """As in `drivelesson --help | head -1`; the text is longer than a pipe holds."""
+    printing = "import sys; from server.__main__ import main; "
+    printing += "sys.exit(max(main(['--help']) for _ in range(200)))"
+    program = subprocess.Popen(
+        [sys.executable, "-c", printing], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert program.stdout is not None
+    program.stdout.readline()
+    program.stdout.close()
+    _, said = program.communicate(timeout=60)
+    assert (program.returncode, said) == (0, b"")
 
 
 def test_the_version(capsys: pytest.CaptureFixture[str]) -> None:

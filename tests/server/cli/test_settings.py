@@ -135,7 +135,7 @@ def test_a_robot_that_is_no_name_is_refused_in_a_line(
 ) -> None:
     file = tmp_path / "robot.toml"
     file.write_text(f"{name} = {value}\n")
-    assert main(["serve", "--config", str(file)]) == 1
+    assert main(["serve", "--config", str(file)]) == 2
     assert capsys.readouterr().err.startswith(f"drivelesson: unknown {name} ")
 
 

@@ -193,7 +193,7 @@ def test_a_brick_that_is_not_there_is_one_clear_line(
     assert main(["brick", "agent", "10.0.0.9"]) == 1
     error = capsys.readouterr().err
     assert "robot@10.0.0.9 could not be set up: ssh: No route to host" in error
-    assert main(["brick", "install"]) == 1
+    assert main(["brick", "install"]) == 2
     assert "which brick?" in capsys.readouterr().err
 
 
@@ -241,7 +241,7 @@ def test_a_file_that_pack_did_not_make_is_one_clear_line(
     file = tmp_path / "brick.tar"
     if content is not None:
         file.write_bytes(content)
-    assert main(["brick", "install", "10.0.0.9", "--from", str(file)]) == 1
+    assert main(["brick", "install", "10.0.0.9", "--from", str(file)]) == 2
     error = capsys.readouterr().err
     assert str(file) in error
     assert error.count("\n") == 1
