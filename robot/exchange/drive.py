@@ -6,10 +6,12 @@ and listed, times become a time line, and pictures are read one at a time.
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from statistics import mode
+from statistics import median, mode
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,6 +29,11 @@ from robot.store.models.events import describe_event
 from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Point
 
 _T = TypeVar("_T")
+_MOST_PLACES, _MOST_REASONS = 3, 12
+"""Places of a reason, and reasons, that are listed; the rest is counted."""
+_ENOUGH_TO_HINT = 10
+"""Examples from which on it is worth a hint that one side has none."""
+_LEAST_TRIM = 0.01
 
 
 class ImportReport:
@@ -37,6 +44,10 @@ class ImportReport:
         self.skipped: list[tuple[str, str]] = []
         """Place and reason of each thing that was left out."""
         self.remarks: list[str] = []
+        self.labels: Counter[Action] = Counter()
+        """Examples that were written, by their labels."""
+        self.rate: float = 0.0
+        """The usual number of pictures a second."""
 
     def skip(self, place: str, reason: str) -> None:
         """Leave something out; raises RecordingError if the import is strict."""
@@ -51,12 +62,15 @@ class ImportReport:
             self.remarks.append(text)
 
     def lines(self) -> list[str]:
-        """Return the remarks, then how much was skipped, and each reason with its places."""
+        """Return the remarks, then how much was skipped, and each reason with its first places."""
         places: dict[str, list[str]] = {}
         for place, reason in self.skipped:
             places.setdefault(reason, []).append(place)
+        by_count = sorted(places.items(), key=lambda found: -len(found[1]))
         told = [f"skipped: {len(self.skipped)}"] if self.skipped else []
-        told += [f"  {reason}: {', '.join(found)}" for reason, found in places.items()]
+        told += [f"  {reason}: {_counted(found)}" for reason, found in by_count[:_MOST_REASONS]]
+        if rest := [found for _, found in by_count[_MOST_REASONS:]]:
+            told.append(f"  {len(rest)} further reasons: {sum(map(len, rest))}")
         return self.remarks + told
 
     def why_nothing(self) -> str:
@@ -80,6 +94,8 @@ class FrameEvent:
     """The label by degrees, if it was meant so."""
     does: Point | None = None
     """What the label does on the body that drove, as far as its source says so."""
+    steering: float | None = None
+    """As it was written, as a share of full lock; None where nothing was."""
     is_intervention: bool = False
     is_others: bool = False
     """Not driven by the pilot, as far as is known: so no example."""
@@ -128,6 +144,9 @@ def drive_of(
         raise RecordingError(f"{what} to use{report.why_nothing()}")
     if others := sum(shot.is_others for shot in shots):
         report.remark(f"not driven by the pilot, so no examples: {others} pictures")
+    stands = sum(shot.label is None and shot.steering is not None for shot in shots) - others
+    if stands > 0:
+        report.remark(f"stands or drives backward, so no examples: {stands} pictures")
     moves = _moves_with(shot.label for shot in shots)
     known = {"moves": moves, "declared_moves": _declared(shots)}
     return Drive(shots=shots, report=report, **{**known, **about})
@@ -151,6 +170,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
     )
     line = make_timeline([shot.t_s for shot in drive.shots])
     drive.report.remark(line.remark)
+    drive.report.rate = 1 / line.usual_s
     with whole_file(path) as file:
         writer = EpisodeWriter(file, run)
         for shot, t_s in zip(drive.shots, line.times_s, strict=True):
@@ -161,12 +181,30 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
                 continue
             writer.write_frame(frame)
             _write_label(writer, shot, frame.frame_id, t_s)
+            drive.report.labels.update([shot.label] if shot.label else [])
             on_shot()
         if not writer.frames:
             why = drive.report.why_nothing()
             raise RecordingError(f"{drive.name} has no pictures to use{why}")
         writer.close({"dropped_frames": "0", "lost_words": "0"})
+    drive.report.remark(_hint(drive))
     return writer.frames
+
+
+def _hint(drive: Drive) -> str | None:
+    """Return what to do where one side has no example, though the car was steered."""
+    labels, written = drive.report.labels, [s.steering for s in drive.shots if s.label]
+    steered = [s for s in written if isinstance(s, int | float) and math.isfinite(s)]
+    missing = [side for side in (Action.LEFT, Action.RIGHT) if not labels[side]]
+    if len(steered) < _ENOUGH_TO_HINT or len(missing) != 1:
+        return None
+    middle = median(steered)
+    trim = f"--trim {middle:.2f}" if abs(middle) >= _LEAST_TRIM else "a smaller --threshold"
+    return (
+        f"no example of {missing[0]}: steering lies between {min(steered):.2f} and "
+        f"{max(steered):.2f}, its middle at {middle:.2f}; if the car drives straight on there, "
+        f"import again with {trim}"
+    )
 
 
 def _write_label(writer: EpisodeWriter, shot: FrameEvent, frame_id: int, t_s: float) -> None:
@@ -205,6 +243,13 @@ def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
         for label, at, points in usual
         if 2 * points.count(at) > len(points) and at != point_of(label)
     )
+
+
+def _counted(places: list[str]) -> str:
+    """Return the places, or how many there are and the first of them."""
+    if len(places) <= _MOST_PLACES:
+        return ", ".join(places)
+    return f"{len(places)}, the first in {', '.join(places[:_MOST_PLACES])}"
 
 
 def _shown(text: str) -> str:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +17,33 @@ from robot.store.records import read_regular
 from robot.types import Encoding, Frame
 
 _MOST_TEXT_BYTES, _MOST_PICTURE_BYTES = 64 * 2**20, 32 * 2**20
+PICTURES = (".jpg", ".jpeg", ".png")
+"""How the names of pictures end that can be read, in small letters."""
+_MOST_PICTURES = 2_000_000
 
 
-def files_ending(folder: Path, suffix: str) -> list[Path]:
-    """List a folder's files with this ending, also in capitals, in the order of their names; none
+def files_ending(folder: Path, *suffixes: str) -> list[Path]:
+    """List a folder's files with these endings, also in capitals, in the order of their names; none
     of those that macOS lays beside them (`._NAME`)."""
-    found = (path for path in folder.iterdir() if path.suffix.lower() == suffix)
+    found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes)
     return sorted(path for path in found if path.is_file() and not path.name.startswith("."))
+
+
+def folders_in(folder: Path) -> list[Path]:
+    """List a folder's own folders, in the order of their names; no links, and none that programs
+    keep for themselves (`.git`, `_old`, `__MACOSX`)."""
+    found = (each for each in folder.iterdir() if each.name[0] not in "._")
+    return sorted(each for each in found if each.is_dir() and not each.is_symlink())
+
+
+def by_number(paths: Iterable[Path]) -> list[Path]:
+    """Sort files as a person does: `2.jpg` before `10.jpg`."""
+
+    def key(path: Path) -> list[tuple[int, int, str]]:
+        parts = re.split(r"(\d{1,18})", path.name.casefold())
+        return [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in parts]
+
+    return sorted(paths, key=key)
 
 
 def read_text(path: Path) -> str:
@@ -45,14 +68,70 @@ def parse(text: str) -> Any:
 def read_picture_file(folder: Path, name: str) -> Picture:
     """Read a picture of a folder, by an untrusted name; RecordingError if the name leads out of the
     folder, there is no such file, or it is no picture of a sensible size."""
-    wrong = f"the picture {name[:80]!r} cannot be read"
     # RuntimeError is that of a loop of links.
-    with told_as(RecordingError, wrong, OSError, RuntimeError, ValueError):
+    with told_as(RecordingError, "the picture cannot be read", OSError, RuntimeError, ValueError):
         path = (folder / name.replace("\\", "/")).resolve()  # tables are written on Windows, too
         if not path.is_relative_to(folder.resolve()):
             raise ValueError(f"it leads out of the folder {folder}")
-        data = read_regular(path, _MOST_PICTURE_BYTES)
-    return read_picture(data, repr(name[:80]))
+        try:
+            data = read_regular(path, _MOST_PICTURE_BYTES)
+        except FileNotFoundError:
+            raise RecordingError("the picture is missing") from None
+    return read_picture(data, "the picture")
+
+
+class Pictures:
+    """A folder's pictures, found by the last parts of names that were written elsewhere."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def find(self, name: str) -> str:
+        """Return where in the folder a picture is, by the name that a table has for it.
+
+        That is the name itself; or else, of the pictures with the same last part, the one whose
+        folders agree with the most parts before. ValueError if several do.
+        """
+        parts = [part for part in re.split(r"[\\/]+", name.strip()) if part != "."]
+        if not parts:
+            return name
+        is_near = ".." not in parts and not name.startswith(("/", "\\")) and ":" not in parts[0]
+        own = "/".join(parts)
+        if is_near and ((self._folder / own).is_file() or (self._folder / own).is_symlink()):
+            return own
+        same = self._by_last.get(parts[-1].casefold(), [])
+        if not same:
+            return own if is_near or ".." in parts else parts[-1]
+        wanted = [part.casefold() for part in reversed(parts)]
+        agreeing = {path: _agreeing(wanted, path) for path in same}
+        best = [path for path, count in agreeing.items() if count == max(agreeing.values())]
+        if len(best) > 1:
+            raise ValueError(f"{len(best)} pictures have the name {parts[-1][:80]!r}")
+        return best[0]
+
+    def all(self) -> set[str]:
+        """Return where all pictures are."""
+        return {path for same in self._by_last.values() for path in same}
+
+    @cached_property
+    def _by_last(self) -> dict[str, list[str]]:
+        found: dict[str, list[str]] = {}
+        for count, path in enumerate(self._folder.rglob("*")):
+            if count > _MOST_PICTURES:
+                raise RecordingError(f"{self._folder} has too many files")
+            if path.suffix.lower() in PICTURES and not path.name.startswith("."):
+                within = path.relative_to(self._folder).as_posix()
+                found.setdefault(path.name.casefold(), []).append(within)
+        return found
+
+
+def _agreeing(wanted: list[str], path: str) -> int:
+    """Count the last parts of a path that are as wanted; both from the end."""
+    there = [part.casefold() for part in reversed(path.split("/"))]
+    for count, (one, other) in enumerate(zip(wanted, there, strict=False)):
+        if one != other:
+            return count
+    return min(len(wanted), len(there))
 
 
 def write_picture(frame: Frame, folder: Path, stem: str) -> str:

@@ -109,20 +109,34 @@ class FilmReader:
     def at(self, t_s: float) -> Picture:
         """Return the picture at this time, as a JPEG; RecordingError if the film has none there."""
         if t_s < self._asked_s:  # back, or for the first time
-            self._frames = self._decode()
-            self._next = next(self._frames, None)
+            self._begin(t_s)
         self._asked_s = t_s
-        while self._next is not None and self._next.time < t_s - 0.5 / self._fps:
-            self._next = next(self._frames, None)
+        self._skip_to(t_s)
         if self._next is None or self._next.time > t_s + 0.5 / self._fps:
             raise RecordingError(f"the film has no picture at {t_s:.2f} s")
         return to_jpeg(self._next.to_ndarray(format="rgb24"))
 
-    def _decode(self) -> Iterator[Any]:
-        """Yield frames as far as they can be decoded."""
+    def _begin(self, t_s: float) -> None:
+        """Decode from the last key frame before a time; from the beginning where the film's index
+        leads behind it."""
+        for from_s in (t_s, 0.0):
+            self._frames = self._decode(from_s)
+            self._next = next(self._frames, None)
+            if self._next is not None and self._next.time <= t_s + 0.5 / self._fps:
+                return
+
+    def _skip_to(self, t_s: float) -> None:
+        while self._next is not None and self._next.time < t_s - 0.5 / self._fps:
+            self._next = next(self._frames, None)
+
+    def _decode(self, from_s: float) -> Iterator[Any]:
+        """Yield frames as far as they can be decoded, from the last key frame before a time."""
         av = need(*AV)
         try:
             with av.open(str(self._path)) as container:
+                if from_s > 0.0:
+                    stream = container.streams.video[0]
+                    container.seek(int(from_s / stream.time_base), stream=stream)
                 for frame in container.decode(video=0):
                     if frame.time is not None:
                         yield frame

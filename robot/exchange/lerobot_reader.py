@@ -21,15 +21,34 @@ from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import parse, read_picture_file, read_text
 from robot.exchange.film import FilmReader
-from robot.exchange.lerobot_tables import DEGREES, PILOT, read_table
-from robot.exchange.steering import ANGLES, THROTTLES, Said, point_said, read_meant, read_point
-from robot.types import Action
+from robot.exchange.lerobot_tables import DEGREES, PILOT, ROBOT, read_table
+from robot.exchange.reading import Reading
+from robot.exchange.steering import (
+    ANGLES,
+    FULL_MPS,
+    FULL_TURN_DEG_S,
+    THROTTLES,
+    Said,
+    at_velocity,
+    point_said,
+    read_meant,
+    read_number,
+    read_point,
+)
+from robot.types import DEFAULT_MOVES, Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
 """Where nothing else says who drove, the pilot is believed to have driven these alone."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]
+Pair = tuple[float, float]
+_VELOCITIES: dict[tuple[str, str], Pair] = {
+    ("linear_velocity", "angular_velocity"): (1.0, 1.0),
+    ("x.vel", "theta.vel"): (FULL_MPS, FULL_TURN_DEG_S),
+}
+"""Actions of lerobot's own robots that drive, ahead and to the left, and how much is full: shares
+of it (EarthRover Mini), or metres and degrees a second (LeKiwi)."""
 
 
 class _Info(RawValue):
@@ -39,6 +58,7 @@ class _Info(RawValue):
     fps: float = number(above=0, most=1000)
     features: dict[str, dict[str, Any]] = must_be("an object of features")
     video_path: str | None = text(None)
+    robot_type: str | None = text(None)
     chunks_size: int = whole(1000, least=1, most=10**9)
 
 
@@ -57,6 +77,15 @@ class LerobotDataset:
     def episodes(self) -> list[int]:
         """Return the numbers of its episodes, from its table of them and from its data."""
         return sorted(n for n in {*self._rows, *self._files} if n >= 0)
+
+    def why_empty(self) -> str:
+        """Return why a dataset has no episode, as the end of a sentence."""
+        if any(self.folder.glob("data/*/*.parquet")) or any(self.folder.glob("images/*/*")):
+            return (
+                "is a LeRobot dataset that was never finalized: its tables have no end, so nothing "
+                "can be read from them; record again, and call finalize() on the dataset"
+            )
+        return "is a LeRobot dataset without an episode"
 
     @cached_property
     def _rows(self) -> dict[int, Record]:
@@ -85,7 +114,7 @@ class LerobotDataset:
                 files |= {n: path for n in found if isinstance(n, int)}
         return files
 
-    def read(self, episode: int, threshold: float, report: ImportReport) -> Drive:
+    def read(self, episode: int, reading: Reading, report: ImportReport) -> Drive:
         """Read one episode; its pictures are read when the drive is written.
 
         RecordingError if nothing of it can be used.
@@ -100,7 +129,8 @@ class LerobotDataset:
         picture_of = (
             self._film(camera, episode) if is_film else partial(_stored, self.folder, camera)
         )
-        meant = self._meant(threshold, report)
+        meant = self._meant(reading, report)
+        angle = self._place_of(*ANGLES) if PILOT not in self._info.features else None
         said_by = next((n for n in (PILOT, *_INTERVENTIONS) if n in self._info.features), None)
         if said_by in _INTERVENTIONS:
             report.remark(f"only {said_by} says who drove: the rest is no example")
@@ -110,6 +140,7 @@ class LerobotDataset:
             if said_by == PILOT:
                 is_pilots = _flat(record.get(PILOT)) != [-1]
             label, point, does = meant(record) if is_pilots else (None, None, None)
+            steered = _flat(record.get("action"))
             return FrameEvent(
                 place=place,
                 t_s=self._seconds(record),
@@ -117,6 +148,7 @@ class LerobotDataset:
                 point=point,
                 does=does,
                 picture=picture_of(record),
+                steering=steered[angle] if angle is not None and angle < len(steered) else None,
                 is_intervention=any(_flat(record.get(n))[:1] == [1] for n in _INTERVENTIONS),
                 is_others=not is_pilots,
             )
@@ -137,11 +169,10 @@ class LerobotDataset:
         cameras = [
             name
             for name, of in features.items()
-            if of.get("dtype") in ("video", "image")
-            and _info_of(of).get("video.is_depth_map") is not True
+            if of.get("dtype") in ("video", "image") and not _is_depth(of)
         ]
         if not cameras:
-            raise RecordingError(f"{self.folder} has no camera")
+            raise RecordingError(f"{self.folder} has no camera for colours")
         best = next((n for n in cameras if "front" in n), cameras[0])
         if len(cameras) > 1:
             report.remark(f"taken of {len(cameras)} cameras: {best}")
@@ -189,12 +220,16 @@ class LerobotDataset:
             return stamp_s
         return index / self._info.fps if isinstance(index, int) and 0 <= index < _MOST_S else None
 
-    def _meant(self, threshold: float, report: ImportReport) -> Callable[[Record], Said]:
+    def _place_of(self, *names: str) -> int | None:
+        """Return which element of the action has one of these names."""
+        there = _names(self._info.features.get("action", {}).get("names"))
+        return next((i for i, name in enumerate(there) if _bare(name) in names), None)
+
+    def _meant(self, reading: Reading, report: ImportReport) -> Callable[[Record], Said]:
         """Return what tells a frame's label, by what the action's elements are called."""
         features = self._info.features
         names = _names(features.get("action", {}).get("names"))
-        angle = next((i for i, n in enumerate(names) if n in ANGLES), None)
-        throttle = next((i for i, n in enumerate(names) if n in THROTTLES), None)
+        angle, throttle = self._place_of(*ANGLES), self._place_of(*THROTTLES)
 
         def steered(record: Record) -> list[Any]:
             values = _action(record, len(names))
@@ -211,12 +246,35 @@ class LerobotDataset:
 
             return own_meant
         if angle is not None:
-            return lambda record: (*read_meant(steered(record), threshold), None)
-        if names and set(names) <= {str(move) for move in CLASSIC}:
-            return lambda record: (_one_hot(record, names), None, None)
-        told = ", ".join(names)[:80] or "without names"
+            moves = tuple(CLASSIC) if self._info.robot_type == ROBOT else DEFAULT_MOVES
+            return lambda record: (*read_meant(steered(record), reading, moves=moves), None)
+        for pair, full in _VELOCITIES.items():
+            if set(pair) <= set(names):
+                at = [names.index(name) for name in pair]
+
+                def moved(record: Record, at: list[int] = at, full: Pair = full) -> Said:
+                    values = _action(record, len(names))
+                    shares = [
+                        read_number(values[i], names[i]) / of
+                        for i, of in zip(at, full, strict=True)
+                    ]
+                    return (*at_velocity(shares[0], shares[1], reading), None)
+
+                return moved
+        hot = [reading.move(_bare(name)) for name in names]
+        if hot and all(hot):
+            return lambda record: (_one_hot(record, hot), None, None)
+        told = ", ".join(map(_bare, names))[:80] or "without names"
         report.skip("action", f"is neither steering nor moves ({told}): nothing is an example")
         return lambda record: (None, None, None)
+
+
+def _is_depth(feature: Record) -> bool:
+    """True of a camera that measures distance: 0.6 of lerobot says so by another name than before,
+    and either may stand where a film is described."""
+    said = [feature, *(feature.get(name) for name in ("info", "video_info"))]
+    names = "is_depth_map", "video.is_depth_map"
+    return any(of.get(name) is True for of in said if isinstance(of, dict) for name in names)
 
 
 def _info_of(feature: Record) -> Record:
@@ -225,11 +283,22 @@ def _info_of(feature: Record) -> Record:
 
 
 def _names(given: object) -> list[str]:
-    """Return the names of a vector's elements; some datasets have them below a further name."""
-    if isinstance(given, dict) and len(given) == 1:
-        given = next(iter(given.values()))
+    """Return the names of a vector's elements, in small letters.
+
+    Some datasets have them below a further name, others by name with the place of each.
+    """
+    if isinstance(given, dict):
+        places = [place for place in given.values() if type(place) is int]
+        if given and sorted(places) == list(range(len(given))):
+            given = sorted(given, key=given.__getitem__)
+        elif len(given) == 1:
+            given = next(iter(given.values()))
     names = given if isinstance(given, list) else []
-    return [str(name).lower().removesuffix(".pos").removesuffix(".vel") for name in names]
+    return [str(name).lower() for name in names]
+
+
+def _bare(name: str) -> str:
+    return name.removesuffix(".pos").removesuffix(".vel")
 
 
 def _flat(value: object) -> list[Any]:
@@ -250,11 +319,12 @@ def _action(record: Record, count: int) -> list[Any]:
     return values
 
 
-def _one_hot(record: Record, names: list[str]) -> Action | None:
-    values = _action(record, len(names))
+def _one_hot(record: Record, moves: list[Action | None]) -> Action | None:
+    values = _action(record, len(moves))
     if set(values) - {0.0, 1.0} or values.count(1.0) > 1:
         raise ValueError(f"the action {str(values)[:40]} is not one move")
-    return Action(names[values.index(1.0)]) if 1.0 in values else None
+    move = moves[values.index(1.0)] if 1.0 in values else None
+    return None if move is Action.STOP else move
 
 
 def _stored(folder: Path, camera: str, record: Record) -> Callable[[], Picture]:

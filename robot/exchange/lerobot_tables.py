@@ -16,6 +16,9 @@ PILOT = "pilot"
 """A column: which move the pilot taught, by its place among the feature's moves; -1 for none."""
 DEGREES = "degrees"
 """A column: whether the pilot meant the action by degrees, and not the move as it is."""
+ROBOT = "drivelesson"
+"""The type of robot that datasets name, as the package for LeRobot does
+(docs/examples/lerobot)."""
 PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
 """The library, what it is for, and the extra that has it."""
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])

@@ -1,20 +1,27 @@
-"""Steering angles of cars, as other programs write them, and the moves that they count as."""
+"""Steering of cars and of robots with two wheels, as other programs write it, and the moves that
+it counts as."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterable, Sequence
 
-from robot.driver import TURNS_BEYOND, Move, describe, move_at, point_of
+from robot.driver import Move, describe, move_at, point_of
+from robot.exchange.reading import Reading
 from robot.recordings.editing import EpisodeFrame
 from robot.types import DEFAULT_MOVES, Action, Point
-
-DEFAULT_THRESHOLD = TURNS_BEYOND
-"""Share of full lock from which on a car is said to turn."""
 
 ANGLES = ("angle", "steering", "user/angle", "steering_angle")
 THROTTLES = ("throttle", "user/throttle")
 """What other programs call them."""
+FULL_MPS, FULL_TURN_RAD_S = 0.4, math.radians(45.0)
+"""Full throttle and full lock of what is told as velocities: those of our own ROS robot, unless
+its options say otherwise. Faster ones count as full."""
+FULL_TURN_DEG_S = math.degrees(FULL_TURN_RAD_S)
+_TURNING = (*DEFAULT_MOVES, Action.SPIN_LEFT, Action.SPIN_RIGHT)
+_STANDING = 0.02
+"""Share of full speed below which two wheels turn on the spot, if they turn at all."""
 _STEERED = "the angle", "the throttle"
 Meant = tuple[Action | None, Point | None]
 """A label, and the same by degrees where it is known."""
@@ -24,19 +31,34 @@ Said = tuple[Action | None, Point | None, Point | None]
 
 def read_meant(
     written: Sequence[object],
-    threshold: float = DEFAULT_THRESHOLD,
+    reading: Reading | None = None,
     names: Sequence[str] = _STEERED,
+    moves: Iterable[Action] = DEFAULT_MOVES,
 ) -> Meant:
-    """Return what a car's driver meant: FORWARD, LEFT or RIGHT; None if it stands or backs up.
+    """Return what a driver meant: one of the moves that his body has; None if it goes no such way.
 
-    `written` are angle (-1: full left) and throttle as a program wrote them under these names, or
-    the angle alone: then the move has no point. An angle beyond the threshold is a turn. ValueError
-    if one of them is no number from -1 to 1.
+    Of a car these are FORWARD, LEFT and RIGHT: one that stands or backs up is no example.
+
+    `written` are angle (full lock to the left: -1) and throttle as a program wrote them under these
+    names, or the angle alone: then the move has no point. An angle beyond the threshold is a turn.
+    ValueError if one of them is not a number in its range.
     """
+    reading = reading or Reading()
     is_whole = len(written) == 2
-    point = read_point(written if is_whole else [*written, 1.0], names)
-    move = move_at(point, describe(DEFAULT_MOVES), threshold)
+    if len(written) != len(names) and is_whole:
+        raise ValueError(f"{names[0]} is there without {names[1]}")
+    angle = read_steering(written[0], names[0], reading)
+    throttle = read_share(written[1], names[1]) if is_whole else 1.0
+    point = Point(angle, throttle)
+    move = move_at(point, describe(moves), reading.threshold)
     return move, point if move and is_whole else None
+
+
+def read_steering(value: object, name: str, reading: Reading) -> float:
+    """Return an angle from -1 to 1, its trim taken off; ValueError if it is beyond full lock."""
+    if reading.full_lock == 1.0:
+        return reading.steering(read_share(value, name))
+    return reading.steering(read_number(value, name))
 
 
 def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point:
@@ -53,6 +75,36 @@ def point_said(written: Sequence[object], names: Sequence[str] = _STEERED) -> Po
     return None
 
 
+def at_velocity(linear: float, turn: float, reading: Reading) -> Meant:
+    """Return what was meant by shares of full speed ahead and of full turn to the left.
+
+    Shares beyond -1 and 1 count as full. A turn without speed is a spin.
+    """
+    return _turning(Point(_clipped(-turn), _clipped(linear)), reading)
+
+
+def at_wheels(left: float, right: float, reading: Reading) -> Meant:
+    """Return what was meant by two wheels, as shares of full speed.
+
+    The wheel that turns slower is on the inner side: steering is the difference as a share of all
+    that the wheels do, throttle is their mean. Wheels that turn against each other are a spin.
+    """
+    all_done = abs(left) + abs(right)
+    steering = (left - right) / all_done if all_done else 0.0
+    return _turning(Point(_clipped(steering), _clipped((left + right) / 2)), reading)
+
+
+def _turning(point: Point, reading: Reading) -> Meant:
+    throttle = point.throttle if abs(point.throttle) >= _STANDING else 0.0
+    point = Point(reading.steering(reading.full_lock * point.steering), throttle)
+    move = move_at(point, describe(_TURNING), reading.threshold)
+    return move, point if move else None
+
+
+def _clipped(share: float) -> float:
+    return min(max(share, -1.0), 1.0) + 0.0  # no -0.0
+
+
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
     """Return what was right at a picture, the pilot's label or else what was sent, and its point.
 
@@ -66,9 +118,18 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
 def read_share(value: object, name: str) -> float:
     """Return a steering angle or a throttle as a program wrote it, as a number or its text;
     ValueError if it is not a number from -1 to 1: nothing is put in its place."""
+    with contextlib.suppress(ValueError):
+        share = read_number(value, name)
+        if -1.0 <= share <= 1.0:
+            return share
+    raise ValueError(f"{name} is {str(value)[:40]!r}, not a number from -1 to 1")
+
+
+def read_number(value: object, name: str) -> float:
+    """Return a number as a program wrote it, as a number or its text; ValueError if it is none."""
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         with contextlib.suppress(ValueError, OverflowError):
-            share = float(value)
-            if -1.0 <= share <= 1.0:
-                return share
-    raise ValueError(f"{name} is {str(value)[:40]!r}, not a number from -1 to 1")
+            number = float(value)
+            if math.isfinite(number):
+                return number
+    raise ValueError(f"{name} is {str(value)[:40]!r}, not a number")

@@ -16,7 +16,9 @@ from typing import Any
 
 from robot.driver import point_of
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
-from robot.exchange.files import read_picture_file, write_picture
+from robot.exchange.files import PICTURES, files_ending, read_picture_file, write_picture
+from robot.exchange.reading import Reading
+from robot.exchange.stamps import seconds_of
 from robot.exchange.steering import Said, done_at, point_said, read_meant, read_point
 from robot.exchange.tub_records import (
     IMAGE,
@@ -33,6 +35,7 @@ from robot.types import Action
 
 _ANGLE, _THROTTLE, _MODE = "user/angle", "user/throttle", "user/mode"
 _STEERED = _ANGLE, _THROTTLE
+_WRITTEN_TIME = "timestamp"
 _PILOT = "pilot/angle", "pilot/throttle"
 _LABEL, _FRAME = "drivelesson/label", "drivelesson/frame"
 _CORRECTION, _DEGREES = "drivelesson/correction", "drivelesson/degrees"
@@ -49,7 +52,7 @@ _INPUTS = {
 _CATALOG_RECORDS = 1000
 
 
-def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
+def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read a tub; its pictures are read when the drive is written.
 
     Records that the autopilot drove, or of which it is not known, have no label. RecordingError if
@@ -60,11 +63,11 @@ def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
     pictures = folder if is_first else folder / "images"
 
     def read(place: str, record: Record) -> FrameEvent:
-        label, point, does = _said(record, threshold, moves)
-        stamp_ms = record.get("_timestamp_ms")
+        label, point, does = _said(record, reading, moves)
         return FrameEvent(
             place=place,
-            t_s=_seconds(record.get("milliseconds") if stamp_ms is None else stamp_ms),
+            t_s=_time(record),
+            steering=None if _LABEL in record else _written(record, reading),
             label=label,
             point=point,
             does=does,
@@ -73,13 +76,17 @@ def read_tub(folder: Path, threshold: float, report: ImportReport) -> Drive:
             is_others=_LABEL not in record and not _is_by_pilot(record),
         )
 
+    if is_first:
+        named = {own_name(record[IMAGE]) for _, record in found}
+        extra = [each for each in files_ending(folder, *PICTURES) if each.name not in named]
+        report.remark(f"pictures without a record: {len(extra)}" if extra else None)
     return drive_of(
         found,
         read,
         f"the tub {folder} has no records",
         name=folder.name,
         source="donkeycar tub v1" if is_first else "donkeycar tub v2",
-        started_at_s=_seconds(found[0][1].get("_timestamp_ms")) or 0.0 if found else 0.0,
+        started_at_s=max((_began(record) for _, record in found[:1]), default=0.0),
         report=report,
     )
 
@@ -89,7 +96,7 @@ def _is_by_pilot(record: Record) -> bool:
     return str(record.get(_MODE, "user")).strip().lower() == "user"
 
 
-def _said(record: Record, threshold: float, moves: Sequence[str] | None) -> Said:
+def _said(record: Record, reading: Reading, moves: Sequence[str] | None) -> Said:
     """Return the label of a record; raises ValueError if it has none that can be believed."""
     if _LABEL in record:  # a tub of ours
         text = record[_LABEL]
@@ -100,8 +107,29 @@ def _said(record: Record, threshold: float, moves: Sequence[str] | None) -> Said
             return Action(text) if text else None, None, point_said(written)
         return Action(text), read_point(written, _STEERED), None
     written = [record.get(name) for name in _STEERED if name in record or name == _ANGLE]
-    meant = read_meant(written, threshold, _STEERED)
+    meant = read_meant(written, reading, _STEERED)
     return (*meant, None) if _is_by_pilot(record) else (None, None, None)
+
+
+def _written(record: Record, reading: Reading) -> float | None:
+    angle = record.get(_ANGLE)
+    if isinstance(angle, bool) or not isinstance(angle, int | float):
+        return None
+    return angle / reading.full_lock
+
+
+def _time(record: Record) -> float | None:
+    """Return when a record was made, by the first of its times that is one: version 2 writes
+    milliseconds since 1970, version 1 milliseconds since its start, or a date, or nothing."""
+    stamps_ms = (_seconds(record.get(name)) for name in ("_timestamp_ms", "milliseconds"))
+    known = next((stamp for stamp in stamps_ms if stamp is not None), None)
+    return seconds_of(record.get(_WRITTEN_TIME)) if known is None else known
+
+
+def _began(record: Record) -> float:
+    """Return when a tub begins, in seconds since 1970; 0 if it does not say."""
+    begin_s = _seconds(record.get("_timestamp_ms"))
+    return begin_s or seconds_of(record.get(_WRITTEN_TIME)) or 0.0
 
 
 def _seconds(stamp_ms: Any) -> float | None:

@@ -59,7 +59,12 @@ def read_second(folder: Path, report: ImportReport) -> tuple[list[Placed], list[
             if line.strip():
                 place = f"{own} line {number}"
                 records += [(place, record) for record in _records(line, place, report)]
-    return [r for i, r in enumerate(records) if str(r[1].get("_index", i)) not in deleted], moves
+    kept = [r for i, r in enumerate(records) if str(r[1].get("_index", i)) not in deleted]
+    if gone := len(records) - len(kept):
+        report.remark(
+            f"left out, as they were deleted in the tub: {gone} of {len(records)} records"
+        )
+    return kept, moves
 
 
 def _read_manifest(

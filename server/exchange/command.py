@@ -8,16 +8,19 @@ import itertools
 import re
 import shutil
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from robot.errors import ConfigurationError, RecordingError, told_as
+from robot.exchange.columns import NAMES as MEANINGS
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import check_suffix, write_look
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.npz import is_example, write_npz
+from robot.exchange.own import SOURCE as OWN
+from robot.exchange.reading import DEFAULT_THRESHOLD, Reading, parse_columns, parse_moves
 from robot.exchange.sources import Source, find_drives, unpacked
-from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.exchange.timeline import make_timeline
 from robot.exchange.tub import write_tub
 from robot.recordings.editing import EpisodeFrame, moments
@@ -60,14 +63,30 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
     add("--name", help="name of the episode")
     text = "steering beyond it is a turn, 0 to 1 (default: %(default)s)"
     add("--threshold", type=float, default=DEFAULT_THRESHOLD, help=text)
+    text = "steering, as it is written, at which the car drives straight on (default: 0)"
+    add("--trim", type=float, default=0.0, help=text)
+    text = "steering, as it is written, at full lock (default: 1)"
+    add("--full-lock", type=float, default=1.0, help=text)
+    text = "which move a class is, as free=forward,blocked=left; stop: no example"
+    add("--moves", type=parse_moves, default={}, help=text)
+    text = "what a table's columns are, as picture=1,steering=angle"
+    add("--columns", type=partial(parse_columns, known=tuple(MEANINGS)), default={}, help=text)
+    text = "ROS bags: the camera's topic and that of the velocities, with a comma between"
+    add("--topics", help=text)
     text = "refuse what would be skipped, and import nothing"
     add("--strict", action="store_true", help=text)
 
 
 def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     """Import the drives of another program, each as an episode; all of them, or none."""
-    if not 0.0 <= args.threshold < 1.0:
-        raise ConfigurationError(f"--threshold must lie between 0 and 1, not {args.threshold:g}")
+    reading = Reading(
+        threshold=args.threshold,
+        trim=args.trim,
+        full_lock=args.full_lock,
+        moves=args.moves,
+        columns=args.columns,
+        topics=tuple(name.strip() for name in (args.topics or "").split(",") if name.strip()),
+    )
     if args.name:
         check_name(args.name)
     whole = ImportReport(is_strict=args.strict)
@@ -77,7 +96,7 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
             sources = find_drives(path)
             for source in sources:
                 try:
-                    made.append(_import_one(source, args, store))
+                    made.append(_import_one(source, reading, args, store))
                 except RecordingError as error:
                     if len(sources) == 1:
                         raise
@@ -92,15 +111,29 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
         print(line)
 
 
-def _import_one(source: Source, args: argparse.Namespace, store: EpisodeStore) -> Path:
-    drive = source.read(args.threshold, ImportReport(is_strict=args.strict))
+def _import_one(
+    source: Source, reading: Reading, args: argparse.Namespace, store: EpisodeStore
+) -> Path:
+    report = ImportReport(is_strict=args.strict)
+    if source.copy:
+        with store.new_file(args.name or _tidy(Path(source.name).stem)) as path:
+            _tell(path, source.copy(path, report), source.name, OWN, report)
+        return path
+    drive = source.read(reading, report)
     showing = progress(None, "picture", "episodes", "episodes")
     with store.new_file(args.name or _tidy(drive.name)) as path, showing as bar:
         count = write_episode(drive, path, on_shot=bar.update)
-    print(f"{path.stem}: {count} pictures from {source.name} ({drive.source})")
-    for line in drive.report.lines():
-        print(f"  {line}")
+    _tell(path, count, source.name, drive.source, drive.report)
     return path
+
+
+def _tell(path: Path, count: int, name: str, form: str, report: ImportReport) -> None:
+    """Say what came in: pictures and their rate, examples by label, and what was left out."""
+    print(f"{path.stem}: {count} pictures from {name} ({form}), {report.rate:.3g} a second")
+    labels = ", ".join(f"{move} {number}" for move, number in report.labels.most_common())
+    print(f"  examples: {labels or 'none'}")
+    for line in report.lines():
+        print(f"  {line}")
 
 
 def _tidy(name: str) -> str:
@@ -166,7 +199,7 @@ def _free_path(folder: Path, episode_id: str, form: str) -> Path:
 
 EXPORT = EpisodeVerb("write episodes for other programs", configure_export, export_episodes)
 IMPORT = EpisodeVerb(
-    "read tubs, LeRobot datasets, folders with CSV, or npz; archives, too",
+    "read tubs, LeRobot, ROS bags, OpenBot, tables or folders of pictures; archives, too",
     configure_import,
     import_episode,
 )

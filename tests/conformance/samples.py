@@ -10,7 +10,7 @@ from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.sources import find_drives
-from robot.exchange.steering import DEFAULT_THRESHOLD
+from robot.exchange.reading import Reading
 from robot.exchange.tub import write_tub
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
@@ -67,8 +67,6 @@ def imports_of(folder: Path) -> str:
     with tempfile.TemporaryDirectory() as scratch:
         for number, source in enumerate(find_drives(folder)):
             path = Path(scratch) / f"{number}.mcap"
-            frames += write_episode(
-                source.read(DEFAULT_THRESHOLD, ImportReport(is_strict=True)), path
-            )
+            frames += write_episode(source.read(Reading(), ImportReport(is_strict=True)), path)
             examples += len(taught_frames(open_episode(path)))
     return f"{frames} pictures, {examples} examples"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from robot.exchange.drive import Drive, ImportReport
+from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives
-from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.recordings.episode import Episode, taught_frames
 from robot.types import Action
 
@@ -16,9 +17,7 @@ def taught_labels(episode: Episode) -> dict[int, Action]:
     return {frame_id: example.label for frame_id, example in taught_frames(episode).items()}
 
 
-def drive_at(
-    path: Path, threshold: float = DEFAULT_THRESHOLD, report: ImportReport | None = None
-) -> Drive:
+def drive_at(path: Path, report: ImportReport | None = None, **reading: Any) -> Drive:
     """Read the one drive at a path."""
     [source] = find_drives(path)
-    return source.read(threshold, report or ImportReport())
+    return source.read(Reading(**reading), report or ImportReport())

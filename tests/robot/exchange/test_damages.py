@@ -245,9 +245,12 @@ def test_what_was_skipped_is_counted_and_listed_by_reason() -> None:
     report = ImportReport()
     for number in (3, 7):
         report.skip(f"line {number}", "the record is cut")
+    for number in range(1205):
+        report.skip(f"record_{number}.json", "the picture is missing")
     report.remark("times repaired: 2 equal")
     assert report.lines() == [
         "times repaired: 2 equal",
-        "skipped: 2",
+        "skipped: 1207",
+        "  the picture is missing: 1205, the first in record_0.json, record_1.json, record_2.json",
         "  the record is cut: line 3, line 7",
     ]

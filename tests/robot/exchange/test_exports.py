@@ -17,6 +17,7 @@ from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import to_jpeg, write_film, write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.npz import write_npz
+from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.policy.image import to_rgb
@@ -152,7 +153,7 @@ def test_pictures_of_several_sizes_are_all_kept_and_every_reader_takes_them(
     for name in ("tub", "set"):
         for source in find_drives(tmp_path / name):
             report = ImportReport()
-            drive = source.read(0.1, report)
+            drive = source.read(Reading(threshold=0.1), report)
             assert write_episode(drive, tmp_path / f"{source.name}.mcap") > 0
             assert report.skipped == []
 

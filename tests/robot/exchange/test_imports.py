@@ -279,7 +279,7 @@ def test_a_broken_table_is_refused(tmp_path: Path, table: str) -> None:
 
 def test_what_is_nothing_of_all_this_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.txt").write_text("x")
-    refused(tmp_path / "x.txt", tmp_path, "neither a donkeycar tub")
+    refused(tmp_path / "x.txt", tmp_path, "text, but no table that names pictures")
     refused(tmp_path / "missing", tmp_path, "missing does not exist")
 
 

@@ -22,8 +22,8 @@ from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import to_jpeg, write_film
 from robot.exchange.lerobot import write_lerobot
+from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives, unpacked
-from robot.exchange.steering import DEFAULT_THRESHOLD
 from robot.policy.image import to_rgb
 from robot.recordings.edits import Edit, Notes
 from robot.recordings.episode import Episode, open_episode
@@ -270,7 +270,7 @@ def imported(folder: Path, scratch: Path) -> Iterator[tuple[Episode, ImportRepor
     for source in sources:
         report, path = ImportReport(), scratch / f"{source.name.split()[-1]}.mcap"
         try:
-            write_episode(source.read(DEFAULT_THRESHOLD, report), path)
+            write_episode(source.read(Reading(), report), path)
         except RecordingError as error:
             assert not path.exists() and str(error)
         else:
@@ -370,7 +370,7 @@ def test_strict_refuses_what_would_be_skipped(tmp_path: Path) -> None:
     made.write(tmp_path / "set")
     with pytest.raises(RecordingError, match="the angle is 'nan'"):
         for source in find_drives(tmp_path / "set"):
-            source.read(DEFAULT_THRESHOLD, ImportReport(is_strict=True))
+            source.read(Reading(), ImportReport(is_strict=True))
 
 
 def test_a_dataset_of_an_arm_says_why_it_teaches_nothing(tmp_path: Path) -> None:

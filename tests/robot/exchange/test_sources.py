@@ -15,8 +15,8 @@ import pytest
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport
 from robot.exchange.npz import load_recording
+from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives, unpacked
-from robot.exchange.steering import DEFAULT_THRESHOLD
 
 from .test_imports import jpeg, tub_1, tub_2
 
@@ -62,7 +62,7 @@ def test_recordings_are_found_in_folders_and_archives(tmp_path: Path, seed: int,
     report = ImportReport()
     with unpacked(pack(folder, form), tmp_path, report) as path:
         sources = find_drives(path)
-        read = {each.name: each.read(DEFAULT_THRESHOLD, report) for each in sources}
+        read = {each.name: each.read(Reading(), report) for each in sources}
         assert {name: len(drive.shots) for name, drive in read.items()} == {**wanted, "tub": 2}
     assert list(report.lines()) == []
 
@@ -94,7 +94,7 @@ def test_what_macos_lays_beside_files_and_names_in_capitals_keep_nothing_away(
         (folder / "._X.NPZ").write_bytes(b"\0\5\26\7")
     report = ImportReport()
     [source] = find_drives(folder)
-    assert len(source.read(DEFAULT_THRESHOLD, report).shots) == 1
+    assert len(source.read(Reading(), report).shots) == 1
     assert {place for place, _ in report.skipped} <= {"manifest.json"}
     alone = {"table": "FRAMES.CSV", "recordings": "X.NPZ"}.get(kind, "")
     assert len(find_drives(folder / alone)) == 1
@@ -137,7 +137,7 @@ def test_of_an_archive_without_a_drive_it_is_told_what_and_why(tmp_path: Path) -
         archive.writestr("../frames.csv", b"")
     with pytest.raises(RecordingError) as refused, unpacked(path, tmp_path, report) as folder:
         find_drives(folder)
-    assert str(refused.value).startswith(f"{path} is neither a donkeycar tub")
+    assert str(refused.value).startswith(f"{path} cannot be imported: it is empty")
     assert "the first in ../frames.csv: leads out of the archive" in str(refused.value)
 
 
@@ -149,7 +149,7 @@ def test_a_catalog_of_a_name_that_no_file_can_have_is_skipped(tmp_path: Path, na
     catalogs["paths"].insert(0, name)
     (folder / "manifest.json").write_text("\n".join([*lines, json.dumps(catalogs)]))
     report = ImportReport()
-    assert len(find_drives(folder)[0].read(DEFAULT_THRESHOLD, report).shots) == 1
+    assert len(find_drives(folder)[0].read(Reading(), report).shots) == 1
     assert [why.partition(":")[0] for _, why in report.skipped] == ["cannot be read"]
 
 

@@ -1,0 +1,102 @@
+"""Archives of other programs, unpacked within bounds."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import stat
+import tarfile
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from tempfile import TemporaryDirectory
+from typing import IO
+
+from robot.errors import RecordingError
+from robot.exchange.drive import ImportReport
+from robot.store.folder import SCRATCH
+from robot.store.lock import FolderLock
+
+_MOST_UNPACKED_BYTES = 16 * 2**30
+_MOST_FILES = 2_000_000
+_ZIPS = (".zip", ".tm")
+"""Zip archives; a project of Teachable Machine is one, too."""
+ENDINGS = (*_ZIPS, ".tar", ".tar.gz", ".tgz", ".tar.bz2")
+_DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
+_OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
+"""What spoils one file of an archive alone; so does a name that this system gives to no file."""
+_NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
+Entry = tuple[str, Callable[[], IO[bytes] | None]]
+
+
+@contextlib.contextmanager
+def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
+    """Unpack an archive into a folder that lasts as long as the context; else give the path itself.
+
+    `scratch` has room for what is in it. What is damaged, or leads out of the archive, is skipped;
+    RecordingError if it cannot be read, or unpacks to more than 16 GB.
+    """
+    ending = next((e for e in ENDINGS if path.name.lower().endswith(e)), None)
+    if ending is None or not path.is_file():
+        yield path
+        return
+    with TemporaryDirectory(prefix=SCRATCH, dir=scratch) as made, FolderLock(Path(made)):
+        folder = Path(made) / path.name[: -len(ending)].strip(". ")
+        folder.mkdir(exist_ok=True)
+        entries = _zip_entries(path) if ending in _ZIPS else _tar_entries(path)
+        try:
+            _unpack(entries, folder, report)
+        except _DAMAGED as error:
+            if not any(folder.iterdir()):
+                raise RecordingError(f"{path} cannot be unpacked: {error}") from error
+            report.skip(path.name, f"the archive is damaged or cut from here on: {error}")
+        try:
+            yield folder
+        except RecordingError as error:  # nobody else knows that folder
+            told = f"{error}".replace(str(folder), str(path))
+            raise RecordingError(f"{told}{report.why_nothing()}") from error
+
+
+def _zip_entries(path: Path) -> Iterator[Entry]:
+    with zipfile.ZipFile(path) as archive:
+        for info in archive.infolist():
+            is_link = stat.S_ISLNK(info.external_attr >> 16)
+            if not info.is_dir():
+                yield info.filename, (lambda: None) if is_link else partial(archive.open, info)
+
+
+def _tar_entries(path: Path) -> Iterator[Entry]:
+    with tarfile.open(path) as archive:
+        for info in archive:
+            if not info.isdir():
+                is_file = info.isfile()
+                yield info.name, partial(archive.extractfile, info) if is_file else lambda: None
+
+
+def _unpack(entries: Iterator[Entry], folder: Path, report: ImportReport) -> None:
+    left_bytes = _MOST_UNPACKED_BYTES
+    for count, (name, open_entry) in enumerate(entries):
+        parts = PurePosixPath(name.replace("\\", "/")).parts
+        if count >= _MOST_FILES or left_bytes <= 0:
+            raise RecordingError("the archive unpacks to more than 16 GB, or to too many files")
+        if ".." in parts or parts[:1] == ("/",) or any(PureWindowsPath(p).drive for p in parts):
+            report.skip(name[:80], "leads out of the archive")
+            continue
+        target = folder.joinpath(*parts)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            source = open_entry()
+            if source is None:
+                raise ValueError("it is a link: pack the files themselves, as tar -h does")
+            with source, target.open("wb") as file:
+                while left_bytes >= 0 and (data := source.read(2**20)):
+                    left_bytes -= file.write(data)
+        except BaseException as error:
+            with contextlib.suppress(OSError):
+                target.unlink()
+            if not isinstance(error, _OF_ONE) and getattr(error, "errno", None) not in _NO_NAME:
+                raise
+            why = getattr(error, "strerror", None) or error
+            report.skip(name[:80], f"cannot be unpacked: {why}")

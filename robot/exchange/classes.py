@@ -1,0 +1,190 @@
+"""Pictures whose folder or name says what was right: by class, or by the steering in their names.
+
+None of these has times. Sources: huggingface/datasets, folder_based_builder; the collision
+avoidance of NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from functools import partial
+from pathlib import Path
+
+from robot.errors import RecordingError
+from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
+from robot.exchange.files import (
+    PICTURES,
+    by_number,
+    files_ending,
+    folders_in,
+    parse,
+    read_picture_file,
+    read_text,
+)
+from robot.exchange.reading import Reading
+from robot.exchange.steering import read_meant
+from robot.types import Action
+
+_OF_PROJECT = "-!-"
+"""Between class and number in the pictures' names of a project of Teachable Machine."""
+_STEERED_NAME = re.compile(r"(\d{6})([-_+]?)([-+]?\d?\.\d+|[-+]?[01])(?:\(\d+\))?")
+_OTHER_PICTURES = (".webp", ".bmp", ".gif", ".tif", ".tiff", ".ppm")
+Classes = Mapping[str, list[Path]]
+
+
+def class_folders(folder: Path) -> Classes:
+    """Return the folders in a folder that have pictures, and their pictures."""
+    found = {each.name: files_ending(each, *PICTURES) for each in folders_in(folder)}
+    return {name: by_number(paths) for name, paths in found.items() if paths}
+
+
+def are_classes(folder: Path) -> bool:
+    """True of a folder whose folders have pictures: one is named as a move, or there are two."""
+    if any(files_ending(folder, *PICTURES)):
+        return False
+    classes = class_folders(folder)
+    is_steered = any(_steered_names(paths) for paths in classes.values())
+    is_move = any(Reading().move(name) for name in classes)
+    return not is_steered and (is_move or len(classes) > 1)
+
+
+def read_classes(folder: Path, reading: Reading, report: ImportReport) -> Drive:
+    """Read folders of pictures, each named as a move or said to be one."""
+    others = [p.name for each in folders_in(folder) for p in files_ending(each, *_OTHER_PICTURES)]
+    if others:
+        report.skip(f"{len(others)} files", "neither JPEG nor PNG")
+    return _read(folder, class_folders(folder), "folders of moves", reading, report)
+
+
+def read_class(folder: Path, reading: Reading, report: ImportReport) -> Drive:
+    """Read one folder of pictures that is named as a move, or said to be one."""
+    paths = by_number(files_ending(folder, *PICTURES))
+    return _read(folder, {folder.name: paths}, "folder of a move", reading, report)
+
+
+def is_project(folder: Path) -> bool:
+    """True of what a project of Teachable Machine unpacks to."""
+    manifest = folder / "manifest.json"
+    if not manifest.is_file():
+        return False
+    about = parse(read_text(manifest))
+    return isinstance(about, dict) and "appdata" in about
+
+
+def read_project(folder: Path, reading: Reading, report: ImportReport) -> Drive:
+    """Read the samples of a project of Teachable Machine."""
+    classes: dict[str, list[Path]] = {}
+    for path in by_number(files_ending(folder, *PICTURES)):
+        name, sign, _ = path.name.rpartition(_OF_PROJECT)
+        if sign:
+            classes.setdefault(name, []).append(path)
+    if not classes:
+        raise RecordingError(
+            f"{folder} is a project of Teachable Machine without pictures: only a project of "
+            "pictures can be imported"
+        )
+    return _read(folder, classes, "Teachable Machine project", reading, report)
+
+
+def _read(
+    folder: Path, classes: Classes, source: str, reading: Reading, report: ImportReport
+) -> Drive:
+    moves = {name: reading.move(name) for name in classes}
+    unknown = [name for name, move in moves.items() if move is None]
+    if unknown:
+        told = ", ".join(f"{name[:40]} ({len(classes[name])} pictures)" for name in unknown[:8])
+        asked = ",".join(f"{name[:40]}=forward" for name in unknown[:3])
+        raise RecordingError(
+            f"{folder} has pictures of {told}, which is not a move; say which move each is, as "
+            f'--moves "{asked}", or stop for none'
+        )
+
+    def read(place: str, of: tuple[Path, Action | None]) -> FrameEvent:
+        path, move = of
+        label = None if move is Action.STOP else move
+        name = path.relative_to(folder).as_posix()
+        return FrameEvent(
+            place=place, t_s=None, label=label, picture=partial(read_picture_file, folder, name)
+        )
+
+    found = (
+        (path.relative_to(folder).as_posix(), (path, moves[name]))
+        for name, paths in classes.items()
+        for path in paths
+    )
+    return drive_of(
+        found, read, f"{folder} has no pictures", name=folder.name, source=source, report=report
+    )
+
+
+def are_steered(folder: Path) -> bool:
+    """True of a folder of pictures whose names hold six digits and the steering."""
+    return bool(_steered_names(files_ending(folder, *PICTURES)))
+
+
+def _steered_names(paths: Iterable[Path]) -> list[tuple[Path, re.Match[str]]]:
+    """Return the pictures that are so named, if most are."""
+    paths = list(paths)
+    found = [(path, _STEERED_NAME.fullmatch(path.stem)) for path in paths]
+    named = [(path, match) for path, match in found if match]
+    has_fraction = any("." in match[3] for _, match in named)
+    return named if has_fraction and 2 * len(named) > len(paths) else []
+
+
+def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
+    """Read pictures whose names hold a number and the steering.
+
+    The sign before the steering may be a minus or only divide the two. Which it is, the other
+    names tell; RecordingError if they do not.
+    """
+    paths = files_ending(folder, *PICTURES)
+    named = _steered_names(paths)
+    for path in {*paths}.difference(path for path, _ in named):
+        report.skip(path.name, "its name does not hold a number and the steering")
+    is_divider = _divides(folder, [match for _, match in named])
+    numbers = [int(match[1]) for _, match in named]
+    if twice := len(numbers) - len(set(numbers)):
+        report.remark(
+            f"{twice} numbers are there twice: several runs lie in this folder, and their pictures "
+            "are mixed"
+        )
+
+    def read(place: str, of: tuple[Path, re.Match[str]]) -> FrameEvent:
+        path, match = of
+        angle = match[3] if is_divider else match[2].replace("_", "") + match[3]
+        label, _ = read_meant([angle], reading, ["the steering in its name"])
+        return FrameEvent(
+            place=place,
+            t_s=None,
+            label=label,
+            steering=float(angle) / reading.full_lock,
+            picture=partial(read_picture_file, folder, path.name),
+        )
+
+    ordered = sorted(named, key=lambda found: (int(found[1][1]), found[0].name))
+    return drive_of(
+        ((path.name, (path, match)) for path, match in ordered),
+        read,
+        f"{folder} has no pictures",
+        name=folder.name,
+        source="steering in names",
+        report=report,
+    )
+
+
+def _divides(folder: Path, names: list[re.Match[str]]) -> bool:
+    """Return whether the sign between number and steering only divides them."""
+    if any(match[2] and match[3][0] in "+-" for match in names) or any(
+        match[2] == "_" for match in names
+    ):
+        return True
+    if any(match[2] in ("", "+") for match in names) or not any(match[2] for match in names):
+        return False
+    if all(float(match[3]) == 0 for match in names):
+        return True
+    raise RecordingError(
+        f"the pictures' names in {folder} all have one dash before the steering, as in "
+        f"{names[0].string}: it may be a minus, or only divide; bring a table of the pictures and "
+        "their steering"
+    )

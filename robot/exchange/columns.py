@@ -1,0 +1,282 @@
+"""The columns of a table, by what they mean: by their names, or else by what is in them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from robot.errors import RecordingError, did_you_mean, told_as
+from robot.exchange.drive import ImportReport
+from robot.exchange.files import PICTURES, parse
+from robot.exchange.stamps import seconds_of
+
+Cells = list[str]
+Row = tuple[str, Cells]
+"""Where a row stands, and its cells."""
+
+NAMES: dict[str, tuple[str, ...]] = {
+    "picture": (
+        *("file", "image", "filename", "file_name", "path", "img", "image_path", "image_file"),
+        *("img_path", "image_name", "picture", "photo", "cam/image_array"),
+        *("center", "centre", "center_image", "frame_path"),
+    ),
+    "label": ("label", "move", "action", "class", "direction", "drivelesson/label", "text"),
+    "steering": ("angle", "steering", "user/angle", "steering_angle", "steer", "steering_pos"),
+    "throttle": ("throttle", "user/throttle", "throttle_vel", "gas"),
+    "speed": ("speed", "velocity"),
+    "left_wheel": (
+        *("left_wheel", "left_ctrl", "leftctrl", "left_motor", "left_speed", "wheel_left"),
+        *("motor_left", "left"),
+    ),
+    "right_wheel": (
+        *("right_wheel", "right_ctrl", "rightctrl", "right_motor", "right_speed", "wheel_right"),
+        *("motor_right", "right"),
+    ),
+    "linear": ("linear_velocity", "linear_x", "field_linear_x", "twist_linear_x", "linear_vel"),
+    "angular": (
+        *("angular_velocity", "angular_z", "field_angular_z", "twist_angular_z", "angular_vel"),
+    ),
+    "time": (
+        *("time_s", "t", "time", "timestamp", "seconds", "time_ms", "timestamp_ms", "ms"),
+        *("milliseconds", "timestamp_ns", "time_ns", "datetime", "date", "stamp", "_timestamp_ms"),
+    ),
+    "mode": ("user/mode", "mode"),
+    "correction": ("correction",),
+    "degrees": ("degrees",),
+}
+"""What a column may mean, and what it is called then."""
+_MEANT = "label", "steering", "left_wheel", "linear"
+"""Each says by itself what was right, the first that is there."""
+_PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
+_SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
+_PEEK_ROWS = 50
+_UDACITY = "steering", "throttle", "brake", "speed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table that was read: its rows, and which column has what."""
+
+    rows: list[Row]
+    columns: Mapping[str, int]
+    names: Sequence[str]
+    has_decimal_commas: bool = False
+    pictures: tuple[int, ...] = ()
+    """Every column that names pictures, those of cameras that are not taken, too."""
+
+    def cell(self, cells: Cells, role: str) -> str | None:
+        """Return what a row has of this meaning; None without such a column."""
+        return cells[self.columns[role]].strip() if role in self.columns else None
+
+    def number(self, cells: Cells, role: str) -> str:
+        """Return the text of a number, with a point."""
+        text = self.cell(cells, role) or ""
+        return text.replace(",", ".") if self.has_decimal_commas else text
+
+    def name(self, role: str) -> str:
+        """Return what the column is called."""
+        return self.names[self.columns[role]] or role
+
+
+def read_table_file(text: str, name: str, said: Mapping[str, str], report: ImportReport) -> Table:
+    """Read the rows that are whole, and find the columns' meanings.
+
+    `said` are the meanings that a person has said, with the name or number of the column.
+    RecordingError if the pictures or their labels cannot be found.
+    """
+    is_json = name.lower().endswith(".jsonl")
+    head_line = next((line for line in text.splitlines() if line.strip()), "")
+    delimiter = max(",;\t", key=head_line.count)
+    read = _json_lines(text, name, report) if is_json else _lines(text, name, delimiter, report)
+    rows: list[Row] = []
+    header: Cells | None = None
+    width = 0
+    for place, cells in read:
+        if not width:
+            width = len(cells)
+            if is_json or not any(map(is_picture_name, cells)):
+                header = cells
+                continue
+        if len(cells) < width:
+            report.skip(place, "the row is cut")
+        else:
+            rows.append((place, cells))
+    if rows and not text.endswith(("\n", "\r")) and not is_json:
+        report.skip(rows.pop()[0], "no line break follows, so the row may be cut")
+    with told_as(RecordingError, f"the table {name} cannot be used", ValueError):
+        names, columns = _meanings(header, [cells for _, cells in rows], width, said)
+    sample = [cells for _, cells in rows[:_PEEK_ROWS]]
+    return Table(
+        rows=rows,
+        columns=columns,
+        names=names,
+        has_decimal_commas=delimiter != "," and not is_json,
+        pictures=tuple(_of_pictures(sample, width)),
+    )
+
+
+def _lines(text: str, name: str, delimiter: str, report: ImportReport) -> Iterator[Row]:
+    """Yield the rows that are not empty, and where they stand."""
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    while True:
+        place = f"{name} line {reader.line_num + 1}"
+        try:
+            cells = next(reader)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            report.skip(place, f"cannot be read: {error}")
+            continue
+        if any(cell.strip() for cell in cells):
+            yield place, cells
+
+
+def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
+    """Yield the names of all fields, then what each line has of them."""
+    found = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        row = parse(line)
+        if isinstance(row, dict):
+            found.append((f"{name} line {number}", row))
+        elif line.strip():
+            report.skip(f"{name} line {number}", "it is not a JSON object")
+    fields = list(dict.fromkeys(key for _, row in found for key in row))
+    yield name, fields
+    for place, row in found:
+        yield place, ["" if row.get(field) is None else str(row[field]) for field in fields]
+
+
+def is_picture_name(text: str) -> bool:
+    """True of a text that ends as the name of a picture."""
+    return text.strip().lower().endswith((*PICTURES, ".webp", ".bmp", ".gif"))
+
+
+def plain(name: str) -> str:
+    """Return a column's name in small letters, its words joined by `_`, without a unit."""
+    text = re.sub(r"[\[(].*?[\])]", "", name.strip().strip("\"'").lower())
+    return re.sub(r"[\s.\-]+", "_", text.strip()).strip("_") or name.strip().lower()
+
+
+def _meanings(
+    header: Cells | None, rows: list[Cells], width: int, said: Mapping[str, str]
+) -> tuple[list[str], dict[str, int]]:
+    names = [plain(name) for name in header or [""] * width]
+    columns = {role: _said_column(role, which, names) for role, which in said.items()}
+    sample = rows[:_PEEK_ROWS]
+    of_pictures = _of_pictures(sample, width)
+    free = set(range(width)) - set(columns.values())
+    if header is None:
+        _by_content(columns, sample, of_pictures, free)
+        _check(columns, ["" for _ in names], of_pictures)
+        return [f"column {n + 1}" for n in range(width)], columns
+    for role, known in NAMES.items():
+        if role in columns:
+            continue
+        found = [i for i in sorted(free) if names[i] in known]
+        if role == "picture":
+            found = _picture_columns(found, of_pictures, names)
+        elif role.endswith("_wheel"):
+            found = [i for i in found if i not in of_pictures]
+        if len(found) > 1 and role != "time" and not _are_equal(found, rows):
+            told = " and ".join(repr(header[i].strip()) for i in found)
+            raise ValueError(f"{told} may both be the {role}: say which by --columns {role}=NAME")
+        if found:
+            columns[role] = min(found, key=lambda i: known.index(names[i]) if role == "time" else i)
+    for pair in _PAIRS:
+        if len(columns.keys() & set(pair)) == 1:
+            columns.pop(next(iter(columns.keys() & set(pair))))
+    _check(columns, names, of_pictures)
+    return [name.strip() for name in header], columns
+
+
+def _said_column(role: str, which: str, names: list[str]) -> int:
+    if which.isdecimal() and 1 <= int(which) <= len(names):
+        return int(which) - 1
+    if plain(which) in names:
+        return names.index(plain(which))
+    known = [name for name in names if name]
+    hint = did_you_mean(plain(which), known)
+    raise ValueError(f"it has no column {which!r} for {role}{hint}; columns: 1 to {len(names)}")
+
+
+def _of_pictures(sample: list[Cells], width: int) -> list[int]:
+    """Return the columns of which most cells are names of pictures."""
+    of: list[int] = []
+    for column in range(width):
+        filled = [row[column] for row in sample if row[column].strip()]
+        if 2 * sum(map(is_picture_name, filled)) > len(filled):
+            of.append(column)
+    return of
+
+
+def _picture_columns(named: list[int], of_pictures: list[int], names: list[str]) -> list[int]:
+    """Choose the column of the pictures: of those so named, or else of those that have some, the
+    one of no side."""
+    chosen = [i for i in named if i in of_pictures] or named or of_pictures
+    ahead = [i for i in chosen if not _SIDES.search(names[i])]
+    return ahead or chosen
+
+
+def _are_equal(found: list[int], rows: list[Cells]) -> bool:
+    return bool(rows) and all(len({row[i].strip() for i in found}) == 1 for row in rows)
+
+
+def _by_content(
+    columns: dict[str, int], sample: list[Cells], of_pictures: list[int], free: set[int]
+) -> None:
+    """Find the meanings of a table without a head line, as far as there is no doubt."""
+    if "picture" not in columns and of_pictures:
+        ahead = [i for i in of_pictures if not all(_SIDES.search(row[i]) for row in sample)]
+        if len(ahead or of_pictures) > 1:
+            raise ValueError(
+                f"{len(of_pictures)} columns name pictures: say which by --columns picture=NUMBER"
+            )
+        columns["picture"] = (ahead or of_pictures)[0]
+    free -= {*of_pictures, *columns.values()}
+    numeric = [i for i in sorted(free) if all(_is_number(row[i]) for row in sample)]
+    texts = sorted(free.difference(numeric))
+    if len(of_pictures) == 3 and len(numeric) == 4 and "steering" not in columns:
+        columns |= {role: i for role, i in zip(_UDACITY, numeric, strict=True) if role in NAMES}
+        return
+    if "time" not in columns:
+        times = [i for i in numeric if all(float(row[i] or 0) > 1e9 for row in sample)]
+        dates = [i for i in texts if all(seconds_of(row[i]) is not None for row in sample)]
+        if len(times + dates) == 1:
+            columns["time"] = (times + dates)[0]
+            numeric = [i for i in numeric if i not in times]
+            texts = [i for i in texts if i not in dates]
+    if columns.keys() & set(_MEANT):
+        return
+    if len(numeric) == 1 and not texts:
+        columns["steering"] = numeric[0]
+    elif len(texts) == 1 and not numeric:
+        columns["label"] = texts[0]
+    elif numeric or texts:
+        told = " and ".join(str(i + 1) for i in sorted((*numeric, *texts)))
+        raise ValueError(
+            f"it has no head line, and columns {told} may each be the steering: say which by "
+            "--columns steering=NUMBER"
+        )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.strip().replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _check(columns: Mapping[str, int], names: list[str], of_pictures: list[int]) -> None:
+    if "picture" not in columns:
+        raise ValueError(f"it has no column {' or '.join(NAMES['picture'][:4])}")
+    if not columns.keys() & set(_MEANT):
+        there = [name for name in names if name]
+        told = f"; its columns: {', '.join(there)[:200]}" if there else ""
+        raise ValueError(
+            f"it has no column label or angle, nor of two wheels or velocities{told}; say which "
+            "has the steering by --columns steering=NAME"
+        )

@@ -1,0 +1,267 @@
+"""The forms of data that can be imported: how each is recognised, read, and what it means.
+
+One table: the import, its refusals and the documents are made from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from robot.errors import RecordingError
+from robot.exchange.classes import (
+    are_classes,
+    are_steered,
+    is_project,
+    read_class,
+    read_classes,
+    read_project,
+    read_steered,
+)
+from robot.exchange.drive import Drive, ImportReport
+from robot.exchange.files import PICTURES, files_ending, folders_in
+from robot.exchange.lerobot_reader import LerobotDataset
+from robot.exchange.npz import load_recording
+from robot.exchange.openbot import is_openbot, read_openbot
+from robot.exchange.own import copy_recording, is_own
+from robot.exchange.reading import Reading
+from robot.exchange.rosbag import is_bag, read_bag
+from robot.exchange.steering import FULL_MPS, FULL_TURN_RAD_S
+from robot.exchange.table import ENDINGS, names_pictures, read_table
+from robot.exchange.tub import read_tub
+from robot.exchange.tub_records import is_tub
+
+Read = Callable[[Reading, ImportReport], Drive]
+_NO_TIME = "none: 20 pictures a second are assumed, and said"
+
+
+class Source(NamedTuple):
+    """A drive that was found: what a person calls it, and what reads it.
+
+    Reading raises RecordingError if nothing can be used, or MissingExtraError; pictures are read
+    when the drive is written. `copy` instead writes it to a path, of what is a recording already.
+    """
+
+    name: str
+    read: Read
+    copy: Callable[[Path, ImportReport], int] | None = None
+
+
+Find = Callable[[Path], Sequence[Source] | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """One form of data.
+
+    Attributes:
+        name: What people call it.
+        there: What is on the disk.
+        label: What says which move was right: its sign, unit and range.
+        time: What says when.
+        find: Returns the drives at a path, or None if it is not of this form. It is quick: what is
+            damaged is said when a drive is read.
+        is_whole: It says by itself what is in a folder. A form that is not so takes what no other
+            form does.
+    """
+
+    name: str
+    there: str
+    label: str
+    time: str
+    find: Find
+    is_whole: bool = True
+
+
+def refusing(path: Path, why: str) -> Source:
+    """Return what was recognised, and cannot be taken."""
+
+    def read(reading: Reading, report: ImportReport) -> Drive:
+        raise RecordingError(f"{path} {why}")
+
+    return Source(path.name, read)
+
+
+def _one(is_it: Callable[[Path], bool], read: Callable[..., Drive]) -> Find:
+    """Return what finds one drive where a path is of a form."""
+
+    def find(path: Path) -> list[Source] | None:
+        return [Source(path.name, partial(read, path))] if is_it(path) else None
+
+    return find
+
+
+def _folder(is_it: Callable[[Path], bool]) -> Callable[[Path], bool]:
+    return lambda path: path.is_dir() and is_it(path)
+
+
+def _find_lerobot(path: Path) -> list[Source] | None:
+    if not (path / "meta/info.json").is_file():
+        return None
+    dataset = LerobotDataset(path)
+    found = [Source(f"{path.name} {n}", partial(dataset.read, n)) for n in dataset.episodes()]
+    return found or [refusing(path, dataset.why_empty())]
+
+
+def _find_tables(path: Path) -> list[Source] | None:
+    if path.is_file():
+        is_table = path.suffix.lower() in ENDINGS
+        return [Source(path.name, partial(read_table, path))] if is_table else None
+    tables = files_ending(path, *ENDINGS)
+    if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):
+        tables = [table for table in tables if names_pictures(table)]
+    several = len(tables) > 1
+    return [
+        Source(f"{path.name} {at.name}" if several else path.name, partial(read_table, at))
+        for at in tables
+    ] or None
+
+
+def _find_recording(path: Path) -> list[Source] | None:
+    if path.suffix.lower() != ".mcap" or not path.is_file() or not is_own(path):
+        return None
+    refused = refusing(path, "is a recording of this program; it is copied")
+    return [Source(path.name, refused.read, partial(copy_recording, path))]
+
+
+def _find_npz(path: Path) -> list[Source] | None:
+    is_npz = path.suffix.lower() == ".npz" and path.is_file() and not path.name.startswith("_")
+    return [Source(path.name, lambda _, report: load_recording(path, report))] if is_npz else None
+
+
+def _holds_classes(path: Path) -> bool:
+    """True of folders of classes, none of which is a drive of its own."""
+    return are_classes(path) and not any(
+        form.find(each) for each in folders_in(path) for form in FORMS if form.is_whole
+    )
+
+
+def _has_pictures(path: Path) -> bool:
+    return bool(files_ending(path, *PICTURES))
+
+
+FORMS: tuple[Form, ...] = (
+    Form(
+        name="LeRobot dataset",
+        there="`meta/info.json`, version 2.0, 2.1 or 3.0; films or pictures",
+        label="the action by its elements' names: `angle` or `steering` and `throttle` (-1 to 1, "
+        "right and ahead positive); `linear_velocity` and `angular_velocity` (EarthRover Mini: -1 "
+        "to 1, left positive); `x.vel` (m/s) and `theta.vel` (degrees a second, left positive: "
+        "LeKiwi); or one element for each move",
+        time="`timestamp`, seconds of the episode, at the rate of the dataset",
+        find=_find_lerobot,
+    ),
+    Form(
+        name="Teachable Machine project",
+        there="`.tm`: `manifest.json` and `CLASS-!-N.jpg`",
+        label="the class, if it is named as a move or `--moves` says which it is",
+        time=_NO_TIME,
+        find=_one(_folder(is_project), read_project),
+    ),
+    Form(
+        name="donkeycar tub",
+        there="version 1: `record_N.json`; version 2: `manifest.json` and `*.catalog`",
+        label="`user/angle` and `user/throttle`, -1 to 1, right and ahead positive, where "
+        "`user/mode` is `user`; records that were deleted are left out",
+        time="`_timestamp_ms` (since 1970) or `milliseconds` (since the start), or else "
+        "`timestamp`, a date and time; without any, 20 pictures a second are assumed",
+        find=_one(_folder(is_tub), read_tub),
+    ),
+    Form(
+        name="OpenBot session",
+        there="`images/N_crop.jpeg`, `sensor_data/rgbFrames.txt` and `ctrlLog.txt`, or its "
+        "notebook's `matched_frame_ctrl_cmd_processed.txt`",
+        label="left and right wheel, -255 to 255, ahead positive; the left one faster is a turn to "
+        "the right; a control holds until the next",
+        time="nanoseconds",
+        find=_one(_folder(is_openbot), read_openbot),
+    ),
+    Form(
+        name="ROS bag",
+        there="ROS 1: `.bag`; ROS 2: a folder with `metadata.yaml`, or one `.db3` or `.mcap`; "
+        "`CompressedImage` or `Image`, and `Twist` or `TwistStamped` (`--topics` chooses)",
+        label=f"`linear.x` in m/s, ahead positive, full at {FULL_MPS:g}; `angular.z` in rad/s, "
+        f"left positive, full at {FULL_TURN_RAD_S:.3f} (45 degrees a second); a velocity holds "
+        "until the next",
+        time="nanoseconds at which the bag received a message",
+        find=_one(is_bag, read_bag),
+    ),
+    Form(
+        name="recording of this program",
+        there="one `.mcap` of another robot, and its edits beside it",
+        label="as it was taught; nothing is changed",
+        time="as it was recorded",
+        find=_find_recording,
+    ),
+    Form(
+        name="npz",
+        there="`jpeg`, `offsets`, `labels` and `t`, of the evaluation",
+        label="0 forward, 1 left, 2 right; `angle` and `throttle`, -1 to 1, right and ahead "
+        "positive",
+        time="`t`, seconds",
+        find=_find_npz,
+    ),
+    Form(
+        name="table of pictures",
+        there="`.csv`, `.tsv` or `metadata.jsonl`, also without a head line; pictures beside it or "
+        "below, found by the last parts of their paths: also Udacity's `driving_log.csv`, Hugging "
+        "Face's `metadata.csv`, logs of courses",
+        label="a column by its name: a move (`label`, `move`, `action`); steering (`angle`, "
+        "`steering`, `user/angle`: -1 to 1, right positive, unless `--full-lock` says otherwise) "
+        "with `throttle` and `speed`; left and right wheel (ahead positive); linear and angular "
+        "velocity (m/s, rad/s, left positive)",
+        time="a column of seconds, milliseconds, nanoseconds or dates; or the pictures' names: ten "
+        "digits of seconds, then the fraction; or a date",
+        find=_find_tables,
+    ),
+    Form(
+        name="steering in pictures' names",
+        there="`000123-0.50.jpg`: six digits and the steering",
+        label="-1 to 1, right positive; whether the dash is a minus, the other names tell",
+        time=_NO_TIME,
+        find=_one(_folder(are_steered), read_steered),
+    ),
+    Form(
+        name="folders named as moves",
+        there="`forward/`, `left/`, `right/`, as of `imagefolder`; JetBot's `free/` and `blocked/` "
+        "with `--moves free=forward,blocked=left`",
+        label="the folder",
+        time=_NO_TIME,
+        find=_one(_folder(_holds_classes), read_classes),
+        is_whole=False,
+    ),
+    Form(
+        name="pictures of one move",
+        there="a folder or archive that is named as a move: samples of Teachable Machine",
+        label="the name of the folder or archive",
+        time=_NO_TIME,
+        find=_one(_folder(_has_pictures), read_class),
+        is_whole=False,
+    ),
+)
+"""In the order in which they are tried."""
+
+UNUSABLE: dict[tuple[str, ...], str] = {
+    (".h5", ".keras", ".tflite", ".pb", ".onnx", ".pt", ".pth", ".safetensors", "model.json"): (
+        "a model that was trained elsewhere: it cannot drive here, and it holds no pictures to "
+        "learn from; import the pictures that it was trained with"
+    ),
+    (".mp4", ".avi", ".mov", ".mkv", ".webm"): (
+        "a film without labels: it does not say what was right at each picture"
+    ),
+    (".hdf5", ".tfrecord", ".tfrec", ".parquet", ".arrow"): (
+        "tables of another program's own form; export the pictures, and a CSV table of what was "
+        "right at each"
+    ),
+    (".pkl", ".pickle", ".npy"): (
+        "data of Python, which may run code when it is read; save the pictures, and a CSV table of "
+        "what was right at each"
+    ),
+    (".zip", ".tar", ".gz", ".7z", ".rar"): "archives within: unpack them, and import each",
+    (".webp", ".bmp", ".gif", ".tif", ".tiff"): "pictures that are neither JPEG nor PNG",
+    (".json", ".xml", ".txt", ".yaml", ".csv"): "text, but no table that names pictures",
+}
+"""By the end of a file's name what it is, and why it cannot be taken."""

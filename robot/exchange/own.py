@@ -1,0 +1,57 @@
+"""Recordings of another robot of this program: one file, taken as it is."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from robot.errors import RecordingError, told_as
+from robot.exchange.drive import ImportReport
+from robot.recordings.edits import notes_path, read_notes, write_notes
+from robot.recordings.episode import open_episode, taught_frames
+from robot.recordings.messages import MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY
+from robot.recordings.reader import MAGIC, Cut, Metadata, scan
+from robot.recordings.writer import EpisodeWriter
+from robot.store.folder import whole_file
+
+SOURCE = "recording of another robot"
+_ENDS_BYTES = 2**16
+
+
+def is_own(path: Path) -> bool:
+    """True of a file in which this program has recorded, whatever has copied it since."""
+    with told_as(RecordingError, f"{path} cannot be read"), path.open("rb") as file:
+        head = file.read(_ENDS_BYTES)
+        file.seek(max(0, file.seek(0, os.SEEK_END) - _ENDS_BYTES))
+        return head.startswith(MAGIC) and RUN.encode() in head + file.read()
+
+
+def copy_recording(path: Path, target: Path, report: ImportReport) -> int:
+    """Copy a recording with all that is in it, and its edits; return how many pictures it has.
+
+    The copy says that it was imported. One that was cut off is taken up to there. RecordingError if
+    it is damaged at its beginning, or has no pictures.
+    """
+    episode = open_episode(path)
+    if episode.damage:
+        report.skip(path.name, episode.damage)
+    if not episode.frames:
+        raise RecordingError(f"{path} has no pictures")
+    run = {**episode.run, "source": SOURCE}
+    attached = episode.attachments
+    with whole_file(target) as file:
+        writer = EpisodeWriter(file, run, attached.get(MODEL_BEFORE))
+        for record in scan(path):
+            if isinstance(record, Cut):
+                break
+            is_ours = isinstance(record, Metadata) and record.name in (RUN, SUMMARY)
+            is_model = getattr(record, "name", "") in (MODEL_BEFORE, MODEL_AFTER)
+            if not is_ours and not is_model:
+                writer.write_copy(record)
+        writer.close({"dropped_frames": "0", "lost_words": "0"}, attached.get(MODEL_AFTER))
+    if notes_path(path).is_file():
+        write_notes(target, read_notes(path))
+    report.labels.update(example.label for example in taught_frames(episode).values())
+    seconds = episode.duration_s
+    report.rate = len(episode.frames) / seconds if seconds else 0.0
+    return len(episode.frames)

@@ -1,0 +1,191 @@
+"""A folder of pictures with a table that says what was right at each, in any program's columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+
+from robot.driver import CLASSIC, Move, from_text, names
+from robot.errors import RecordingError, told_as
+from robot.exchange.columns import Cells, Table, read_table_file
+from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
+from robot.exchange.files import Pictures, read_picture_file, read_text
+from robot.exchange.folder import MOVES
+from robot.exchange.reading import Reading
+from robot.exchange.stamps import seconds_in_name, seconds_of
+from robot.exchange.steering import (
+    FULL_MPS,
+    FULL_TURN_RAD_S,
+    Meant,
+    at_velocity,
+    at_wheels,
+    read_meant,
+    read_number,
+    read_point,
+)
+from robot.types import Action
+
+ENDINGS = (".csv", ".tsv", ".jsonl")
+_FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
+"""Of motors, as programs count it: the least that no value of a table is beyond."""
+_MOVES = 0.05
+"""A speed of any unit beyond which a car moves: simulators write some where it stands."""
+_TOLD_NAMES = 3
+
+
+def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
+    """Read a table with a row a picture; its pictures lie beside it, or below.
+
+    A row that cannot be used is skipped; RecordingError if none can be used, or if it is not clear
+    which columns have the pictures and what was right.
+    """
+    table = read_table_file(read_text(path), path.name, reading.columns, report)
+    moves, declared = path.with_name(MOVES), tuple[Move, ...]()
+    if moves.is_file():
+        with told_as(RecordingError, f"{moves} cannot be read", ValueError):
+            declared = from_text(read_text(moves))
+    known = {str(move): move for move in (*CLASSIC, *names(declared))}
+    pictures = Pictures(path.parent)
+    meant = _meaning(table, reading, known, report)
+
+    def read(place: str, cells: Cells) -> FrameEvent:
+        is_others = (table.cell(cells, "mode") or "user").lower() != "user"
+        name = table.cell(cells, "picture") or ""
+        label, point = (None, None) if is_others else meant(cells)
+        return FrameEvent(
+            place=place,
+            t_s=_time(table, cells, name),
+            label=label,
+            point=point,
+            steering=_written(table, cells, reading),
+            picture=partial(read_picture_file, path.parent, pictures.find(name)),
+            is_intervention=table.cell(cells, "correction") == "yes",
+            is_others=is_others,
+        )
+
+    _tell_of_others(table, pictures, report)
+    return drive_of(
+        table.rows,
+        read,
+        f"the table {path} has no rows",
+        name=path.parent.name,
+        source="folder",
+        declared_moves=declared,
+        report=report,
+    )
+
+
+def names_pictures(path: Path) -> bool:
+    """True if a table names pictures in its first lines."""
+    try:
+        head = "\n".join([*read_text(path).splitlines()[:50], ""])
+        table = read_table_file(head, path.name, {}, ImportReport())
+    except RecordingError as error:
+        return "say which" in str(error)
+    return bool(table.pictures)
+
+
+def _time(table: Table, cells: Cells, picture: str) -> float | None:
+    text = table.cell(cells, "time")
+    if text is None:
+        return seconds_in_name(picture)
+    return seconds_of(table.number(cells, "time"), table.names[table.columns["time"]]) or (
+        seconds_of(text)
+    )
+
+
+def _written(table: Table, cells: Cells, reading: Reading) -> float | None:
+    try:
+        return float(table.number(cells, "steering")) / reading.full_lock
+    except ValueError:
+        return None
+
+
+def _meaning(
+    table: Table, reading: Reading, known: Mapping[str, Action], report: ImportReport
+) -> Callable[[Cells], Meant]:
+    """Return what tells a row's label, by the columns that are there."""
+    there = table.columns
+    if "label" in there:
+        return partial(_labelled, table, reading, known)
+    if "steering" in there:
+        return partial(_steered, table, reading)
+    number = partial(_number, table)
+    if "left_wheel" in there:
+        sides = "left_wheel", "right_wheel"
+        most = max((_most(table, role) for role in sides), default=0.0)
+        full = next((full for full in _FULL_SPEEDS if most <= full), most)
+        report.remark(f"full speed of a wheel is taken as {full:g}")
+        return lambda cells: at_wheels(
+            number(cells, sides[0]) / full, number(cells, sides[1]) / full, reading
+        )
+    return lambda cells: at_velocity(
+        number(cells, "linear") / FULL_MPS, number(cells, "angular") / FULL_TURN_RAD_S, reading
+    )
+
+
+def _labelled(table: Table, reading: Reading, known: Mapping[str, Action], cells: Cells) -> Meant:
+    """Return the label of a row; raises ValueError if it has none that can be believed."""
+    text = table.cell(cells, "label") or ""
+    if not text:
+        return None, None
+    label = known.get(text.lower()) or reading.move(text)
+    if label is Action.STOP:
+        return None, None
+    if label is None and "steering" in table.columns and table.cell(cells, "steering"):
+        return _steered(table, reading, cells)
+    if label is None:
+        raise ValueError(
+            f"the label {text[:40]!r} is not a move; --moves says which it is, as {text[:40]}=left"
+        )
+    if table.cell(cells, "degrees") != "yes":
+        return label, None
+    return label, read_point([table.number(cells, role) for role in ("steering", "throttle")])
+
+
+def _steered(table: Table, reading: Reading, cells: Cells) -> Meant:
+    """Return what a row means by its steering.
+
+    A car that rolls without throttle drives; one whose speed and throttle are both 0 stands.
+    """
+    angle, throttle = (table.number(cells, role) for role in ("steering", "throttle"))
+    named = "the angle", "the throttle"
+    if "speed" in table.columns and table.cell(cells, "speed"):
+        is_pushed = bool(throttle) and read_number(throttle, "the throttle") > 0
+        if not is_pushed:
+            label, _ = read_meant([angle], reading, named)
+            is_moving = read_number(table.number(cells, "speed"), "the speed") > _MOVES
+            return label if is_moving else None, None
+    return read_meant([angle, throttle] if throttle else [angle], reading, named)
+
+
+def _number(table: Table, cells: Cells, role: str) -> float:
+    return read_number(table.number(cells, role), table.name(role))
+
+
+def _most(table: Table, role: str) -> float:
+    """Return the largest value of a column, without sign; what is no number counts as 0."""
+    most = 0.0
+    for _, cells in table.rows:
+        try:
+            most = max(most, abs(_number(table, cells, role)))
+        except ValueError:
+            continue
+    return most
+
+
+def _tell_of_others(table: Table, pictures: Pictures, report: ImportReport) -> None:
+    """Say how many pictures lie there that the table does not list, or has of other cameras."""
+    others = [i for i in table.pictures if i != table.columns["picture"]]
+    if others:
+        told = ", ".join(table.names[i] or f"column {i + 1}" for i in others[:_TOLD_NAMES])
+        report.remark(f"left out, as pictures of other cameras: {told}")
+    last = {
+        cells[i].replace("\\", "/").rpartition("/")[2].strip().casefold()
+        for _, cells in table.rows
+        for i in {*table.pictures, table.columns["picture"]}
+    }
+    missing = [path for path in pictures.all() if path.rpartition("/")[2].casefold() not in last]
+    if missing:
+        report.remark(f"left out, as the table does not list them: {len(missing)} pictures")
