@@ -9,8 +9,8 @@ from pathlib import Path
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import write_lerobot
-from robot.exchange.sources import find_drives
 from robot.exchange.reading import Reading
+from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames

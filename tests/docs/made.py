@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.faults import table
 
-from . import command_line, decisions, figure, results, sockets, values, wiring
+from . import command_line, decisions, figure, imports, results, sockets, values, wiring
 
 
 def made() -> dict[Path, str]:
@@ -18,6 +18,7 @@ def made() -> dict[Path, str]:
         command_line.PAGE: command_line.render(),
         decisions.INDEX: decisions.render(),
         figure.FIGURE: figure.render(),
+        imports.PAGE: imports.render(),
         results.PAGE: results.render(),
         sockets.PAGE: sockets.render(),
         table.PAGE: table.render(table.figures(table.PAGE.read_text("utf-8"))),
