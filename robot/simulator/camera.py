@@ -130,6 +130,10 @@ class SimCamera(WorldCamera[SimDriver]):
         picture = self._body.simulation.render()
         return self._show(picture.tobytes(), Encoding.RGB, self.clock.now_s())
 
+    def take_jpeg(self) -> Frame:
+        """Take one picture now, on this thread, as it comes in real time."""
+        return self._take()
+
     def for_the_eye(self, frame: Frame) -> Frame:
         """Return the frame at 320x240; the first that is asked for comes with the next frame."""
         self._asked_id = frame.frame_id

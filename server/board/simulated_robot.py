@@ -8,6 +8,7 @@ Windows does so as well. Ctrl-C, which would reach all of them at once, is the c
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import os
 import signal
@@ -19,15 +20,13 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from server.board.nursery import BELOW, END_S, Nursery
 from server.cli.main import main
 from server.hosting.serving import open_socket
 from server.identity import NAMES, IdentityFile
 
 log = logging.getLogger(__name__)
-_END_S = 15.0
 _ASK_S, _ASKS = 0.2, 150
-_BELOW = 5
-"""So much the board and the browsers go before: the machine gives them its time first."""
 _GOLDEN_DEG = 137.508
 """Hues so far apart are distinct, however many there are."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
@@ -48,37 +47,53 @@ class SimulatedRobot:
         self.number, self.port, self.folder = number, port, folder
         self._hue_deg = round(number * _GOLDEN_DEG) % 360
         self._process: subprocess.Popen[bytes] | None = None
-        self._ending = threading.Event()
+        self._ending, self._has_ended = threading.Event(), threading.Event()
         if not (folder / "robot.json").exists():
             again, place = divmod(number - 1, len(NAMES))
             name = f"{NAMES[place]} {again + 1}" if again else NAMES[place]
             off = {c: (hue - self._hue_deg + 180) % 360 - 180 for c, hue in _HUES_DEG.items()}
             IdentityFile(folder, name).change(colour=min(off, key=lambda colour: abs(off[colour])))
 
-    def start(self, host: str, world: str, key: Path, rate_hz: float) -> None:
+    def start(
+        self, host: str, world: str, key: Path, rate_hz: float, nursery: Nursery | None = None
+    ) -> None:
         """Start its process, and return when it serves; what it says is in `log.txt`."""
         if self._ending.is_set():
             return
         words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
         words += ["--data", self.folder, "--class-key", key, "--world", world]
         words += ["--seed", self.number, "--hue", self._hue_deg, "--frame-rate-hz", rate_hz]
+        texts = list(map(str, words))
+        if nursery is None:
+            self._spawn(texts)
+        else:
+            self._has_ended = nursery.start(texts, self.folder / "log.txt") or self._has_ended
+        threading.Thread(target=self._report, daemon=True).start()
+        here = "127.0.0.1" if host == "0.0.0.0" else host
+        for _ in range(_ASKS):
+            if self._ending.wait(_ASK_S) or self._has_ended.is_set():
+                return
+            with contextlib.suppress(OSError):
+                socket.create_connection((here, self.port), _ASK_S).close()
+                return
+
+    def _spawn(self, words: list[str]) -> None:
         with (self.folder / "log.txt").open("wb") as log:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", __name__, *map(str, words)],
+            self._process = process = subprocess.Popen(
+                [sys.executable, "-m", __name__, *words],
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
                 creationflags=_FLAGS,
             )
-        threading.Thread(target=self._report, args=(self._process,), daemon=True).start()
-        here = "127.0.0.1" if host == "0.0.0.0" else host
-        for _ in range(_ASKS):
-            if self._ending.wait(_ASK_S) or self._process.poll() is not None:
-                return
-            with contextlib.suppress(OSError):
-                socket.create_connection((here, self.port), _ASK_S).close()
-                return
+        self._has_ended = ended = threading.Event()
+
+        def wait() -> None:
+            process.wait()
+            ended.set()
+
+        threading.Thread(target=wait, daemon=True).start()
 
     def end(self) -> None:
         self._ending.set()
@@ -89,12 +104,12 @@ class SimulatedRobot:
         """Return when its process has ended; one that hangs is killed."""
         if self._process is not None:
             with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(_END_S)
+                self._process.wait(END_S)
             self._process.kill()
             self._process.wait()
 
-    def _report(self, process: subprocess.Popen[bytes]) -> None:
-        process.wait()
+    def _report(self) -> None:
+        self._has_ended.wait()
         if not self._ending.is_set():
             log.error("robot %d has ended: see %s", self.number, self.folder / "log.txt")
 
@@ -111,20 +126,40 @@ def simulated_robots(
     for robot in robots:  # before any of them starts: is the port free?
         open_socket(host, robot.port).close()
     cores = os.cpu_count() or 1
-    rate_hz = min(RATE_HZ, max(1, PER_CORE_HZ * cores // max(1, count)))
-    if rate_hz < RATE_HZ:
-        log.warning("%d robots on %d cores: %d pictures a second each", count, cores, rate_hz)
     starting = ThreadPoolExecutor(cores)  # all at once would keep the board from answering
-    try:
+    nurseries: list[Nursery] = []
+    begun = itertools.count(1)
+
+    def begin() -> None:
+        """Start all robots, while the board answers already."""
+        if sys.platform == "linux" and count > 1:
+            nurseries.append(Nursery(data, world))
+        picture_s = next((one.picture_s for one in nurseries), None) or 1 / PER_CORE_HZ
+        rate_hz = max(1, min(RATE_HZ, int(cores / picture_s / max(1, count))))
+        if rate_hz < RATE_HZ:
+            text = "%d robots on %d cores: %d pictures a second each (%.1f ms of a core a picture)"
+            log.warning(text, count, cores, rate_hz, 1000 * picture_s)
         for robot in robots:
-            starting.submit(robot.start, host, world, key, rate_hz)
+            starting.submit(start, robot, rate_hz)
+
+    def start(robot: SimulatedRobot, rate_hz: float) -> None:
+        sys.stderr.write(f"starting {next(begun)} of {count}\n")
+        robot.start(host, world, key, rate_hz, *nurseries)
+
+    beginning = threading.Thread(target=begin)
+    try:
+        beginning.start()
         yield [robot.port for robot in robots]
     finally:
         for robot in robots:
             robot.end()
+        beginning.join()
         starting.shutdown(cancel_futures=True)
         for robot in robots:
             robot.end()
+        for nursery in nurseries:
+            nursery.end()
+            nursery.wait()
         for robot in robots:
             robot.wait()
 
@@ -138,6 +173,6 @@ def _end_with_input() -> None:
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
     if hasattr(os, "nice"):
-        os.nice(_BELOW)
+        os.nice(BELOW)
     threading.Thread(target=_end_with_input, daemon=True).start()
     sys.exit(main(["serve", *sys.argv[1:]]))

@@ -1,0 +1,259 @@
+"""A process that has imported everything, and forks a robot whenever it is told to.
+
+Thirty robots that each import on their own take 30 CPU seconds to start, and share no memory. Here
+one process imports, and its forks share what it has read. Each is a process of its own all the
+same: one that dies takes nobody along. It is told by lines of JSON on its standard input, and
+answers by lines on its standard output. Only for Linux: elsewhere libraries may not be forked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import json
+import os
+import queue
+import random
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from robot.clock import RealClock
+
+END_S = 15.0
+"""How long a robot may take to end by itself before it is killed, in seconds."""
+BELOW = 5
+"""Niceness of the robots: the board and the browsers go first."""
+_POLL_S = 1.0
+_COLD = 3.0
+"""By how much a picture costs more in a class than many in a row in one process: caches are cold,
+and sockets and the disk add theirs. Measured with thirty robots on two cores."""
+_MODULES = (
+    *("cv2", "mcap.writer", "mcap.reader", "panda3d.core", "zeroconf", "zstandard"),
+    *("uvicorn.lifespan.on", "uvicorn.logging", "uvicorn.loops.asyncio"),
+    *("uvicorn.protocols.http.h11_impl", "robot.devices.rig", "robot.simulator.camera"),
+    *("robot.policy.registry", "server.app", "server.cli.serve", "server.hosting.serving"),
+    *("server.hosting.uvicorn_fastpath", "server.persistence", "server.security.pairing"),
+)
+
+
+class Nursery:
+    """The class's end of it.
+
+    Attributes:
+        picture_s: What a picture of a taught robot costs here, in CPU seconds; None: not measured.
+    """
+
+    def __init__(self, folder: Path, world: str) -> None:
+        life, self._life = os.pipe()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", __name__, str(folder), world, str(life)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            pass_fds=[life],
+            start_new_session=True,
+            text=True,
+        )
+        os.close(life)
+        self._lock = threading.Lock()
+        self._started: queue.Queue[int | None] = queue.Queue()
+        self._ended: dict[int, threading.Event] = {}
+        assert self._process.stdout is not None
+        first = self._process.stdout.readline()
+        self.picture_s: float | None = json.loads(first)["picture_s"] if first else None
+        self._listening = threading.Thread(target=self._listen, daemon=True)
+        self._listening.start()
+
+    def start(self, words: Sequence[str], log: Path) -> threading.Event | None:
+        """Fork a robot; return what is set when it has ended. None: it could not be started."""
+        with self._lock, contextlib.suppress(OSError):
+            assert self._process.stdin is not None
+            self._process.stdin.write(json.dumps({"words": list(words), "log": str(log)}) + "\n")
+            self._process.stdin.flush()
+            pid = self._started.get()
+            return None if pid is None else self._ended[pid]
+        return None
+
+    @property
+    def pids(self) -> list[int]:
+        """Numbers of the processes that were forked, in their order."""
+        return list(self._ended)
+
+    def end(self) -> None:
+        """Have all robots end; they do so as well when the process that called this is gone."""
+        if self._life >= 0:
+            os.close(self._life)
+            self._life = -1
+            assert self._process.stdin is not None
+            with contextlib.suppress(OSError):
+                self._process.stdin.close()
+
+    def wait(self) -> None:
+        """Return when all robots have ended."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(END_S + 5.0)
+        self._process.kill()
+        self._process.wait()
+        self._listening.join(1.0)
+        if self._process.stdout is not None:
+            self._process.stdout.close()
+
+    def _listen(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            told = json.loads(line)
+            if "started" in told:
+                self._ended[told["started"]] = threading.Event()
+                self._started.put(told["started"])
+            else:
+                self._ended[told["ended"]].set()
+        self._started.put(None)
+
+
+def _serve(words: Sequence[str], log: str, life: int) -> int:
+    """Be a robot until it ends, or until the class has."""
+    os.setsid()
+    os.nice(BELOW)
+    random.seed()
+    for source, fds in ((os.open(os.devnull, os.O_RDONLY), (0,)), (_log(log), (1, 2))):
+        for fd in fds:
+            os.dup2(source, fd)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def end_with_class() -> None:
+        while os.read(life, 1):
+            pass
+        signal.raise_signal(signal.SIGINT)
+
+    threading.Thread(target=end_with_class, daemon=True).start()
+    from server.cli.main import main
+
+    return main(["serve", *words])
+
+
+def _log(path: str) -> int:
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+
+
+def _fork(work: Callable[[], int]) -> int:
+    """Do the work in a process of its own; return its number."""
+    sys.stdout.flush()
+    pid = os.fork()
+    if pid:
+        return pid
+    status = 1
+    try:
+        status = work()
+    except BaseException as error:
+        if isinstance(error, SystemExit):
+            status = error.code if isinstance(error.code, int) else int(error.code is not None)
+        else:
+            traceback.print_exc()
+    finally:
+        with contextlib.suppress(Exception):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)  # what the process before it would do at its end is not ours
+
+
+def measure_picture_s(world: str) -> float:
+    """Return what a picture costs here: rendered, encoded, decoded, proposed on and learned."""
+    from robot.control.loop import ControlLoop
+    from robot.policy.registry import make_policy
+    from robot.simulator.camera import SimCamera, SimCameraOptions
+    from robot.simulator.driver import SimDriver, SimOptions
+    from robot.types import Action, Mode, PilotCommand
+
+    clock, body = RealClock(), SimDriver(SimOptions(world=world))
+    body.connect()
+    camera = SimCamera(body, SimCameraOptions(), clock)
+    loop = ControlLoop(body, camera, make_policy("default-32"), clock)
+    moves = (Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGHT)
+    start_s, pictures = 0.0, 40
+    for number in range(2 * pictures):
+        if number == pictures:
+            start_s = time.thread_time()
+        body.advance(0.1)
+        frame, now_s = camera.take_jpeg(), clock.now_s()
+        if loop.mode is not Mode.TRAIN:
+            loop.set_mode(Mode.TRAIN)
+        held = moves[number // 10 % 4]
+        loop.command(
+            PilotCommand(held=held, frame_id=frame.frame_id, seq=number + 1, received_s=now_s)
+        )
+        loop.tick(now_s)
+    return (time.thread_time() - start_s) / pictures
+
+
+def _measure_apart(world: str) -> float | None:
+    """Measure in a fork: a renderer must not be forked once it is there."""
+    read, write = os.pipe()
+
+    def work() -> int:
+        os.write(write, json.dumps(measure_picture_s(world)).encode())
+        return 0
+
+    pid = _fork(work)
+    os.close(write)
+    found = os.read(read, 64)
+    os.close(read)
+    os.waitpid(pid, 0)
+    return _COLD * json.loads(found) if found else None
+
+
+def _run(world: str, life: int) -> None:
+    """Import; then fork robots until the input ends, and outlive them."""
+    import importlib
+
+    for name in _MODULES:
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
+    from server.hosting.uvicorn_fastpath import make_protocol
+    from server.services import installed
+
+    make_protocol()
+    installed()
+    gc.collect()
+    gc.freeze()
+    _say(picture_s=_measure_apart(world))
+    clock = RealClock()
+    running: set[int] = set()
+    until_s: float | None = None
+    waiting = ""
+    while running or until_s is None:
+        if until_s is None and select.select([0], [], [], _POLL_S)[0]:
+            read = os.read(0, 1 << 16).decode()
+            waiting += read
+            until_s = None if read else clock.now_s() + END_S
+        elif until_s is not None:
+            clock.sleep(0.05)
+        *lines, waiting = waiting.split("\n")
+        for line in lines:
+            told: dict[str, Any] = json.loads(line)
+            pid = _fork(lambda told=told: _serve(told["words"], told["log"], life))  # type: ignore[misc]
+            running.add(pid)
+            _say(started=pid)
+        for pid in list(running):
+            if os.waitpid(pid, os.WNOHANG)[0]:
+                running.discard(pid)
+                _say(ended=pid)
+            elif until_s is not None and clock.now_s() > until_s:
+                os.kill(pid, signal.SIGKILL)
+
+
+def _say(**words: Any) -> None:
+    with contextlib.suppress(OSError):  # the class is gone
+        sys.stdout.write(json.dumps(words) + "\n")
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _run(sys.argv[2], int(sys.argv[3]))
