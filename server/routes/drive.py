@@ -24,6 +24,35 @@ async def stop(request: Request) -> dict[str, bool]:
 
 
 @dataclass
+class DoingAnswer:
+    """What the robot does now, for a page without a websocket."""
+
+    robot: str
+    mode: str
+    driven_by: str
+    action: str
+    emergency: bool
+    is_full: bool
+    """No websocket finds a place: too many pages are open."""
+
+
+@router.get("/api/state")
+def show_doing(request: Request) -> DoingAnswer:
+    """Say what the robot does now: where something on the way blocks websockets, this passes."""
+    hub = services_of(request).hub
+    state = hub.robot.loop.state
+    decision = state.decision
+    return DoingAnswer(
+        robot=hub.name,
+        mode=decision.mode.value,
+        driven_by=decision.driven_by.value,
+        action=str(decision.action),
+        emergency=state.emergency,
+        is_full=services_of(request).admission.sockets.is_full,
+    )
+
+
+@dataclass
 class PathAnswer:
     """Points of a way, as columns."""
 

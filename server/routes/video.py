@@ -11,8 +11,8 @@ import contextlib
 import itertools
 from collections.abc import AsyncIterator
 
-from fastapi import APIRouter, Request, WebSocket
-from fastapi.responses import StreamingResponse
+from fastapi import APIRouter, HTTPException, Request, WebSocket
+from fastapi.responses import Response, StreamingResponse
 
 from server.access.guard import person_of
 from server.clients.hub import Hub
@@ -80,6 +80,17 @@ async def mjpeg(request: Request) -> StreamingResponse:
     if frame is not None:
         hub.video.encoder.encode_jpeg(frame)  # 501 where that needs OpenCV
     return StreamingResponse(_parts(hub), media_type=_MEDIA_TYPE)
+
+
+@router.get("/picture.jpg", include_in_schema=False)
+def picture(request: Request) -> Response:
+    """Return the newest picture: to watch by plain requests, where nothing else passes."""
+    hub = services_of(request).hub
+    frame = hub.robot.camera.latest()
+    if frame is None:
+        raise HTTPException(503, "The camera has given no picture yet.")
+    headers = {"cache-control": "no-store"}
+    return Response(hub.video.encoder.encode_jpeg(frame), media_type="image/jpeg", headers=headers)
 
 
 async def _parts(hub: Hub) -> AsyncIterator[bytes]:

@@ -44,7 +44,7 @@ TOLD = {
     "lenient": ("hint.correct", "advice.trial", "advice.can"),
     "hand over": ("advice.try", "advice.ready"),
     "teach": ("hint.teach", "advice.start", "advice.more", "advice.first"),
-    "go on": ("stop.", "local.", "busy.", "emergency", "out_of_reach"),
+    "go on": ("stop.", "local.", "busy.", "emergency", "out_of_reach", "way."),
 }
 """What the page's sentences ask for, by the beginnings of their names."""
 _TEXT = """() => {

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 
+import httpx
 import pytest
 
 from robot.types import Action, Point
@@ -159,3 +160,16 @@ def test_pages_and_health_are_served(server: VirtualServer) -> None:
     assert page.status_code == 200
     assert "script-src 'self'" in page.headers["content-security-policy"]
     assert httpx.get(server.address + "/healthz").json()["status"] == "ok"
+
+
+def test_what_the_robot_does_is_told_and_shown_by_plain_requests(server: VirtualServer) -> None:
+    """For a page whose websockets something on the way blocks."""
+    with server.pilot() as pilot, httpx.Client(base_url=server.address) as client:
+        assert client.get("/api/state").json()["mode"] == "stopped"
+        pilot.mode("train")
+        pilot.hold("forward")
+        server.wait_until(lambda: server.driver.now is Action.FORWARD)
+        told = client.get("/api/state").json()
+        assert (told["driven_by"], told["action"], told["is_full"]) == ("pilot", "forward", False)
+        answer = client.get("/picture.jpg")
+        assert (answer.status_code, answer.content[:2]) == (200, b"\xff\xd8")

@@ -35,8 +35,7 @@ export function urgentAdvice(page) {
   const robot = page.robot;
   if (page.link !== 'open' || !robot) {
     if (page.link !== 'lost') return { key: 'connecting', level: 'info' };
-    // A robot stops without its pilot, not without those who watch.
-    return { key: robot && !robot.you_are_pilot ? 'searching' : 'out_of_reach', level: 'info' };
+    return wayAdvice(page);
   }
   if (robot.stopped_by_teacher) return { key: 'teacher_stop', level: 'stop' };
   const elsewhere = robot.you_are_pilot ? null : wheelElsewhere(page);
@@ -68,6 +67,21 @@ export function urgentAdvice(page) {
   if (page.notice) return { key: page.notice, level: 'info' };
   if (page.hint) return { key: page.hint === 'correct' && page.hasKeys ? 'hint.correct_keys' : `hint.${page.hint}`, step: 'hint', level: 'info' };
   return null;
+}
+
+/**
+ * Why there is no link. What the robot does is said only if it has said so itself: a robot stops without
+ * its pilot, but somebody else may have taken the wheel.
+ * @param {PageState} page
+ * @returns {Advice}
+ */
+function wayAdvice({ robot, way, isWatching }) {
+  if (way?.kind === 'blocked' || way?.kind === 'cut') {
+    const step = isWatching ? undefined : 'watch';
+    return { key: `way.${way.kind}.${way.robot}`, level: 'ask', ...(step ? { step } : {}) };
+  }
+  if (way && way.kind !== 'checking' && way.kind !== 'silent') return { key: `way.${way.kind}`, level: 'info' };
+  return { key: robot && !robot.you_are_pilot ? 'searching' : 'out_of_reach', level: 'info' };
 }
 
 /**

@@ -72,7 +72,7 @@ export async function askToStop(isOwed) {
 }
 
 /** How long a lost link is asked why: no STOP by request waits behind these questions. */
-const WHY_MS = 2000;
+export const WHY_MS = 2000;
 
 /** A websocket that is refused does not say why: whose pairing has ended is led to the page that pairs it. @param {string} path  what a paired browser gets */
 export const askWhy = (path) => ask('GET', path, undefined, WHY_MS).catch(({ status }) => status === 401 && location.replace('pair'));

@@ -1,6 +1,6 @@
 // Wires the modules together.
 
-import { askWhy, socketBase } from './api.js';
+import { WHY_MS, ask, askWhy, socketBase } from './api.js';
 import './components/index.js';
 import { Connection } from './connection.js';
 import { Preferences, WakeLock } from './device.js';
@@ -13,6 +13,7 @@ import { Page } from './page.js';
 import { followReadiness } from './readiness.js';
 import { Router } from './router.js';
 import { Store } from './store.js';
+import { WayFinder } from './way.js';
 
 const MAP_MS = 1000;
 const AGAIN_MS = 1000;
@@ -48,6 +49,14 @@ async function start() {
   const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
   listenToKeyboard(page.helm, reach);
   listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });
+  const way = new WayFinder({
+    askState: () => ask('GET', 'api/state', undefined, WHY_MS),
+    isOnline: () => navigator.onLine !== false,
+    nowMs: () => performance.now(),
+    tell: (found) => store.set({ way: found }),
+  });
+  connection.addEventListener('open', () => way.opened());
+  connection.addEventListener('lost', () => way.lost());
   connection.addEventListener('lost', () => askWhy('api/session'));
   first?.up();
   connection.begin(/** @type {any} */ (document.querySelector('video-view')).ready);

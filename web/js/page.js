@@ -119,7 +119,7 @@ export class Page {
     declare(hello.declared_moves ?? []);
     this.device = hello.device ?? '';
     this.beginEra();
-    this.store.set({ link: 'open', role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
+    this.store.set({ link: 'open', isWatching: false, role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
     this.followPreferences();
     this.refreshSession();
   }
@@ -296,6 +296,10 @@ export class Page {
   take(step) {
     if (step === 'hint') {
       this.endHint();
+      return;
+    }
+    if (step === 'watch') {
+      this.store.set({ isWatching: true });
       return;
     }
     if (step === 'session') {

@@ -9,6 +9,8 @@
 /**
  * @typedef {object} PageState
  * @property {'connecting' | 'open' | 'lost'} link
+ * @property {import('./way.js').Way | null} way  why there is no link, as far as it is known
+ * @property {boolean} isWatching  pictures come by plain requests
  * @property {string} robotName
  * @property {'pilot' | 'viewer'} role  what this browser may become
  * @property {string[]} moves
@@ -39,6 +41,8 @@
 /** @returns {PageState} */
 export const initialState = () => ({
   link: 'connecting',
+  way: null,
+  isWatching: false,
   robotName: '',
   role: 'pilot',
   moves: ['forward', 'left', 'right'],

@@ -5,6 +5,7 @@ import { Painter } from '../painter.js';
 import { ageParts, whoDrives } from '../advice.js';
 import { percent, t } from '../i18n.js';
 import { byPlace } from '../moves.js';
+import { watchByRequests } from '../way.js';
 import { makeNeedle, turnNeedle } from '../needle.js';
 
 const OLD_PICTURE_MS = 200;
@@ -38,6 +39,7 @@ export class VideoView extends HTMLElement {
     observer.observe(this.who); // as high as the text is large
     const { store } = page;
     store.watch(['robot', 'link', 'held', 'moves'], (state) => this.render(state));
+    store.watch(['isWatching'], ({ isWatching }) => this.watch(isWatching));
     this.ready = this.receive(this.canvas);
     setInterval(() => this.classList.toggle('frozen', performance.now() - this.drawnMs > FROZEN_MS), 500);
   }
@@ -59,6 +61,16 @@ export class VideoView extends HTMLElement {
       shown: (shown) => connection.noteShown(shown),
     });
     connection.addEventListener('picture', (event) => painter.take(/** @type {CustomEvent} */ (event).detail));
+  }
+
+  /** Show pictures by plain requests, in place of the video. @param {boolean} isWanted */
+  watch(isWanted) {
+    this.still?.remove();
+    this.still = undefined;
+    if (!isWanted) return;
+    this.still = h('img', { class: 'still', alt: t('camera') });
+    this.canvas?.after(this.still);
+    watchByRequests(/** @type {HTMLImageElement} */ (this.still));
   }
 
   /** A picture is on the screen. @param {import('../painter.js').Shown} shown */

@@ -1,0 +1,95 @@
+// Why there is no link: what answers plain requests while the websockets do not open. A robot that cannot be
+// asked is never said to stand: it may be driven by somebody else.
+
+/** Connections that are cut this soon, again and again, are cut by something on the way. */
+const CUT_MS = 20_000;
+const CUTS = 3;
+const PICTURE_MS = 500;
+
+/**
+ * @typedef {object} Way
+ * @property {'checking' | 'silent' | 'offline' | 'gateway' | 'foreign' | 'full' | 'blocked' | 'cut'} kind
+ * @property {'stands' | 'driven' | 'alone' | 'unknown'} robot  what it does, as it said itself by request
+ */
+
+/** What an answer to a plain request says the robot does. @param {any} answer @returns {Way['robot']} */
+export function doingOf(answer) {
+  if (answer.mode === 'stopped') return 'stands';
+  return answer.driven_by === 'robot' ? 'alone' : 'driven';
+}
+
+/** Whether this is an answer of a robot, and not of whatever else stands in its place. @param {any} answer */
+const isRobots = (answer) => typeof answer?.mode === 'string' && typeof answer.driven_by === 'string';
+
+/**
+ * Finds the way out by asking on each lost connection.
+ * @typedef {object} WayParts
+ * @property {() => Promise<any>} askState  rejects with a `status` if something refused it
+ * @property {() => boolean} isOnline
+ * @property {() => number} nowMs
+ * @property {(way: Way | null) => void} tell
+ */
+export class WayFinder {
+  /** @param {WayParts} parts */
+  constructor(parts) {
+    this.parts = parts;
+    this.isAsking = false;
+    this.isOpen = false;
+    this.openedMs = -Infinity;
+    /** How many connections in a row were cut soon after they opened. */
+    this.cuts = 0;
+    /** A request was answered since the link was lost; a websocket that fails after that is blocked. */
+    this.isAnswered = false;
+    this.era = 0;
+  }
+
+  opened() {
+    this.isOpen = true;
+    this.isAnswered = false;
+    this.era += 1;
+    this.openedMs = this.parts.nowMs();
+    this.parts.tell(null);
+  }
+
+  async lost() {
+    const { parts } = this;
+    if (this.isOpen) this.cuts = parts.nowMs() - this.openedMs < CUT_MS ? this.cuts + 1 : 0;
+    this.isOpen = false;
+    if (this.isAsking) return;
+    this.isAsking = true;
+    const { era } = this;
+    const way = await this.find();
+    this.isAsking = false;
+    if (era === this.era) parts.tell(way);
+  }
+
+  /** @returns {Promise<Way>} */
+  async find() {
+    if (!this.parts.isOnline()) return { kind: 'offline', robot: 'unknown' };
+    const wasAnswered = this.isAnswered;
+    try {
+      const answer = await this.parts.askState();
+      if (!isRobots(answer)) return { kind: 'foreign', robot: 'unknown' };
+      this.isAnswered = true;
+      const robot = doingOf(answer);
+      if (answer.is_full) return { kind: 'full', robot };
+      if (this.cuts >= CUTS) return { kind: 'cut', robot };
+      return { kind: wasAnswered ? 'blocked' : 'checking', robot };
+    } catch (error) {
+      this.isAnswered = false;
+      const { status } = /** @type {{status?: number}} */ (error);
+      if (status === undefined) return { kind: 'silent', robot: 'unknown' };
+      return { kind: status >= 502 && status <= 504 ? 'gateway' : 'foreign', robot: 'unknown' };
+    }
+  }
+}
+
+/** Shows pictures one by one, by requests, as long as the image is on the page. @param {HTMLImageElement} image */
+export function watchByRequests(image) {
+  const next = () => {
+    if (image.isConnected) image.src = `picture.jpg?${Date.now()}`;
+  };
+  image.addEventListener('load', () => setTimeout(next, PICTURE_MS));
+  image.addEventListener('error', () => setTimeout(next, 4 * PICTURE_MS));
+  next();
+}
