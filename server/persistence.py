@@ -21,6 +21,7 @@ from robot.store.models.journal import Journal
 from robot.store.models.replay import newest_boot, recover
 from robot.store.models.store import ModelStore
 from robot.store.models.trial import try_model
+from robot.store.presence import Presence
 from robot.types import StartStop
 
 log = logging.getLogger(__name__)
@@ -44,6 +45,8 @@ class Persistence(StartStop):
         self._lock = FolderLock(storage.root)
         self._loop = rig.loop
         self._noted_failure: str | None = None
+        self._presence: Presence | None = None
+        self._is_gone = False
         self.models = ModelStore(storage, rig.clock.wall_s, announce)
         self.journal = Journal(storage.journal, announce, clock=rig.clock)
         self.autosave = Autosave(
@@ -55,6 +58,7 @@ class Persistence(StartStop):
             announce=announce,
         )
         self._disk = DiskThread(rig.clock)
+        self._disk.add(self._watch_folder)
         self._disk.add(self.journal.sync)
         self._disk.add(self.autosave.save_if_due)
         self._disk.add(self._note_failure)
@@ -90,6 +94,9 @@ class Persistence(StartStop):
             raise
         except ConfigurationError as error:
             log.warning("the data folder is not locked: %s", error)
+        with contextlib.suppress(OSError):  # a folder that takes nothing is not missed
+            self._presence = Presence(self.storage.root)
+            self._presence.watch()
         self.storage.sweep()
         self.journal.start(after=newest_boot(self.models))
         self.autosave.start()
@@ -109,6 +116,22 @@ class Persistence(StartStop):
             try_model(recovered.model)
             self.autosave.adopt(recovered)
 
+    def _watch_folder(self) -> None:
+        """Announce that the data folder is gone, or back: then what was learned is saved."""
+        is_gone = self._presence is not None and not self._presence.is_there()
+        if is_gone == self._is_gone:
+            return
+        self._is_gone = is_gone
+        if is_gone:
+            why = f"{self.storage.root}: the data folder is gone; was its disk pulled out?"
+            log.warning("nothing is saved: %s", why)
+            self._announce("nothing_kept", detail=why)
+        else:
+            log.info("the data folder is back")
+            self.recorder.queue.resume()
+            self._announce("kept_again")
+            self.autosave.save_if_changed()
+
     def _note_failure(self) -> None:
         """Write down that the learner in use failed, so that the next start sets it aside."""
         why, name = self._loop.learning.failure, self.autosave.name
@@ -123,4 +146,6 @@ class Persistence(StartStop):
         self._disk.stop()
         self.autosave.stop()
         self.journal.stop()
+        if self._presence is not None:
+            self._presence.end_watch()
         self._lock.stop()

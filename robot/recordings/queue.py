@@ -18,6 +18,7 @@ from robot.recordings.writer import EpisodeWriter
 from robot.store.disk import Announce
 from robot.store.folder import free_name, paths_in
 from robot.store.models.model import Model, encode_model
+from robot.store.presence import require_present
 from robot.types import Frame
 
 log = logging.getLogger(__name__)
@@ -109,6 +110,10 @@ class RecordingQueue:
         self.fault = sentence
         self._announce("recording_off", detail=sentence)
 
+    def resume(self) -> None:
+        """Record again from the next start on, after what `fault` says has gone away."""
+        self.fault = None
+
     # On the disk's thread ------------------------------------------------------------------------
 
     def write_waiting(self) -> None:
@@ -142,6 +147,7 @@ class RecordingQueue:
         self, run: Mapping[str, str], model: Model | None, lost_before: Counter[str]
     ) -> None:
         self._end()
+        require_present(self._folder)
         self._check_room()
         if self.fault is not None:
             return

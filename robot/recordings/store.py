@@ -17,6 +17,7 @@ from robot.recordings.reader import has_end
 from robot.recordings.summary import EpisodeSummary, read_summary
 from robot.store.folder import Storage, check_name, free_name, paths_in, size_of, whole_file
 from robot.store.lock import FolderLock
+from robot.store.presence import require_present
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
 _OPEN_EPISODES, _DESCRIBED = 2, 2**16
@@ -177,6 +178,7 @@ class EpisodeStore:
 
         Notes of a recording that is gone would edit the new one.
         """
+        require_present(self._storage.episodes)
         names = (path.name for path in paths_in(self._storage.episodes))
         taken = {name.removesuffix(".mcap").removesuffix(".edits.json") for name in names}
         while True:

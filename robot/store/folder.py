@@ -21,6 +21,7 @@ from uuid import uuid4
 
 from robot.errors import ConfigurationError, NotFoundError
 from robot.store.lock import FolderLock
+from robot.store.presence import require_present
 
 log = logging.getLogger(__name__)
 
@@ -111,6 +112,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
     After a power cut it is the old one or the new one; OSError if the disk refuses leaves the old
     one untouched. Its folder is made if there is none. `mode` 0o600 is for secrets.
     """
+    require_present(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{get_native_id()}.part")  # two may write it at once
     try:

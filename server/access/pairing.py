@@ -21,6 +21,7 @@ from typing import NamedTuple
 from urllib.parse import unquote
 
 from robot.errors import UNREADABLE
+from robot.store.presence import require_present
 from robot.store.records import read_regular
 from server.access.rules import PAIRED, Refusal, Role, Session
 from server.clients.rate_limit import RateLimits
@@ -191,6 +192,7 @@ class Pairing:
         rows = [{"sha256": name, **kind._asdict()} for name, kind in self._sessions.items()]
         new = self._file.with_suffix(".new")
         try:
+            require_present(self._file)
             self._file.parent.mkdir(parents=True, exist_ok=True)
             with os.fdopen(os.open(new, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "w") as out:
                 out.write(json.dumps({"sessions": rows}))  # json.dump holds the loop up

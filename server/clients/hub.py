@@ -33,7 +33,9 @@ log = logging.getLogger(__name__)
 _UNWATCHED_S = 0.5
 """How often the timer runs while there is no client, in seconds."""
 LASTING = ("set_aside", "nothing_kept")
-"""Events that hold as long as the program runs."""
+"""Events that are also sent to clients that join later."""
+_ENDS = {"kept_again": "nothing_kept"}
+"""Events that end one of those."""
 
 
 class Hub:
@@ -61,7 +63,7 @@ class Hub:
         self._sent_s = 0.0
         self._frame: Frame | None = None
         self._is_tick_due = False
-        self._lasting: tuple[str, ...] = ()
+        self._lasting: tuple[tuple[str, str], ...] = ()
         self.event_loop: asyncio.AbstractEventLoop | None = None
         self._unsubscribe: Callable[[], None] = lambda: None
         self._timer: asyncio.Task[None] | None = None
@@ -116,7 +118,7 @@ class Hub:
                 **describe_body(self.robot.driver),
             )
         )
-        for text in self._lasting:
+        for _, text in self._lasting:
             client.send(text)
         if role is Role.PILOT and self.lease.join(client.id, now_s):
             self._pilot_changed()
@@ -286,7 +288,9 @@ class Hub:
         """
         text = encode_message("event", name=name, **fields)
         if name in LASTING:
-            self._lasting = (*self._lasting, text)
+            self._lasting = (*self._lasting, (name, text))
+        elif name in _ENDS:
+            self._lasting = tuple(one for one in self._lasting if one[0] != _ENDS[name])
         self._soon(self._send_to_all, text)
 
     def _send_to_all(self, text: str) -> None:

@@ -37,6 +37,7 @@ from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.folder import paths_in
 from robot.store.models.events import describe_event, to_json
 from robot.store.models.model import JournalPosition, Model, encode_model, take_model
+from robot.store.presence import require_present
 from robot.store.records import RecordWriter, open_new
 
 log = logging.getLogger(__name__)
@@ -218,6 +219,7 @@ class Journal:
 
     def _begin_part(self) -> None:
         self._close()
+        require_present(self._folder)
         self._folder.mkdir(parents=True, exist_ok=True)
         if shutil.disk_usage(self._folder).free < _SPARE_BYTES:
             raise OSError(28, "the disk is full")

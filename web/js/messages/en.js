@@ -149,6 +149,7 @@ export default {
   not_saved: 'The model could not be saved: {detail}',
   set_aside: 'Damaged files were set aside: {detail}',
   nothing_kept: 'Nothing can be saved or recorded: {detail}',
+  kept_again: 'The data folder is back: everything is saved again.',
   recording_off: '{detail}',
   close: 'Close',
   delete: 'Delete',

@@ -148,6 +148,7 @@ export default {
   not_saved: 'No se pudo guardar el modelo: {detail}',
   set_aside: 'Se apartaron archivos dañados: {detail}',
   nothing_kept: 'No se puede guardar ni grabar nada: {detail}',
+  kept_again: 'La carpeta de datos ha vuelto: todo se guarda de nuevo.',
   recording_off: 'Ya no se graba: {detail}',
   close: 'Cerrar',
   delete: 'Borrar',

@@ -148,6 +148,7 @@ export default {
   not_saved: '模型无法保存：{detail}',
   set_aside: '已移开损坏的文件：{detail}',
   nothing_kept: '无法保存或录制：{detail}',
+  kept_again: '数据文件夹已恢复，一切重新开始保存。',
   recording_off: '录制已停止：{detail}',
   close: '关闭',
   delete: '删除',

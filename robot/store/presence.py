@@ -1,0 +1,80 @@
+"""Notices that the data folder is gone, as when a stick is pulled or a share is unmounted.
+
+The path then leads to the empty folder beneath, and what is written there is hidden when the stick
+is back. So nothing is written below a watched folder unless it is the one that was there at first.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import threading
+import uuid
+from pathlib import Path
+
+from robot.store.records import read_regular
+
+MARK = ".folder-id"
+"""The file by which a folder is known again, also where the system numbers its disk anew."""
+_watched: dict[Path, Presence] = {}
+_lock = threading.Lock()
+
+
+class Presence:
+    """One data folder, as it was when this was made.
+
+    Args:
+        root: The folder. A file of its own is written into it, if there is none.
+
+    Raises:
+        OSError: If that file can neither be read nor written.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root.absolute()
+        self._place = _place_of(self.root)
+        file = self.root / MARK
+        try:
+            self._mark = read_regular(file, 100)
+        except FileNotFoundError:
+            self._mark = f"{uuid.uuid4()}\n".encode()
+            file.write_bytes(self._mark)
+
+    def is_there(self) -> bool:
+        """True while the path leads to the folder that it led to at first."""
+        try:
+            place = _place_of(self.root)
+            if place == self._place:
+                return True
+            if read_regular(self.root / MARK, 100) != self._mark:
+                return False
+        except OSError:
+            return False
+        self._place = place  # it is back: a disk may have another number then
+        return True
+
+    def watch(self) -> None:
+        """From now on `require_present` refuses paths below this folder while it is gone."""
+        with _lock:
+            _watched[self.root] = self
+
+    def end_watch(self) -> None:
+        with _lock:
+            if _watched.get(self.root) is self:
+                del _watched[self.root]
+
+
+def require_present(path: Path) -> None:
+    """Raise OSError if a watched folder above this path is gone: call it before writing there."""
+    with _lock:
+        watched = list(_watched.values())
+    for presence in watched:
+        with contextlib.suppress(ValueError):
+            path.absolute().relative_to(presence.root)
+            if not presence.is_there():
+                raise OSError(errno.ENODEV, "the data folder is gone", str(presence.root))
+
+
+def _place_of(folder: Path) -> tuple[int, int]:
+    status = folder.stat()
+    return status.st_dev, status.st_ino
