@@ -12,6 +12,7 @@ import pytest
 from server.access.pairing import Pairing
 from server.access.rules import Role
 from server.config import Config, PublicAddress, read_networks
+from tests.kit.sizes import few
 from tests.server.live_robot import WEB, LiveServer, live_server
 
 from .nginx import free_port, plain_site, running_caddy, running_nginx, site_of_the_docs
@@ -29,7 +30,7 @@ LAYOUTS = {
 }
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("layout", few(reversed(LAYOUTS), 2))
 def test_page_sockets_and_stop(layout: str, tmp_path: Path, chromium: Any) -> None:
     port = free_port()
     addresses = [address.format(port=port) for address in LAYOUTS[layout]]

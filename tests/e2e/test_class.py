@@ -10,6 +10,7 @@ import pytest
 
 from robot.types import Action
 from server.board.extension import ClassroomExtension
+from tests.kit.sizes import few
 
 from .class_world import running_class
 from .world import PHONE, wait_for
@@ -120,7 +121,7 @@ def test_a_lock_for_all_leaves_other_locks_and_a_forgotten_robot_has_no_card(
         context.close()
 
 
-@pytest.mark.parametrize("language", ["en", "es", "zh"])
+@pytest.mark.parametrize("language", few(["es", "en", "zh"], 1))
 def test_on_every_tablet_stop_all_stands_in_the_first_row(
     chromium: Any, tmp_path: Path, language: str
 ) -> None:

@@ -15,6 +15,7 @@ import pytest
 
 from robot.simulator.driver import SimDriver
 from robot.types import Action, Mode
+from tests.kit.sizes import few
 
 from .boxes import drive_faults
 from .hand import Fingers, choose, hold_until, pad, press_until, turning, wait_until_standing
@@ -134,7 +135,7 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     context.close()
 
 
-@pytest.mark.parametrize("size", [PHONE, DESKTOP, {"width": 1920, "height": 1080}])
+@pytest.mark.parametrize("size", few([PHONE, DESKTOP, {"width": 1920, "height": 1080}], 1))
 def test_directions_and_stop_stay_where_they_are_when_the_map_comes(
     chromium: Any, world: World, size: dict[str, int]
 ) -> None:
@@ -189,7 +190,7 @@ WRONGLY_HIT = """(n) => {
 }"""
 
 
-@pytest.mark.parametrize("size", [PHONE, LANDSCAPE, {"width": 320, "height": 568}])
+@pytest.mark.parametrize("size", few([PHONE, LANDSCAPE, {"width": 320, "height": 568}], 2))
 def test_no_word_of_a_move_lies_over_another_move(
     chromium: Any, world: World, size: dict[str, int]
 ) -> None:

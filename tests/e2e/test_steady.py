@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 
+from tests.kit.sizes import crossed
+
 from .world import World
 
 SCREENS = ("gallery", "why", "teaching", "undo", "study", "home", "settings")
@@ -81,8 +83,7 @@ def slow(rovers_phone: Any) -> Iterator[Any]:
     rovers_phone.evaluate("letGo()")
 
 
-@pytest.mark.parametrize("order", ["as asked", "last first"])
-@pytest.mark.parametrize("screen", SCREENS)
+@crossed(order=["as asked", "last first"], screen=SCREENS)
 @pytest.mark.usefixtures("shelf")
 def test_a_screen_that_opens_moves_nothing_that_it_shows(
     slow: Any, screen: str, order: str

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from robot.types import Action, Mode
+from tests.kit.sizes import crossed
 
 from .hand import (
     Fingers,
@@ -43,9 +44,6 @@ def world(rover: World) -> World:
 def phone(rovers_phone: Any) -> Any:
     steer_by(rovers_phone, "moves")
     return rovers_phone
-
-
-BY = pytest.mark.parametrize("by", ["moves", "stick"])
 
 
 @pytest.fixture
@@ -166,8 +164,7 @@ NOTE_SAID = """() => {
 }"""
 
 
-@BY
-@pytest.mark.parametrize("name", LETTING_GO)
+@crossed(name=LETTING_GO, by=["moves", "stick"])
 def test_letting_go_stops(phone: Any, world: World, name: str, by: str) -> None:
     """The page says so while it handles the event itself: what is late then is the link, and from
     there on the table of faults counts, in virtual time (tests/faults)."""

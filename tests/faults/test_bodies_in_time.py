@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from tests.kit.sizes import crossed
+
 from .bodies import BODIES, DRIVES, FAULTS, STANDS_S, stood_after_s
 from .table import SEEDS
 
@@ -11,8 +13,7 @@ N_DRIVES = min(max(SEEDS // 5, 3), DRIVES)
 
 
 @pytest.mark.parametrize("by_degrees", [False, True], ids=["by moves", "by degrees"])
-@pytest.mark.parametrize("fault", FAULTS)
-@pytest.mark.parametrize("name", BODIES)
+@crossed(fault=FAULTS, name=BODIES)
 def test_a_body_stands_when_its_server_is_gone(name: str, fault: str, by_degrees: bool) -> None:
     if name == "gpio":
         pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")

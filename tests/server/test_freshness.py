@@ -342,8 +342,7 @@ def test_pictures_that_stop_while_the_heartbeat_goes_on_stop_the_robot() -> None
     virtually(scenario)
 
 
-@pytest.mark.parametrize("mode", ["train", "autonomous"])
-@pytest.mark.parametrize("seed", range(size("STALLS", 2, 10)))
+@crossed(mode=["train", "autonomous"], seed=range(size("STALLS", 2, 10)))
 def test_acknowledgements_that_stop_alone_stop_the_robot(mode: str, seed: int) -> None:
     """The words go on, with fresh nonces: what nobody has acknowledged nobody has seen."""
 

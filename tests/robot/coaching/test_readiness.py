@@ -27,6 +27,7 @@ from robot.types import (
     Sensors,
     StopReason,
 )
+from tests.kit.sizes import crossed
 
 F, L, R, STOP = Action.FORWARD, Action.LEFT, Action.RIGHT, Action.STOP
 
@@ -163,9 +164,7 @@ def test_a_slip_of_the_finger_is_no_move_to_be_taught() -> None:
     assert R not in drive.readiness.moves_in_use
 
 
-@pytest.mark.parametrize("rate_hz", [10, 15, 30])
-@pytest.mark.parametrize("slip_s", [0.1, 0.2, 0.3])
-@pytest.mark.parametrize("n_slips", [1, 2, 3, 4, 5])
+@crossed(rate_hz=[10, 15, 30], slip_s=[0.1, 0.2, 0.3], n_slips=[1, 2, 3, 4, 5])
 def test_who_never_turns_left_is_not_asked_for_it_however_often_the_finger_slips(
     rate_hz, slip_s, n_slips
 ) -> None:
@@ -219,8 +218,7 @@ def test_views_that_it_knows_well_enough_do_not_keep_it_from_ready() -> None:
     assert drive.readiness.stage is Stage.READY
 
 
-@pytest.mark.parametrize("rate_hz", [10, 15, 30])
-@pytest.mark.parametrize("unknown_s", [0.0, 0.5, 1.0, 1.5])
+@crossed(rate_hz=[10, 15, 30], unknown_s=[0.0, 0.5, 1.0, 1.5])
 def test_it_is_ready_just_when_it_has_driven_for_as_long_as_it_says(rate_hz, unknown_s) -> None:
     drive = taught(rate_hz)
     drive.alone(unknown_s, novelty=HARDLY_KNOWN)

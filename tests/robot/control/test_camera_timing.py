@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from robot.control.camera_timing import USUAL_PERIOD_S, CameraTiming, CameraTimingConfig
 from robot.types import Action, Encoding, Mode, PilotCommand, StopReason
+from tests.kit.sizes import crossed
 from tests.robot.bench_robot import BenchRobot
 
 SHORTEST_S = 0.2
@@ -254,8 +255,7 @@ def test_a_slow_link_of_the_same_age_is_not_taken_for_a_slow_phone() -> None:
     assert drive(1 / 30, 0.005, link_s=0.4, restarts=False).moving < 0.1
 
 
-@pytest.mark.parametrize("age_s", [0.005, 0.095, 0.145, 0.3])
-@pytest.mark.parametrize("period_s", [1 / 30, 0.1])
+@crossed(age_s=[0.005, 0.095, 0.145, 0.3], period_s=[1 / 30, 0.1])
 def test_after_the_camera_freezes_it_stands_within_half_a_second_and_a_period(
     period_s: float, age_s: float
 ) -> None:

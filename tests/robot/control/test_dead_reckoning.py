@@ -18,6 +18,7 @@ from robot.errors import DriveError
 from robot.simulator.body import TRACK_M, WHEELS_MPS, move
 from robot.testing import FakeDriver
 from robot.types import Action, Decision, DrivenBy, Mode, Pose, Sensors
+from tests.kit.sizes import crossed
 
 TICK_S = 1 / 30
 START = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
@@ -38,8 +39,7 @@ def told(action: Action, now_s: float, scale: float = 1.0) -> Tick:
     return Tick(now_s=now_s, decision=decision, sent=action)
 
 
-@pytest.mark.parametrize("counts", [True, False])
-@pytest.mark.parametrize("seed", range(10))
+@crossed(counts=[True, False], seed=range(10))
 def test_without_slip_the_estimate_is_the_truth(seed: int, counts: bool) -> None:
     chance = random.Random(seed)
     reckoning, truth = DeadReckoning(_TwoWheels()), START
@@ -114,8 +114,7 @@ class _Chassis(ChassisDriver):
         return self.body
 
 
-@pytest.mark.parametrize("reversed_motors", [False, True])
-@pytest.mark.parametrize("action", [Action.FORWARD, Action.LEFT, Action.BACKWARD])
+@crossed(reversed_motors=[False, True], action=[Action.FORWARD, Action.LEFT, Action.BACKWARD])
 def test_a_chassis_counts_the_way_of_its_wheels(action: Action, reversed_motors: bool) -> None:
     driver = _Chassis(ChassisOptions(reversed_motors=reversed_motors))
     assert isinstance(driver, Driver)

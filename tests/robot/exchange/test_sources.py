@@ -17,6 +17,7 @@ from robot.exchange.drive import ImportReport
 from robot.exchange.npz import load_recording
 from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives, unpacked
+from tests.kit.sizes import crossed
 
 from .test_imports import jpeg, tub_1, tub_2
 
@@ -48,8 +49,7 @@ def pack(folder: Path, form: str) -> Path:
     return path if path.exists() else folder
 
 
-@pytest.mark.parametrize("form", ["folder", "zip", "tar.gz"])
-@pytest.mark.parametrize("seed", range(4))
+@crossed(form=["folder", "zip", "tar.gz"], seed=range(4))
 def test_recordings_are_found_in_folders_and_archives(tmp_path: Path, seed: int, form: str) -> None:
     chance, folder, wanted = random.Random(seed), tmp_path / "drives", {}
     for number, place in enumerate(chance.choices(PLACES, k=chance.randrange(1, 5))):
@@ -100,8 +100,7 @@ def test_what_macos_lays_beside_files_and_names_in_capitals_keep_nothing_away(
     assert len(find_drives(folder / alone)) == 1
 
 
-@pytest.mark.parametrize("bad", ["n" * 300, "a.csv/x", ".", "b"])
-@pytest.mark.parametrize("form", ["tar", "zip"])
+@crossed(bad=["n" * 300, "a.csv/x", ".", "b"], form=["tar", "zip"])
 def test_a_name_that_no_file_can_have_spoils_nothing_but_itself(
     tmp_path: Path, form: str, bad: str
 ) -> None:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from robot.learner.change_of_mind import ENOUGH, MOST_A_TURN, ChangeOfMind
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
+from tests.kit.sizes import crossed
 
 FORWARD, LEFT, RIGHT = range(3)
 OWNERS = np.array([FORWARD, LEFT, LEFT, RIGHT])
@@ -181,8 +182,7 @@ def share_of(learner: BSOCClassifier, side: str, first_wall: int = 0) -> float:
     return float(np.mean([learner.predict_one(x) == side for x in walls]))
 
 
-@pytest.mark.parametrize("is_linear", [False, True])
-@pytest.mark.parametrize("max_nodes", [8, 16, 32, 64])
+@crossed(is_linear=[False, True], max_nodes=[8, 16, 32, 64])
 def test_it_turns_right_at_the_same_walls_after_a_few_turns(
     max_nodes: int, is_linear: bool
 ) -> None:
@@ -192,8 +192,7 @@ def test_it_turns_right_at_the_same_walls_after_a_few_turns(
     assert share_of(keeps, "right") < 0.7
 
 
-@pytest.mark.parametrize("is_linear", [False, True])
-@pytest.mark.parametrize("max_nodes", [8, 16, 32, 64])
+@crossed(is_linear=[False, True], max_nodes=[8, 16, 32, 64])
 def test_a_pilot_who_says_so_shows_it_at_one_wall_for_all(max_nodes: int, is_linear: bool) -> None:
     told, untold = (taught(lesson("left", 16, 1), max_nodes, is_linear) for _ in range(2))
     told.outdate()
@@ -209,9 +208,7 @@ def test_a_learner_that_cannot_tell_old_from_new_says_so() -> None:
         BSOCClassifier.published(8).outdate()
 
 
-@pytest.mark.parametrize("is_linear", [False, True])
-@pytest.mark.parametrize("n_blocks", [2, 3, 4])
-@pytest.mark.parametrize("max_nodes", [8, 16, 32, 64])
+@crossed(is_linear=[False, True], n_blocks=[2, 3, 4], max_nodes=[8, 16, 32, 64])
 def test_the_other_way_round_at_other_walls_gives_nothing_up(
     max_nodes: int, n_blocks: int, is_linear: bool
 ) -> None:

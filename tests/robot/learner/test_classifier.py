@@ -7,11 +7,11 @@ from robot.learner.base import Learner, NotFittedError
 from robot.learner.change_of_mind import ENOUGH, LATER
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import ContextRidge, RecursiveRidge
+from tests.kit.sizes import crossed
 from tests.robot.learner import paper
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("max_nodes", [1, 2, 6])
+@crossed(seed=range(4), max_nodes=[1, 2, 6])
 def test_published_histograms_equal_the_pseudocode(max_nodes, seed):
     rng = np.random.default_rng(seed)
     ours, theirs = BSOCClassifier.published(max_nodes), paper.PaperBSOC(max_nodes, rounded=False)

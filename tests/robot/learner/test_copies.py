@@ -7,11 +7,11 @@ import pickle
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 
 from robot.learner import BSOCClassifier
 from robot.learner.clusters import CACHED_FROM
 from robot.learner.ridge import RecursiveRidge
+from tests.kit.sizes import crossed
 
 MAKERS: dict[str, Callable[[], BSOCClassifier]] = {
     "few": lambda: BSOCClassifier(6),
@@ -26,8 +26,7 @@ COPIES: dict[str, Callable[[BSOCClassifier], BSOCClassifier]] = {
 }
 
 
-@pytest.mark.parametrize("how", COPIES)
-@pytest.mark.parametrize("kind", MAKERS)
+@crossed(how=COPIES, kind=MAKERS)
 def test_a_copy_learns_on_as_the_original(kind: str, how: str) -> None:
     rng = np.random.default_rng(4)
     xs = rng.integers(0, 255, (2 * CACHED_FROM + 200, 8)).astype(np.uint8)

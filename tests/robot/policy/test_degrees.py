@@ -22,6 +22,7 @@ from robot.policy.recognition import BAND
 from robot.policy.registry import make_policy
 from robot.store.models.events import describe_event, read_event
 from robot.types import Action, Encoding, Example, Frame, Mode, Point
+from tests.kit.sizes import crossed
 from tests.learners import installed
 from tests.robot.bench_robot import BenchRobot
 from tests.robot.policy.test_history import same
@@ -98,8 +99,7 @@ def without_points(state: State) -> State:
     return State(kind=state.kind, params=state.params, arrays=arrays, labels=state.labels)
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
-@pytest.mark.parametrize("seed", range(3))
+@crossed(learner=LEARNERS, seed=range(3))
 def test_the_moves_are_learned_bit_for_bit_as_without_degrees(learner: str, seed: int) -> None:
     histories = [TrainingHistory(make_policy(learner)) for _ in range(2)]
     alone, beside = histories
@@ -138,8 +138,7 @@ def test_on_a_body_of_moves_a_curve_counts_as_the_turn_that_it_is_there() -> Non
     assert helpless_after_s.keys() == {False}, "half of full lock gets on, a turn in place does not"
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
-@pytest.mark.parametrize("seed", range(3))
+@crossed(learner=LEARNERS, seed=range(3))
 def test_points_are_undone_as_if_they_had_never_been(learner: str, seed: int) -> None:
     history = TrainingHistory(make_policy(learner))
     n_alone = random.Random(seed).randrange(20, 120)
@@ -153,8 +152,7 @@ def test_points_are_undone_as_if_they_had_never_been(learner: str, seed: int) ->
     assert history.policy.propose(1, history.policy.extract(view(0.0, 0))).point is None
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
-@pytest.mark.parametrize("seed", range(3))
+@crossed(learner=LEARNERS, seed=range(3))
 def test_a_policy_that_is_restored_goes_on_as_the_first(learner: str, seed: int) -> None:
     dice, first, second = random.Random(seed), make_policy(learner), make_policy(learner)
     policies = [first]
@@ -232,8 +230,7 @@ def test_images_keep_the_angles_of_their_frames_through_merges_and_edits(seed: i
     learner.check()
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
-@pytest.mark.parametrize("seed", range(2))
+@crossed(learner=LEARNERS, seed=range(2))
 def test_who_steers_all_or_nothing_is_answered_so(learner: str, seed: int) -> None:
     history = TrainingHistory(make_policy(learner))
     teach(history, seed, 200, pilot=all_or_nothing)
@@ -255,8 +252,7 @@ def test_who_steers_by_degrees_is_met_closer_than_by_moves(learner: str, seed: i
         assert abs(point.steering - means[move].steering) < BAND
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
-@pytest.mark.parametrize("seed", range(2))
+@crossed(learner=LEARNERS, seed=range(2))
 def test_what_is_passed_on_either_side_is_not_driven_into(learner: str, seed: int) -> None:
     """The mean of hard to the left and hard to the right is straight on."""
     dice = random.Random(seed)

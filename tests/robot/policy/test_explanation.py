@@ -9,14 +9,14 @@ from robot.coaching.gallery import explain
 from robot.policy.features import CELL_COLUMNS, CELL_ROWS
 from robot.policy.registry import make_policy
 from robot.types import Action
+from tests.kit.sizes import crossed
 from tests.robot.policy.pictures import frame_of
 
 NAMES = ("default-16", "published-16")
 """Learners on gradients, and on grey pixels alone."""
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("seed", range(5))
+@crossed(name=NAMES, seed=range(5))
 def test_the_parts_add_up_to_the_learners_own_distance(name: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     policy = make_policy(name)
@@ -30,8 +30,7 @@ def test_the_parts_add_up_to_the_learners_own_distance(name: str, seed: int) -> 
     assert cells.sum() == pytest.approx(evidence.distance, rel=1e-3)
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("seed", range(8))
+@crossed(name=NAMES, seed=range(8))
 def test_what_is_marked_is_what_only_the_deciding_image_shares(name: str, seed: int) -> None:
     """Views of one ground; each image has a pattern of its own in one part of it."""
     rng = np.random.default_rng(seed)

@@ -25,6 +25,7 @@ from robot.policy.part import Lesson, PolicyPart
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Action, Example, Point
+from tests.kit.sizes import crossed
 from tests.robot.bench_robot import BenchRobot
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
@@ -367,8 +368,7 @@ def test_a_learner_begins_each_drive_again_after_an_undo() -> None:
     assert same(history.policy.get_state(), by_hand.get_state())
 
 
-@pytest.mark.parametrize("learner", LEARNERS)
-@pytest.mark.parametrize("seconds", [0.5, 5.0, 30.0])
+@crossed(learner=LEARNERS, seconds=[0.5, 5.0, 30.0])
 def test_undo_leaves_the_learner_as_if_the_lessons_had_never_been(
     learner: str, seconds: float
 ) -> None:

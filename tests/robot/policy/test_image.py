@@ -7,6 +7,7 @@ import pytest
 from robot.errors import CameraError
 from robot.policy import image
 from robot.types import Encoding, Frame
+from tests.kit.sizes import crossed
 
 
 def frame(data, encoding, width=16, height=12):
@@ -39,8 +40,7 @@ def test_yuyv_to_rgb_agrees_with_opencv():
     assert np.array_equal(image.to_grey(frame(yuyv.tobytes(), Encoding.YUYV)), yuyv[:, :, 0])
 
 
-@pytest.mark.parametrize("encoding", list(Encoding))
-@pytest.mark.parametrize("data", [b"", b"not an image"])
+@crossed(encoding=list(Encoding), data=[b"", b"not an image"])
 def test_bytes_that_are_no_image_are_a_camera_error(encoding, data):
     for convert in (image.to_grey, image.to_rgb):
         with pytest.raises(CameraError):

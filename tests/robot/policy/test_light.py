@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from robot.policy.light import ANOTHER_LIGHT, LightAdaptation
 from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame
+from tests.kit.sizes import crossed
 from tests.learners import installed
 from tests.robot.policy.passing import see, teach
 
@@ -75,8 +76,7 @@ def picture(kind: int, light: float, seed: int) -> Frame:
     )
 
 
-@pytest.mark.parametrize("light", [0.35, 0.5])
-@pytest.mark.parametrize("without", installed("without-adaptation-8"))
+@crossed(light=[0.35, 0.5], without=installed("without-adaptation-8"))
 def test_a_darker_room_is_no_news(without, light):
     novelty = {}
     for policy in (make_policy("default-8"), make_policy(without)):

@@ -7,6 +7,7 @@ from robot.driver import Move
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.pilot_pace import LONGEST_DEBT_S, SHORTEST_DEBT_S, STUCK_S, PilotPace
 from robot.types import Action, Point
+from tests.kit.sizes import crossed
 from tests.robot.policy.passing import teach
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -78,8 +79,7 @@ def test_corrections_with_pauses_between_them_are_manoeuvres_of_their_own():
     assert pilot.pace.longest_debt_s == pytest.approx(2.0, abs=0.3)
 
 
-@pytest.mark.parametrize("moves", [(F, L, BRAKE, GRIP), (BRAKE, GRIP)])
-@pytest.mark.parametrize("rate_hz", [5, 10, 30])
+@crossed(moves=[(F, L, BRAKE, GRIP), (BRAKE, GRIP)], rate_hz=[5, 10, 30])
 def test_who_stands_with_a_move_that_nobody_knows_means_to(moves, rate_hz):
     kinds = MoveKinds(moves)
     pilot = Pilot(rate_hz, kinds).drive(moves[0], 3).drive(GRIP, 0.3, is_moving=False)
@@ -90,8 +90,7 @@ def test_who_stands_with_a_move_that_nobody_knows_means_to(moves, rate_hz):
     assert other.stands == [GRIP]
 
 
-@pytest.mark.parametrize("stood_s", [1.5, 1.54, 1.57])
-@pytest.mark.parametrize("rate_hz", [5, 10, 30])
+@crossed(stood_s=[1.5, 1.54, 1.57], rate_hz=[5, 10, 30])
 def test_who_stood_with_another_move_has_not_stood_with_this_one(rate_hz, stood_s):
     pilot = Pilot(rate_hz, MoveKinds((F, L, BRAKE))).drive(F, 3).drive(F, stood_s, is_moving=False)
     assert pilot.drive(BRAKE, 0.2, is_moving=False).pace.stands == []
@@ -110,8 +109,7 @@ def test_its_state_goes_on_as_if_nothing_had_been():
     assert arrays.keys() == arrays_too.keys()
 
 
-@pytest.mark.parametrize("rate_hz", [10, 15, 30])
-@pytest.mark.parametrize("run_s", [0.4, 1.0, 3.0])
+@crossed(rate_hz=[10, 15, 30], run_s=[0.4, 1.0, 3.0])
 def test_how_long_the_pilot_keeps_to_a_move_is_known_at_any_frame_rate(rate_hz, run_s):
     pilot = Pilot(rate_hz)
     pilot.drive(F, run_s)

@@ -10,6 +10,7 @@ from robot.driver import Move
 from robot.errors import ConfigurationError
 from robot.policy.registry import make_policy
 from robot.types import Action, Encoding, Frame, Point
+from tests.kit.sizes import crossed
 from tests.learners import installed
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -105,8 +106,7 @@ def test_refuses_a_label_that_is_no_move():
     assert policy.n_seen == 0
 
 
-@pytest.mark.parametrize("name", installed("default-4", "published-4", "integer-4"))
-@pytest.mark.parametrize("size", [5, 1000, 1199, 3000])
+@crossed(name=installed("default-4", "published-4", "integer-4"), size=[5, 1000, 1199, 3000])
 def test_a_vector_of_another_length_teaches_nothing(name, size):
     policy = taught(name, 6)
     policy.learn(policy.extract(view(1)), F, 5.0)
@@ -138,8 +138,10 @@ def test_confidence_falls_with_novelty_towards_a_guess(kind):
     assert confidences[-1] == pytest.approx(0.5, abs=1e-3), "a guess between the moves taught"
 
 
-@pytest.mark.parametrize("name", installed("default-4", "published-4", "integer-4"))
-@pytest.mark.parametrize("point", [(np.nan, 0.5), (0.0, np.inf), (-1.5, 0.5), (0.0, np.nan)])
+@crossed(
+    name=installed("default-4", "published-4", "integer-4"),
+    point=[(np.nan, 0.5), (0.0, np.inf), (-1.5, 0.5), (0.0, np.nan)],
+)
 def test_a_point_that_is_none_teaches_nothing(name, point):
     policy = taught(name, 6)
     before = policy.get_state()

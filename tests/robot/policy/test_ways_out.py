@@ -18,6 +18,7 @@ from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Seen
 from robot.policy.pilot_pace import LONGEST_DEBT_S, STUCK_S, TO_AND_FRO_S, PilotPace
 from robot.types import Action
+from tests.kit.sizes import crossed
 from tests.robot.policy.passing import teach
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -81,9 +82,7 @@ def voted(action: Action, share: float = 1.0) -> dict[Action, float]:
     return {move: share if move is action else (1 - share) / 2 for move in MOVES}
 
 
-@pytest.mark.parametrize("rate_hz", [5, 10, 15, 30, 60])
-@pytest.mark.parametrize("is_free", [True, False])
-@pytest.mark.parametrize("seed", range(12))
+@crossed(rate_hz=[5, 10, 15, 30, 60], is_free=[True, False], seed=range(12))
 def test_no_votes_keep_it_in_one_place_for_ever(rate_hz, is_free, seed):
     chance = random.Random(f"{seed} {is_free}")
     period_s = 0.05 * 160 ** chance.random()
@@ -111,8 +110,7 @@ def test_a_turn_that_the_votes_would_never_end_ends_by_the_pilots_own_measure(ra
     assert 4.0 * ALLOWANCE < first_straight_s < 4.0 * ALLOWANCE * 2.1
 
 
-@pytest.mark.parametrize("rate_hz", [5, 10, 15, 30, 60])
-@pytest.mark.parametrize("other", [0.0, 0.2, 0.49])
+@crossed(rate_hz=[5, 10, 15, 30, 60], other=[0.0, 0.2, 0.49])
 def test_no_pilots_measure_allows_a_whole_circle(rate_hz, other):
     body = Body(rate_hz, longest_debt_s=LONGEST_DEBT_S)
     sent = body.run(30.0, {F: 0.01, L: 0.99 - other, R: other})
@@ -126,8 +124,7 @@ def test_a_pilot_of_long_turns_is_given_more_time(rate_hz):
     assert ends[0] > 3 * ends[1]
 
 
-@pytest.mark.parametrize("rate_hz", [10, 15, 30])
-@pytest.mark.parametrize("period_s", [0.5, 0.8])
+@crossed(rate_hz=[10, 15, 30], period_s=[0.5, 0.8])
 def test_it_does_not_turn_to_and_fro(rate_hz, period_s):
     body = Body(rate_hz)
     sent = body.run(4.0, lambda t: voted(L if t % (2 * period_s) < period_s else R))
@@ -136,8 +133,7 @@ def test_it_does_not_turn_to_and_fro(rate_hz, period_s):
         assert (third - first) / rate_hz > TO_AND_FRO_S - 2 / rate_hz
 
 
-@pytest.mark.parametrize("rate_hz", [10, 15, 30])
-@pytest.mark.parametrize("period_s", [0.3, 0.5, 0.8])
+@crossed(rate_hz=[10, 15, 30], period_s=[0.3, 0.5, 0.8])
 def test_it_turns_to_and_fro_as_quickly_as_its_pilot(rate_hz, period_s):
     body = Body(rate_hz)
     for frame in range(int(8 * rate_hz)):
@@ -165,8 +161,7 @@ def test_a_car_steers_from_one_side_to_the_other():
     assert F not in sent
 
 
-@pytest.mark.parametrize("rate_hz", [10, 15, 30])
-@pytest.mark.parametrize("share", [0.5, 0.7, 0.9, 0.999])
+@crossed(rate_hz=[10, 15, 30], share=[0.5, 0.7, 0.9, 0.999])
 def test_no_push_is_longer_than_the_pilot_ever_pushed(rate_hz, share):
     body = Body(rate_hz)
     body.run(3.0, voted(F))

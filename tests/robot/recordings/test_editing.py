@@ -19,6 +19,7 @@ from robot.recordings.teaching import learn_again, plan
 from robot.store.folder import Storage
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
+from tests.kit.sizes import crossed
 
 from .drives import MOVES, RecordedBench, record_drive
 
@@ -90,8 +91,7 @@ def test_what_a_recording_took_back_of_the_one_before_stays_taken_back(
     assert left_out == 0
 
 
-@pytest.mark.parametrize("way", ["compact", "split", "split and compact"])
-@pytest.mark.parametrize("taken_back", [1, 2])
+@crossed(way=["compact", "split", "split and compact"], taken_back=[1, 2])
 def test_the_edit_of_an_image_that_is_taken_back_later_is_the_right_one(
     tmp_path: Path, taken_back: int, way: str
 ) -> None:

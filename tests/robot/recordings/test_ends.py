@@ -14,6 +14,7 @@ from robot.errors import RecordingError
 from robot.recordings import reader
 from robot.recordings.reader import read_metadata
 from robot.recordings.summary import read_summary
+from tests.kit.sizes import crossed
 
 from .drives import record_drive
 
@@ -26,8 +27,7 @@ def by_library(path: Path) -> dict[str, dict[str, str]]:
         return {record.name: dict(record.metadata) for record in records}
 
 
-@pytest.mark.parametrize("frames", [1, 12, 400])
-@pytest.mark.parametrize("read_bytes", [64, 8192])
+@crossed(frames=[1, 12, 400], read_bytes=[64, 8192])
 def test_it_finds_what_the_library_finds(
     tmp_path: Path, frames: int, read_bytes: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,20 +5,18 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
-import pytest
-
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.teaching import learn_again
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
+from tests.kit.sizes import crossed
 from tests.robot.store.models.lives import Disk
 
 from .drives import RecordedBench
 
 
-@pytest.mark.parametrize("stood_s", [0.0, 0.5, 5.0, 9.5, 12.0])
-@pytest.mark.parametrize("teaches_at_once", [False, True])
+@crossed(stood_s=[0.0, 0.5, 5.0, 9.5, 12.0], teaches_at_once=[False, True])
 def test_the_drive_after_a_disk_refused_is_recorded(
     tmp_path: Path, stood_s: float, teaches_at_once: bool
 ) -> None:

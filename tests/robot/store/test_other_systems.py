@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from robot.errors import ConfigurationError
 from robot.store import folder as folder_module
 from robot.store.folder import check_name, free_name, move, write_whole
+from tests.kit.sizes import crossed
 
 DEVICES = [*(["con", "prn", "aux", "nul", "conin$", "conout$"])]
 DEVICES += [f"{port}{number}" for port in ("com", "lpt") for number in "0123456789¹²³"]
@@ -55,8 +56,7 @@ class SharingError(PermissionError):
         self.winerror = winerror
 
 
-@pytest.mark.parametrize("winerror", [5, 32])
-@pytest.mark.parametrize("times", [0, 1, 5])
+@crossed(winerror=[5, 32], times=[0, 1, 5])
 def test_a_file_that_a_scanner_reads_is_replaced_when_it_is_free(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, winerror: int, times: int
 ) -> None:

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote
 
-import pytest
-
 from server.access.pairing import _SESSIONS, Paired, Pairing
 from server.access.rules import Refusal, Role
+from tests.kit.sizes import crossed
 
 
 def redeem(pairing: Pairing, token: str, before: str = "") -> str:
@@ -58,8 +57,7 @@ def test_redeeming_again_renews_the_session_that_a_browser_has() -> None:
     assert redeem(pairing, pairing.tokens[Role.VIEWER], up) != up and pairing.find(up) is None
 
 
-@pytest.mark.parametrize("are_used", [False, True])
-@pytest.mark.parametrize("times", [_SESSIONS + 2, 500])
+@crossed(are_used=[False, True], times=[_SESSIONS + 2, 500])
 def test_nobody_who_was_there_is_pushed_out_by_who_redeems_again_and_again(
     times: int, are_used: bool
 ) -> None:

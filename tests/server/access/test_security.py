@@ -18,6 +18,7 @@ from server.access.certificates import make_certificates
 from server.access.pairing import Pairing, cookie_name
 from server.access.rules import Role
 from server.config import Config, Limits
+from tests.kit.sizes import crossed
 from tests.server.live_robot import WEB
 from tests.server.virtual_connections import Exchange, VirtualSocket
 from tests.server.virtual_pilot import VirtualPilot
@@ -77,10 +78,10 @@ def test_dns_rebinding_by_websocket_is_refused(here: VirtualServer) -> None:
     assert _socket_status(here, host="evil.example") == 421
 
 
-@pytest.mark.parametrize(
-    "origin", ["http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"]
+@crossed(
+    origin=["http://evil.example", "null", "https://127.0.0.1", "http://127.0.0.1:1"],
+    path=["/ws/drive", "/ws/video"],
 )
-@pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])
 def test_cross_site_websocket_hijacking_is_refused(
     here: VirtualServer, path: str, origin: str
 ) -> None:

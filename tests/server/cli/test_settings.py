@@ -23,6 +23,7 @@ from server.cli.main import main, make_parser
 from server.cli.settings import apply_to, build, read_settings
 from server.config import Limits
 from server.routes import routers
+from tests.kit.sizes import crossed
 
 REFERENCE = Path(__file__).resolve().parents[3] / "docs" / "reference"
 
@@ -44,9 +45,9 @@ def test_flags_go_before_environment_before_file(tmp_path: Path) -> None:
     assert _parse(file, {}).port == 8001
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
-@pytest.mark.parametrize("end", ["\n", "\r\n"])
-@pytest.mark.parametrize("name", ["Müller", "李", "kitchen", "\ufeff"])
+@crossed(
+    encoding=["utf-8", "utf-8-sig"], end=["\n", "\r\n"], name=["Müller", "李", "kitchen", "\ufeff"]
+)
 def test_a_file_is_utf_8_whatever_the_system_writes(
     tmp_path: Path, encoding: str, end: str, name: str
 ) -> None:
@@ -128,8 +129,7 @@ def test_a_robot_brings_its_options_however_short_its_flag_is(words: str) -> Non
     assert (args.robot, args.servo_pin) == ("gpio", "13")
 
 
-@pytest.mark.parametrize("name", ["robot", "camera"])
-@pytest.mark.parametrize("value", ["5", "true", "['sim']", "1979-05-27"])
+@crossed(name=["robot", "camera"], value=["5", "true", "['sim']", "1979-05-27"])
 def test_a_robot_that_is_no_name_is_refused_in_a_line(
     tmp_path: Path, name: str, value: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

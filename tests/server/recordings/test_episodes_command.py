@@ -14,6 +14,7 @@ import pytest
 from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
 from server.__main__ import main
+from tests.kit.sizes import crossed
 from tests.server.cli.typed import assert_refused_by_a_full_disk, say
 
 
@@ -36,8 +37,7 @@ def test_list_and_show(episode_id: str, capsys: pytest.CaptureFixture[str]) -> N
     assert "FFFFLLLLRRRR" in pilot
 
 
-@pytest.mark.parametrize("form", ["NFC", "NFD"])
-@pytest.mark.parametrize("typed", ["Küche", "Kü", unicodedata.normalize("NFD", "Küche")])
+@crossed(form=["NFC", "NFD"], typed=["Küche", "Kü", unicodedata.normalize("NFD", "Küche")])
 def test_a_name_is_found_however_its_accents_are_written(
     episode_id: str,
     data: Path,

@@ -20,6 +20,7 @@ from server.__main__ import main
 from server.bodies import calibrate
 from server.bodies.calibrate import correction, keep
 from server.cli.settings import read_settings
+from tests.kit.sizes import crossed
 
 
 def test_what_cannot_be_is_refused() -> None:
@@ -54,8 +55,10 @@ def test_the_file_keeps_all_else(tmp_path: Path) -> None:
     )
 
 
-@pytest.mark.parametrize("spelled", ["track_m", "track-m", '"track_m"', "'track-m'", "  track_m  "])
-@pytest.mark.parametrize("before", ["", "\n\n", "# why\n\n", "port = 1\r\n\r\n"])
+@crossed(
+    spelled=["track_m", "track-m", '"track_m"', "'track-m'", "  track_m  "],
+    before=["", "\n\n", "# why\n\n", "port = 1\r\n\r\n"],
+)
 def test_a_measure_is_found_however_it_is_spelled_and_no_line_goes(
     spelled: str, before: str, tmp_path: Path
 ) -> None:

@@ -10,6 +10,7 @@ from robot.lab.simulated_pilots.hand import STEADY, HumanDelayConfig
 from robot.lab.simulated_pilots.pilot import SimulatedPilot, TakeoverPolicy
 from robot.lab.simulated_pilots.situation import Situation
 from robot.types import Action, Mode
+from tests.kit.sizes import crossed
 from tests.robot.lab.simulated_pilots.test_teachers import situation
 
 F, L = Action.FORWARD, Action.LEFT
@@ -96,8 +97,7 @@ class Counting(Strict):
         return L
 
 
-@pytest.mark.parametrize("rate_hz", [5, 10, 15, 30])
-@pytest.mark.parametrize("looks_hz", [5.0, 7.0, 8.0, 10.0])
+@crossed(rate_hz=[5, 10, 15, 30], looks_hz=[5.0, 7.0, 8.0, 10.0])
 def test_it_looks_as_often_whatever_the_camera_s_rate(rate_hz: int, looks_hz: float) -> None:
     teacher = Counting()
     who = SimulatedPilot(teacher, (F, L), hand=HumanDelayConfig(looks_hz=looks_hz))

@@ -23,7 +23,7 @@ from robot.store.models.model import _checksum, decode_model, encode_model, take
 from robot.store.models.store import ModelStore
 from robot.store.models.trial import try_model
 from robot.types import Action, Encoding, Frame
-from tests.kit.sizes import IS_FULL
+from tests.kit.sizes import IS_FULL, crossed
 from tests.learners import installed
 
 EVERY = 1 if IS_FULL else 10
@@ -205,8 +205,7 @@ def _wrong(learner: str) -> Iterator[tuple[str, dict[str, Any], Arrays]]:
     yield "a strange array", meta, {**arrays, "state.strange": np.zeros(3)}
 
 
-@pytest.mark.parametrize("learner", [*LEARNERS, "default-32", *installed("without-linear-4")])
-@pytest.mark.parametrize("lessons", [0, 1, 3, 40])
+@crossed(learner=[*LEARNERS, "default-32", *installed("without-linear-4")], lessons=[0, 1, 3, 40])
 def test_every_model_of_ours_is_let_in(tmp_path: Path, learner: str, lessons: int) -> None:
     store = ModelStore(Storage(tmp_path))
     data = good(learner, lessons)

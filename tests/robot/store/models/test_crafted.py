@@ -20,7 +20,7 @@ from robot.policy.registry import make_policy
 from robot.store.models.model import Model, decode_model, encode_model, take_model
 from robot.store.models.trial import try_model
 from robot.types import Action, Example, Point
-from tests.kit.sizes import size
+from tests.kit.sizes import crossed, size
 from tests.learners import installed
 from tests.robot.store.models.test_checking import FRAME
 
@@ -201,9 +201,11 @@ def test_a_crafted_model_is_refused_or_drives(tenth: int) -> None:
     assert found["refused"] > 0 and found["drives"] > 0
 
 
-@pytest.mark.parametrize("learner", [*LEARNERS, "default-1", "published-1"])
-@pytest.mark.parametrize("n_examples", [0, 1, 5, 44, 119])
-@pytest.mark.parametrize("n_views", [1, 2, 120])
+@crossed(
+    learner=[*LEARNERS, "default-1", "published-1"],
+    n_examples=[0, 1, 5, 44, 119],
+    n_views=[1, 2, 120],
+)
 def test_a_real_one_drives(learner: str, n_examples: int, n_views: int) -> None:
     """A robot that stands sees the same picture again and again."""
     assert outcome(lambda: real(learner, n_examples, n_views)) == "drives"

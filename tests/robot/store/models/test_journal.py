@@ -24,7 +24,7 @@ from robot.store.models.replay import recover
 from robot.store.models.store import ModelStore
 from robot.store.records import RecordWriter, frame_record, read_records
 from robot.types import Action
-from tests.kit.sizes import size
+from tests.kit.sizes import crossed, size
 from tests.learners import installed
 
 from .lives import Life, same
@@ -105,8 +105,7 @@ def test_what_was_written_survives_ten_kills_and_damage(tmp_path: Path, seed: in
     assert done["teach"] > 0
 
 
-@pytest.mark.parametrize("learner", installed("default-6", "fair-knn-3"))
-@pytest.mark.parametrize("seed", range(4))
+@crossed(learner=installed("default-6", "fair-knn-3"), seed=range(4))
 def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: int) -> None:
     rng = random.Random(seed)
     expected = None
@@ -123,8 +122,7 @@ def test_every_learner_comes_back_as_it_was(tmp_path: Path, learner: str, seed: 
         life.die()
 
 
-@pytest.mark.parametrize("saves", [False, True])
-@pytest.mark.parametrize("seed", range(4))
+@crossed(saves=[False, True], seed=range(4))
 def test_a_body_with_moves_of_its_own_comes_back_as_it_was(
     tmp_path: Path, seed: int, saves: bool
 ) -> None:
@@ -289,8 +287,7 @@ class OneAtATime(random.Random):
         return 1 if bounds == (1, 6) else super().randrange(*bounds)
 
 
-@pytest.mark.parametrize("how", ["remove", "empty", "cut", "rubbish"])
-@pytest.mark.parametrize("seed", range(5))
+@crossed(how=["remove", "empty", "cut", "rubbish"], seed=range(5))
 def test_where_both_files_of_a_part_are_lost_the_saved_model_is_left(
     tmp_path: Path, seed: int, how: str
 ) -> None:

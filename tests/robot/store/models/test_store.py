@@ -12,6 +12,7 @@ from robot.errors import ConfigurationError, NotFoundError, RecordingError
 from robot.store.folder import Storage
 from robot.store.models.model import encode_model, stamp
 from robot.store.models.store import KEEP_VERSIONS, ModelStore
+from tests.kit.sizes import crossed
 
 from .test_model import same, some_model
 
@@ -84,8 +85,7 @@ def test_the_next_best_model_serves_where_the_last_one_is_lost(store: ModelStore
     assert only.with_name(only.name + ".damaged").exists()
 
 
-@pytest.mark.parametrize("kept", [*range(8), None])
-@pytest.mark.parametrize("hurt", [0, 1])
+@crossed(kept=[*range(8), None], hurt=[0, 1])
 def test_one_damaged_note_of_the_model_in_use_costs_nothing(
     store: ModelStore, tmp_path: Path, hurt: int, kept: int | None
 ) -> None:
