@@ -17,6 +17,7 @@ import pytest
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 from tests import wall_clock
+from tests.kit.sizes import examples
 from tests.wall_clock import _off_the_wall_clock  # noqa: F401
 
 # Where a test names no time, httpx would judge one: 5 s, which a busy machine may take.
@@ -29,6 +30,7 @@ for name, is_same in (("unhurried", True), ("searching", False)):
     hypothesis.settings.register_profile(
         name,
         deadline=None,
+        max_examples=examples(100),
         derandomize=is_same,
         suppress_health_check=[hypothesis.HealthCheck.too_slow],
     )

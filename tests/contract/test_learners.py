@@ -17,13 +17,14 @@ from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import learner_kinds, make_policy
 from robot.types import Action, Encoding, Example, Frame
+from tests.kit.sizes import few, seeds
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 SIZE = 6
 STEP_S = 0.2
 
 
-@pytest.fixture(params=sorted({*learner_kinds(), *VARIANTS, *RIVALS}))
+@pytest.fixture(params=sorted({*learner_kinds(), *few(VARIANTS, 3), *RIVALS}))
 def kind(request: pytest.FixtureRequest) -> str:
     try:
         make_policy(f"{request.param}-{SIZE}")
@@ -160,7 +161,7 @@ def test_after_the_last_image_is_deleted_it_proposes_nothing(kind: str) -> None:
     assert (prediction.action is None) is policy.learner.abilities.images
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", seeds(1, 3))
 def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
     """With drives that begin in between, where learners of several places look about."""
     rng = np.random.default_rng(seed)

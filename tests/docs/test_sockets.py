@@ -14,6 +14,7 @@ from robot.driver import CLASSIC
 from robot.types import Mode, Point
 from server.protocol import MAX_COUNT, BareMessage, ErrorCode, ProtocolError, parse_message
 from tests.docs import sockets
+from tests.kit.sizes import examples
 from tests.server.virtual_server import VirtualServer
 
 DOWN, UP = sockets.downward(), sockets.upward()
@@ -75,7 +76,7 @@ FIELDS = (
 )
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=examples(500), deadline=None)
 @given(
     kind=st.sampled_from(["drive", "mode", "ping", *BareMessage]),
     fields=st.dictionaries(st.sampled_from(FIELDS), VALUES | st.sampled_from([*Mode, *MOVES])),

@@ -26,6 +26,16 @@ def size(name: str, small: int, full: int) -> int:
     return int(os.environ.get(f"DRIVELESSON_{name}", full if IS_FULL else small))
 
 
+def seeds(small: int, full: int) -> range:
+    """Return what to count through: `small` numbers in `make test`, `full` in CI."""
+    return range(full if IS_FULL else small)
+
+
+def examples(full: int) -> int:
+    """Return how many examples hypothesis makes: a fifth in `make test`, `full` in CI."""
+    return full if IS_FULL else max(5, full // 5)
+
+
 def few(values: Iterable[Any], small: int) -> list[Any]:
     """Return all values in CI, otherwise `small` of them: the first, the last, and evenly between.
 

@@ -23,8 +23,9 @@ from server.access.listener import connection_capacity
 from server.access.pairing import Pairing
 from server.access.rules import Role
 from server.config import Config
+from tests.kit.sizes import IS_FULL, size
 
-from .browsers import check_nobody_s_page_is_dead
+from .browsers import WAYS, check_nobody_s_page_is_dead
 from .live_robot import WEB, LiveServer, Pilot, live_server, wait_until
 
 _PATIENCE_S = 60.0
@@ -39,8 +40,9 @@ def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(
     (tmp_path / "browsers").mkdir()
     certificates = make_certificates(tmp_path / "tls", ["127.0.0.1"], dt.datetime.now(dt.UTC))
     # A page has six connections and two websockets, and opens more: 32 pages on Windows.
-    count = min(60, connection_capacity() // 12)
-    check_nobody_s_page_is_dead(tmp_path / "browsers", certificates, count)
+    count = min(size("BROWSERS", 6, 60), connection_capacity() // 12)
+    ways = WAYS if IS_FULL else ("TLS", "TLS through nginx")
+    check_nobody_s_page_is_dead(tmp_path / "browsers", certificates, count, ways)
     # Windows has 384, and a class of 30 opens 240 at once: half of its pages lost a file.
     monkeypatch.setattr(services, "connection_capacity", lambda: 100)
     check_nobody_s_page_is_dead(tmp_path, None, 8, ["http"])

@@ -12,6 +12,7 @@ from robot.coaching.trail import POINTS, STEP_M, STEP_RAD, Event, Trail, Waypoin
 from robot.control.state import Tick
 from robot.policy.history import Replaced
 from robot.types import Action, Decision, DrivenBy, Mode, Pose, Prediction, Sensors
+from tests.kit.sizes import seeds
 
 
 def tick_at(
@@ -56,7 +57,7 @@ class _Client:
             self.first, self.points = first, points
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", seeds(8, 30))
 def test_a_client_that_asks_now_and_then_knows_the_whole_way(seed: int) -> None:
     chance = random.Random(seed)
     trail, client = Trail(), _Client()

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robot.control.camera_timing import USUAL_PERIOD_S, CameraTiming, CameraTimingConfig
 from robot.types import Action, Encoding, Mode, PilotCommand, StopReason
-from tests.kit.sizes import crossed
+from tests.kit.sizes import crossed, examples
 from tests.robot.bench_robot import BenchRobot
 
 SHORTEST_S = 0.2
@@ -201,14 +201,14 @@ def drive(
     return result
 
 
-@pytest.mark.parametrize(
-    ("period_s", "age_s"),
-    [(0.1, 0.145), (0.1, 0.095), (0.1, 0.12), (1 / 30, 0.005), (1 / 15, 0.05)],
+@crossed(
+    camera=[(0.1, 0.145), (0.1, 0.095), (0.1, 0.12), (1 / 30, 0.005), (1 / 15, 0.05)],
+    jitter_s=[0.0, 0.01, 0.03],
 )
-@pytest.mark.parametrize("jitter_s", [0.0, 0.01, 0.03])
 def test_with_an_ordinary_camera_it_drives_and_learns(
-    period_s: float, age_s: float, jitter_s: float
+    camera: tuple[float, float], jitter_s: float
 ) -> None:
+    period_s, age_s = camera
     result = drive(period_s, age_s, jitter_s=min(jitter_s, age_s))
     assert result.starts == 1, result.stops
     assert result.moving >= 0.99
@@ -216,7 +216,7 @@ def test_with_an_ordinary_camera_it_drives_and_learns(
     assert result.taught >= 0.98 * (result.pictures - 3), (result.taught, result.pictures)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=examples(30))
 @given(st.floats(0.02, 1.2), st.integers(1, 8), st.floats(0.0, 0.15), st.integers(0, 999))
 def test_a_camera_that_is_slow_or_sends_in_bursts_drives_slowly(
     pause_s: float, burst: int, age_s: float, seed: int

@@ -17,6 +17,7 @@ from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.task import Result, Task
 from robot.simulator.world import world_names
 from robot.types import Pose
+from tests.kit.sizes import few
 
 
 def test_every_habit_is_met_in_every_place_at_every_rate() -> None:
@@ -130,7 +131,7 @@ def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
         "teach_s": 25.0,
         "correct_s": 5.0,
         "alone_s": 10.0,
-        "reference_s": 60.0,
+        "reference_s": 30.0,
         "learner": "default-32",
     }
     result = run_habit(params)
@@ -169,7 +170,7 @@ _TRIED = {
 
 @pytest.mark.parametrize(
     ("limit_s", "in_time_s", "is_ready", "is_told"),
-    [(60.0, 60.0, False, True), (200.0, 40.0, True, True), (200.0, 200.0, True, False)],
+    few([(60.0, 60.0, False, True), (200.0, 40.0, True, True), (200.0, 200.0, True, False)], 1),
 )
 def test_a_pilot_is_told_what_is_missing_and_following_it_makes_him_ready(
     limit_s: float, in_time_s: float, is_ready: bool, is_told: bool

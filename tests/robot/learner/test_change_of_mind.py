@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from robot.learner.change_of_mind import ENOUGH, MOST_A_TURN, ChangeOfMind
 from robot.learner.classifier import BSOCClassifier
 from robot.learner.ridge import RecursiveRidge
-from tests.kit.sizes import crossed
+from tests.kit.sizes import crossed, examples
 
 FORWARD, LEFT, RIGHT = range(3)
 OWNERS = np.array([FORWARD, LEFT, LEFT, RIGHT])
@@ -92,7 +92,7 @@ def test_the_old_label_used_there_again_takes_all_back() -> None:
     assert np.array_equal(lesson.shares_at(1), SHARES)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([FORWARD, LEFT]), st.integers(0, 2)), max_size=200))
 def test_turning_and_driving_on_never_contradict(turns: list[tuple[int, int]]) -> None:
     """Between the two the same view means both, however often."""
@@ -102,7 +102,7 @@ def test_turning_and_driving_on_never_contradict(turns: list[tuple[int, int]]) -
     assert all(np.array_equal(lesson.shares_at(view), SHARES) for view in range(4))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.sampled_from([LEFT, RIGHT]), min_size=1, max_size=8), st.integers(1, 6))
 def test_to_both_sides_by_turns_gives_nothing_up(sides: list[int], times: int) -> None:
     """A pilot who turns as it comes says of the same view now this and now that."""
@@ -135,7 +135,7 @@ def test_who_says_so_is_followed_from_the_first_turn_on() -> None:
     assert lesson.shares_at(2)[RIGHT] > lesson.shares_at(2)[LEFT], "but not elsewhere"
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 3)), max_size=80), st.integers(0, 80))
 def test_restored_it_goes_on_the_same(turns: list[tuple[int, int]], cut: int) -> None:
     whole, other = Lesson(), Lesson()

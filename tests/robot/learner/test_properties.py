@@ -11,6 +11,7 @@ from robot.learner.bsoc import BSOC
 from robot.learner.classifier import GROUP_COST, BSOCClassifier
 from robot.learner.published import PublishedBSOC
 from robot.learner.ridge import ContextRidge, RecursiveRidge
+from tests.kit.sizes import examples
 
 LABELS = ("forward", "left", "right")
 KINDS = [
@@ -46,7 +47,7 @@ def same(one, two):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(max_nodes=sizes, lessons=lessons)
 def test_nodes_counts_and_histograms_add_up(kind, max_nodes, lessons):
     learner = make(kind, max_nodes)
@@ -62,7 +63,7 @@ def test_nodes_counts_and_histograms_add_up(kind, max_nodes, lessons):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(max_nodes=sizes, lessons=lessons, more=lessons)
 def test_saving_and_loading_changes_nothing(kind, max_nodes, lessons, more):
     learner, loaded = make(kind, max_nodes), make(kind, max_nodes)
@@ -105,7 +106,7 @@ def test_bad_lessons_are_refused_and_change_nothing(kind, x, y):
             assert same(before, learner.get_state())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(max_nodes=sizes, xs=st.lists(arrays(np.uint8, 6), min_size=1, max_size=40))
 def test_float_and_whole_numbers_see_the_same_distances(max_nodes, xs):
     exact, whole, paper = BSOC(max_nodes), BSOC(max_nodes, integer=True), PublishedBSOC(max_nodes)
@@ -116,7 +117,7 @@ def test_float_and_whole_numbers_see_the_same_distances(max_nodes, xs):
         np.testing.assert_allclose(whole.distances(x), paper.distances(x), atol=0.5)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(xs=st.lists(arrays(np.uint8, 6), min_size=1, max_size=40), pins=st.lists(st.integers(0, 4)))
 def test_pinned_nodes_stay(xs, pins):
     learner = BSOC(5)

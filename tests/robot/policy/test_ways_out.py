@@ -18,7 +18,7 @@ from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Seen
 from robot.policy.pilot_pace import LONGEST_DEBT_S, STUCK_S, TO_AND_FRO_S, PilotPace
 from robot.types import Action
-from tests.kit.sizes import crossed
+from tests.kit.sizes import crossed, seeds
 from tests.robot.policy.passing import teach
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -82,7 +82,7 @@ def voted(action: Action, share: float = 1.0) -> dict[Action, float]:
     return {move: share if move is action else (1 - share) / 2 for move in MOVES}
 
 
-@crossed(rate_hz=[5, 10, 15, 30, 60], is_free=[True, False], seed=range(12))
+@crossed(rate_hz=[5, 10, 15, 30, 60], is_free=[True, False], seed=seeds(4, 12))
 def test_no_votes_keep_it_in_one_place_for_ever(rate_hz, is_free, seed):
     chance = random.Random(f"{seed} {is_free}")
     period_s = 0.05 * 160 ** chance.random()

@@ -23,6 +23,7 @@ from robot.recordings.queue import RecorderConfig
 from robot.store.disk import FLUSH_EVERY_S
 from robot.testing import VirtualClock
 from robot.types import Action, Mode
+from tests.kit.sizes import seeds
 
 from .drives import RecordedBench, record_drive
 
@@ -46,7 +47,7 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     assert [name for name, _ in robot.told] == ["recording_on", "recording_done"]
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", seeds(3, 10))
 def test_power_that_goes_costs_what_was_not_flushed_yet(tmp_path: Path, seed: int) -> None:
     """At any moment what is on the disk is a recording up to a fifth of a second before."""
     chance, robot = random.Random(seed), RecordedBench(tmp_path)

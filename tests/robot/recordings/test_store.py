@@ -22,6 +22,7 @@ from robot.store.folder import Storage
 from robot.store.lock import FolderLock
 from robot.store.models.model import same_nodes
 from robot.types import Action, Mode
+from tests.kit.sizes import seeds
 
 from .drives import RecordedBench, record_drive
 
@@ -59,7 +60,7 @@ def test_a_recording_cut_at_any_byte_lists_and_replays_up_to_the_cut(tmp_path: P
     data = whole.path.read_bytes()
     cut_path = tmp_path / "cut.mcap"
     rng, lengths = random.Random(3), []
-    for _ in range(100):
+    for _ in seeds(25, 100):
         length = rng.randrange(len(data))
         cut_path.write_bytes(data[:length])
         summary = read_summary(cut_path)
@@ -78,7 +79,7 @@ def test_a_recording_cut_at_any_byte_lists_and_replays_up_to_the_cut(tmp_path: P
 def test_damaged_bytes_never_raise_anything_but_our_own_errors(tmp_path: Path) -> None:
     data = bytearray(record_drive(tmp_path).path.read_bytes())
     rng, path = random.Random(5), tmp_path / "damaged.mcap"
-    for _ in range(150):
+    for _ in seeds(30, 150):
         damaged = bytearray(data)
         for _ in range(rng.randrange(1, 20)):
             damaged[rng.randrange(len(data))] = rng.randrange(256)

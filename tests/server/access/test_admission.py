@@ -10,6 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from server.access.admission import AdmissionControl, ConnectionLimiter, Peer, address_key
 from server.access.rules import Role, Session
 from server.config import Limits
+from tests.kit.sizes import examples
 
 LIMITS = Limits(
     pending=6, pending_per_address=4, pending_s=5.0, connections_each=4, clients=8, clients_each=3
@@ -107,7 +108,9 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
 
 
 TestPeopleAtTheDoor = PeopleAtTheDoor.TestCase
-TestPeopleAtTheDoor.settings = settings(deadline=None, max_examples=200, stateful_step_count=60)
+TestPeopleAtTheDoor.settings = settings(
+    deadline=None, max_examples=examples(200), stateful_step_count=60
+)
 
 
 def test_a_newcomer_has_a_moment_in_the_middle_of_a_flood() -> None:

@@ -14,6 +14,7 @@ from server.access.pairing import INVITATION_S, Paired, Pairing
 from server.access.rules import Refusal, Role
 from server.board.class_key import ClassKey, endpoint, keep_class_key, new_nonce, read_class_key
 from server.board.classroom import LOCKS, Classroom
+from tests.kit.sizes import seeds
 
 KEY, OTHER = ClassKey("a" * 40), ClassKey("b" * 40)
 HERE, THERE = "192.168.1.5:8000", "192.168.1.6:8000"
@@ -28,7 +29,7 @@ def test_a_board_with_the_key_gets_a_session_and_knows_the_robot() -> None:
     assert not room.knows(secret) and not room.knows("Bearer ") and not room.knows("")
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", seeds(20, 40))
 def test_nothing_but_a_fresh_proof_of_the_same_handshake_is_admitted(seed: int) -> None:
     """One thing of a good handshake is changed: chosen anew for each seed."""
     dice = random.Random(seed)
