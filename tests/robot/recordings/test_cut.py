@@ -43,7 +43,7 @@ def opened_as(path: Path) -> tuple[int, dict[str, int], str | None]:
     return len(episode.frames), dict(taught), episode.damage
 
 
-@pytest.mark.parametrize("seed", seeds(12, 60))
+@pytest.mark.parametrize("seed", seeds(6, 60))
 def test_a_cut_recording_is_counted_as_it_is_opened(
     tmp_path: Path, whole: bytes, seed: int
 ) -> None:
@@ -73,7 +73,7 @@ def messages(path: Path) -> list[tuple[str, int, bytes]]:
     return [(m.topic, m.log_ns, m.data) for m in scan(path) if isinstance(m, Message)]
 
 
-@pytest.mark.parametrize("seed", seeds(12, 60))
+@pytest.mark.parametrize("seed", seeds(6, 60))
 def test_a_cut_recording_gets_its_end_and_keeps_all_that_it_has(
     tmp_path: Path, whole: bytes, seed: int
 ) -> None:
@@ -99,7 +99,7 @@ def test_a_cut_recording_gets_its_end_and_keeps_all_that_it_has(
         assert not end_recording(path)
 
 
-@pytest.mark.parametrize("seed", seeds(8, 30))
+@pytest.mark.parametrize("seed", seeds(4, 30))
 def test_a_file_that_is_damaged_in_another_way_is_left_as_it_is(
     tmp_path: Path, whole: bytes, seed: int
 ) -> None:
@@ -135,7 +135,7 @@ def test_while_it_is_ended_the_robot_has_the_processor(tmp_path: Path) -> None:
     assert clock.now_s() == pytest.approx(0.003 * held / 32, rel=0.1), "a rest after 32 records"
 
 
-@pytest.mark.parametrize("seed", seeds(12, 60))
+@pytest.mark.parametrize("seed", seeds(6, 60))
 def test_whatever_else_is_wrong_it_is_described(tmp_path: Path, whole: bytes, seed: int) -> None:
     rng = random.Random(seed)
     data = bytearray(whole[: rng.choice([len(whole), len(whole) - 2000])])
