@@ -48,7 +48,6 @@ def create_app(services: Services) -> FastAPI:
         async with AsyncExitStack() as started:
             await services.hub.start()
             started.push_async_callback(services.hub.stop)
-            started.callback(services.robot.loop.subscribe(services.progress.note))
             for extension in extensions:
                 await run_in_threadpool(extension.start)
                 started.push_async_callback(run_in_threadpool, extension.stop)

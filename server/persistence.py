@@ -1,18 +1,18 @@
-"""What the server saves for one robot: models, and the recordings of its runs."""
+"""What the server saves for one robot: its models, and what extensions save of its runs.
+
+An extension saves more by an entry point of `drivelesson.persistence`, a `PersistencePart`.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import logging
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar, cast
 
 from robot.devices.rig import Rig
-from robot.driver import describe
+from robot.entry_points import points
 from robot.errors import ConfigurationError, InUseError, RobotError
-from robot.recordings.queue import RecorderConfig
-from robot.recordings.recorder import Recorder
-from robot.recordings.store import EpisodeStore
 from robot.store.disk import Announce, DiskThread, no_announcement
 from robot.store.folder import Storage
 from robot.store.lock import FolderLock
@@ -25,10 +25,41 @@ from robot.store.presence import Presence
 from robot.types import StartStop
 
 log = logging.getLogger(__name__)
+PARTS = "drivelesson.persistence"
+
+
+_P = TypeVar("_P", bound="PersistencePart")
+
+
+class PersistencePart(StartStop):
+    """What an extension saves of a robot's runs; started after all else, and stopped before.
+
+    Attributes:
+        run: The name under which the present run is saved, None while none is.
+    """
+
+    run: str | None = None
+
+    def __init__(self, kept: Persistence, rig: Rig) -> None: ...
+
+    def refuse(self, why: str) -> None:
+        """Save nothing: the data folder cannot be used."""
+
+    def resume(self) -> None:
+        """Save again: the data folder is back."""
+
+    def keep_run(self) -> None:
+        """Keep the present run, whatever is in it."""
 
 
 class Persistence(StartStop):
-    """Starts and stops autosave and recorder, unless the storage has a `fault`."""
+    """Starts and stops autosave and the extensions' parts, unless the storage has a `fault`.
+
+    Args:
+        name: The robot's name; new models get it.
+        options: How the robot was started, noted with each run.
+        settings: Options of `drivelesson serve`, for the extensions' parts.
+    """
 
     def __init__(
         self,
@@ -38,10 +69,11 @@ class Persistence(StartStop):
         name: str = "robot",
         options: Mapping[str, Any] | None = None,
         announce: Announce = no_announcement,
-        keeps_drives: bool = True,
+        settings: Mapping[str, Any] | None = None,
     ) -> None:
         self.storage = storage
-        self._announce = announce
+        self.robot_name, self.options, self.settings = name, options, settings or {}
+        self.announce = announce
         self._lock = FolderLock(storage.root)
         self._loop = rig.loop
         self._noted_failure: str | None = None
@@ -57,36 +89,37 @@ class Persistence(StartStop):
             moves=rig.driver.moves,
             announce=announce,
         )
-        self._disk = DiskThread(rig.clock)
-        self._disk.add(self._watch_folder)
-        self._disk.add(self.journal.sync)
-        self._disk.add(self.autosave.save_if_due)
-        self._disk.add(self._note_failure)
-        self.recorder = Recorder(
-            rig.loop,
-            storage.episodes,
-            robot=name,
-            declared_moves=describe(rig.driver.moves, rig.driver.declared_moves),
-            options=options,
-            announce=announce,
-            config=RecorderConfig(keeps_drives=keeps_drives),
-            disk=self._disk,
-        )
-        self.episodes = EpisodeStore(storage, recording=lambda: self.recording)
+        self.disk = DiskThread(rig.clock)
+        self.disk.add(self._watch_folder)
+        self.disk.add(self.journal.sync)
+        self.disk.add(self.autosave.save_if_due)
+        self.disk.add(self._note_failure)
+        kinds: list[type[PersistencePart]] = [point.load() for point in points(PARTS)]
+        self._parts = {kind: kind(self, rig) for kind in kinds}
+
+    def part(self, kind: type[_P]) -> _P:
+        """Return an extension's part; KeyError if the extension is not installed."""
+        return cast(_P, self._parts[kind])
 
     @property
-    def recording(self) -> str | None:
-        """Id of the episode that is being recorded, if any is."""
-        return self.recorder.queue.episode_id
+    def run(self) -> str | None:
+        """The name under which the present run is saved; None while none is."""
+        return next((part.run for part in self._parts.values() if part.run), None)
+
+    def keep_run(self) -> None:
+        """Have every part keep the present run, whatever is in it."""
+        for part in self._parts.values():
+            part.keep_run()
 
     def start(self) -> None:
-        """Lock the folder, recover from a power cut, and start saving and recording.
+        """Lock the folder, recover from a power cut, and start saving.
 
         `autosave.load_last` loads the last model. Where nothing can be saved, this only reports
         it, and the robot drives. ConfigurationError if another program uses the folder.
         """
         if self.storage.fault is not None:
-            self.recorder.queue.refuse(f"Nothing is recorded: {self.storage.fault}")
+            for part in self._parts.values():
+                part.refuse(self.storage.fault)
             return
         try:
             self._lock.start()
@@ -100,13 +133,14 @@ class Persistence(StartStop):
         self.storage.sweep()
         self.journal.start(after=newest_boot(self.models))
         self.autosave.start()
-        self.recorder.start()
-        self._disk.start()
+        for part in self._parts.values():
+            part.start()
+        self.disk.start()
         try:
             self._recover()
         except Exception as error:  # the robot starts, whatever the files contain
             log.exception("nothing was recovered from the journal")
-            self._announce("model_not_saved", detail=str(error))
+            self.announce("model_not_saved", detail=str(error))
 
     def _recover(self) -> None:
         if self.models.set_failed_aside():
@@ -125,11 +159,12 @@ class Persistence(StartStop):
         if is_gone:
             why = f"{self.storage.root}: the data folder is gone; was its disk pulled out?"
             log.warning("nothing is saved: %s", why)
-            self._announce("nothing_kept", detail=why)
+            self.announce("nothing_kept", detail=why)
         else:
             log.info("the data folder is back")
-            self.recorder.queue.resume()
-            self._announce("kept_again")
+            for part in self._parts.values():
+                part.resume()
+            self.announce("kept_again")
             self.autosave.save_if_changed()
 
     def _note_failure(self) -> None:
@@ -141,9 +176,10 @@ class Persistence(StartStop):
                 self._noted_failure = why
 
     def stop(self) -> None:
-        """Finish the recording and save the model; the loop must still run. Idempotent."""
-        self.recorder.stop()
-        self._disk.stop()
+        """Finish what is being saved; the loop must still run. Idempotent."""
+        for part in self._parts.values():
+            part.stop()
+        self.disk.stop()
         self.autosave.stop()
         self.journal.stop()
         if self._presence is not None:

@@ -13,7 +13,7 @@ import socket
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from fastapi import APIRouter, HTTPException
 from starlette.requests import HTTPConnection
@@ -29,11 +29,9 @@ from server.access.pairing import Pairing
 from server.access.rules import Members, Role
 from server.access.surroundings import Surroundings
 from server.clients.hub import Hub
-from server.coaching.progress import Progress
 from server.config import Config
 from server.identity import IdentityFile
 from server.persistence import Persistence
-from server.recordings.retraining import Retraining
 
 _E = TypeVar("_E", bound="Extension")
 _T = TypeVar("_T")
@@ -52,8 +50,6 @@ class Services:
     identity: IdentityFile
     hub: Hub
     surroundings: Surroundings
-    progress: Progress
-    retraining: Retraining
     persistence: Persistence | None = None
     pairing: Pairing | None = None
     admission: AdmissionControl
@@ -74,6 +70,11 @@ class Services:
         """Have the control loop call something between two ticks; raises what that raises."""
         return await asyncio.wrap_future(self.robot.loop.submit(call))
 
+    def note_carried(self) -> None:
+        """Tell the extensions that the robot was put elsewhere; on the loop's thread."""
+        for extension in self.extensions.values():
+            extension.note_carried()
+
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> _T:
         """Have the loop make a change; it is in the journal when this returns."""
         history = self.robot.loop.history
@@ -87,15 +88,18 @@ class Extension(StartStop):
     """One extension's part in a robot's server. Override what the extension has.
 
     Attributes:
-        routers: Routes; they get the extension by `services_of(request).extension(Kind)`.
         members: Teachers and locks that the guard asks for, if the extension has any.
     """
 
-    routers: ClassVar[Sequence[APIRouter]] = ()
     members: Members | None = None
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         """Take what is needed of the server; `options` are those of `drivelesson serve`."""
+
+    @property
+    def routers(self) -> Sequence[APIRouter]:
+        """Routes; they get the extension by `services_of(request).extension(Kind)`."""
+        return ()
 
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:
@@ -106,6 +110,9 @@ class Extension(StartStop):
 
     def stop(self) -> None:
         """End; may wait for the loop and the disk."""
+
+    def note_carried(self) -> None:
+        """Take note that the robot was put elsewhere; on the loop's thread."""
 
     def require_free_model(self) -> None:
         """Raise ConfigurationError while the model in use must not change."""
@@ -137,8 +144,6 @@ def make_services(
         identity=identity,
         hub=hub,
         surroundings=surroundings or Surroundings(config),
-        progress=Progress(robot.loop, lambda: persistence.recording if persistence else None),
-        retraining=Retraining(robot.clock),
         persistence=persistence,
         pairing=pairing,
         admission=AdmissionControl(config.limits, connection_capacity()),
@@ -167,7 +172,7 @@ def services_of(connection: HTTPConnection) -> Services:
 
 
 def persistence_of(connection: HTTPConnection) -> Persistence:
-    """Return the storage of models and recordings; 503 where nothing is saved."""
+    """Return what saves models and runs; 503 where nothing is saved."""
     persistence = services_of(connection).persistence
     if persistence is None:
         raise HTTPException(503, "Nothing is saved here: start the server with --data FOLDER.")

@@ -13,6 +13,8 @@ from robot.errors import MissingExtraError, PluginError, did_you_mean
 
 DRIVERS = "drivelesson.drivers"
 CAMERAS = "drivelesson.cameras"
+DEFAULT = "drivelesson.default-robot"
+"""Entry points of the robot that is meant where none is chosen."""
 
 sys.modules.setdefault("robot.moves", robot.driver)  # where plugins of version 0.2 look for moves
 
@@ -25,6 +27,11 @@ def driver_names() -> list[str]:
 def camera_names() -> list[str]:
     """Names of all installed cameras, sorted."""
     return sorted({point.name for point in points(CAMERAS)})
+
+
+def default_driver() -> str | None:
+    """Return the name of the robot that is meant where none is chosen; None: there is no such."""
+    return min((point.name for point in points(DEFAULT)), default=None)
 
 
 def load_driver(name: str) -> type[Driver]:

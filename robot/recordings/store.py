@@ -13,6 +13,7 @@ from robot.errors import ConfigurationError, NotFoundError, told_as
 from robot.recordings.editing import write_edited
 from robot.recordings.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.recordings.episode import Episode, open_episode
+from robot.recordings.folder import NAME
 from robot.recordings.reader import has_end
 from robot.recordings.summary import EpisodeSummary, read_summary
 from robot.store.folder import Storage, check_name, free_name, paths_in, size_of, whole_file
@@ -64,7 +65,7 @@ class EpisodeStore:
         return self._describe(self.path(episode_id))
 
     def _paths(self) -> list[Path]:
-        found = [path for path in paths_in(self._storage.episodes) if path.suffix == ".mcap"]
+        found = [path for path in paths_in(self._storage.folder(NAME)) if path.suffix == ".mcap"]
         return [path for path in found if path.is_file() and size_of(path) and path.name[0] != "."]
 
     def _describe(self, path: Path) -> EpisodeSummary:
@@ -78,7 +79,7 @@ class EpisodeStore:
 
     def path(self, episode_id: str) -> Path:
         is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
-        path = self._storage.episodes / f"{episode_id}.mcap"
+        path = self._storage.folder(NAME) / f"{episode_id}.mcap"
         with contextlib.suppress(OSError, ValueError):  # no file can have such a name
             if is_name and episode_id and path.is_file():
                 return path
@@ -126,7 +127,7 @@ class EpisodeStore:
     def restore(self, key: str) -> str:
         """Restore a deleted episode; return its name, a new one if the old one is in use."""
         with self._lock:
-            return self._storage.restore(key, self._storage.episodes, ".mcap")
+            return self._storage.restore(key, self._storage.folder(NAME), ".mcap")
 
     def compact(self, episode_id: str) -> str:
         """Apply the edits to the recording; the key that is returned restores the original."""
@@ -178,11 +179,11 @@ class EpisodeStore:
 
         Notes of a recording that is gone would edit the new one.
         """
-        require_present(self._storage.episodes)
-        names = (path.name for path in paths_in(self._storage.episodes))
+        require_present(self._storage.folder(NAME))
+        names = (path.name for path in paths_in(self._storage.folder(NAME)))
         taken = {name.removesuffix(".mcap").removesuffix(".edits.json") for name in names}
         while True:
-            path = self._storage.episodes / f"{free_name(check_name(name), taken)}.mcap"
+            path = self._storage.folder(NAME) / f"{free_name(check_name(name), taken)}.mcap"
             with contextlib.suppress(FileExistsError):
                 path.touch(exist_ok=False)
                 return path

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import threading
-from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, ClassVar
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.devices.watched_camera import ThreadedCamera
-from robot.driver import Driver
-from robot.errors import CameraError, ConfigurationError, RobotError
+from robot.devices.world_camera import WorldCamera
 from robot.policy.image import jpeg_encoder
 from robot.simulator.driver import SimDriver
 from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX
@@ -22,7 +19,6 @@ _LONGEST_GAP_S = 0.25
 
 _LONGEST_PERIOD_S, _USUAL_FRAMES = 0.1, 10
 """Where a picture takes long, because the computer is busy, they come no more seldom than so."""
-_D = TypeVar("_D", bound=Driver)
 _RESTING_STEP_S = 1.0
 """How often the world moves on while nobody needs a picture, in seconds."""
 _EARLY_S = 0.01
@@ -36,70 +32,6 @@ class SimCameraOptions(Options):
 
     frame_rate_hz: float = option(30.0, "simulated pictures a second", range=(1.0, 120.0))
     jpeg_quality: int = option(75, "of simulated pictures", range=(1, 100))
-
-
-class WorldCamera(ThreadedCamera, Generic[_D]):
-    """The camera of a simulated world: its thread is also what moves the world on."""
-
-    body_type: ClassVar[type[Any]]
-    """The robot that lives in this world."""
-
-    longest_join_s: ClassVar[float] = 5.0
-    patience_s: ClassVar[float] = 20.0
-    """For a first picture: some worlds load for long."""
-    _failure: RobotError | None = None
-
-    def __init__(self, body: _D, options: Any, clock: Clock) -> None:
-        super().__init__(options, clock)
-        self._body = body
-
-    @classmethod
-    def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        if not isinstance(driver, cls.body_type):
-            raise ConfigurationError(
-                f"the camera {cls.name!r} only works with the robot {cls.body_type.name!r}, "
-                f"not with {driver.name!r}"
-            )
-        return cls(driver, options, clock)
-
-    def _begin(self) -> None:
-        """Begin to take pictures in real time; returns when the first is there."""
-        self._failure = None
-        first = threading.Event()
-        self._work(lambda: self._run(first))
-        if not self.clock.wait(first, self.patience_s):
-            self._failure = CameraError(f"the camera {self.name!r} gives no picture")
-        if self._failure is not None:
-            raise self._failure
-
-    @abstractmethod
-    def _take(self) -> Frame:
-        """Take one picture."""
-
-    @abstractmethod
-    def _live(self) -> None:
-        """Move the world on and take pictures, until `_ending`."""
-
-    @abstractmethod
-    def _leave(self) -> None:
-        """Let go of the world, on the thread that it belongs to."""
-
-    def _run(self, first: threading.Event) -> None:
-        try:
-            self._take()
-            first.set()
-            self._live()
-        except RobotError as error:
-            self._fail(error, first)
-        except Exception as error:  # top of a thread that may run other people's code
-            self._fail(CameraError(f"the world of this camera failed: {error}"), first)
-        finally:
-            self._leave()
-
-    def _fail(self, error: RobotError, first: threading.Event) -> None:
-        self._failure = error
-        self._report_fault(str(error))
-        first.set()
 
 
 class SimCamera(WorldCamera[SimDriver]):

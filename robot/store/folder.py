@@ -13,12 +13,15 @@ import re
 import shutil
 import time
 import unicodedata
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from threading import get_native_id
 from typing import BinaryIO
 from uuid import uuid4
 
+from robot.entry_points import points
 from robot.errors import ConfigurationError, NotFoundError
 from robot.store.lock import FolderLock
 from robot.store.presence import require_present
@@ -29,14 +32,13 @@ _README = """\
 Drivelesson keeps here what was taught.
 
 models/     one folder a model, versions as NumPy .npz files (no pickles): open with numpy.load
-episodes/   one MCAP file a run: open with Foxglove, or with the mcap library
-            NAME.edits.json beside it lists a person's edits; the recording is not touched
 exports/    what was made for other programs
-trash/      what was deleted; move it back, or empty it with: drivelesson episodes empty-trash
-
-All of it can be copied and moved while the program does not run. Keep paired.json,
-class.key and tls/ to yourself: they are secret.
+trash/      what was deleted; move it back, or delete it for good
+{folders}
+All of it can be copied and moved while the program does not run.{secrets}
 """
+FOLDERS = "drivelesson.folders"
+"""Entry points of the folders that extensions have in the data folder: each a `FolderKind`."""
 
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
@@ -51,6 +53,44 @@ _PART = re.compile(r"\..+\.\d+\.part", re.DOTALL)
 _BUSY = (5, 32)
 """Windows' numbers for a file that another program has open."""
 _PAUSES_S = (0.01, 0.03, 0.1, 0.3, 1.0)
+
+
+def _no_debris(folder: Path) -> Iterable[Path]:
+    return ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FolderKind:
+    """A folder that an extension has in the data folder.
+
+    Attributes:
+        about: What is in it, for README.txt, in lines; nothing: the folder is made when needed.
+        reads: The names of the files that the program reads in it, however many there are.
+        files: Files that the extension has beside it.
+        secrets: Which of all that nobody else may see.
+        debris: Returns what a power cut may have left half done in it.
+    """
+
+    name: str
+    about: str = ""
+    reads: re.Pattern[str] | None = None
+    files: tuple[str, ...] = ()
+    secrets: tuple[str, ...] = ()
+    debris: Callable[[Path], Iterable[Path]] = _no_debris
+
+
+@cache
+def folder_kinds() -> tuple[FolderKind, ...]:
+    """Return the folders of the installed extensions."""
+    return tuple(point.load() for point in points(FOLDERS))
+
+
+def _readme() -> str:
+    kinds = folder_kinds()
+    lines = [f"{kind.name + '/':12}{kind.about}\n" for kind in kinds if kind.about]
+    secrets = ", ".join(secret for kind in kinds for secret in kind.secrets)
+    keep = f" Keep these to\nyourself, they are secret: {secrets}." if secrets else ""
+    return _README.format(folders="".join(lines), secrets=keep)
 
 
 def default_root() -> Path:
@@ -208,16 +248,15 @@ class Storage:
     def __init__(self, root: Path, *, must_be_usable: bool = True) -> None:
         self.root = root.expanduser()
         self.models = self.root / "models"
-        self.episodes = self.root / "episodes"
         self.exports = self.root / "exports"
         self.trash = self.root / "trash"
         self.journal = self.root / "journal"
         self.fault: str | None = None
         try:
-            for folder in (self.models, self.episodes, self.exports, self.trash):
+            for folder in self.kept():
                 folder.mkdir(parents=True, exist_ok=True)
             if not (self.root / "README.txt").exists():
-                write_whole(self.root / "README.txt", _README.encode())
+                write_whole(self.root / "README.txt", _readme().encode())
             if must_be_usable:
                 self._try_longest()
             else:  # much can be kept where the trash takes nothing, or a long path is none
@@ -232,6 +271,15 @@ class Storage:
                     "choose another with --data FOLDER"
                 ) from error
             self.fault = f"{self.root}: {error.strerror or error}"
+
+    def folder(self, name: str) -> Path:
+        """Return the folder that an extension has here."""
+        return self.root / name
+
+    def kept(self) -> list[Path]:
+        """Return the folders that a person may look into: models, those of extensions, trash."""
+        own = [self.root / kind.name for kind in folder_kinds() if kind.about]
+        return [self.models, *own, self.exports, self.trash]
 
     def _try_longest(self) -> None:
         """Make a file with a path as long as any to come: Windows takes 260 characters in all."""
@@ -253,25 +301,25 @@ class Storage:
             shutil.rmtree(folder, ignore_errors=True)
 
     def sweep(self) -> None:
-        """Remove what a power cut left half done a minute ago or more: `.part`, empty recordings.
+        """Remove what a power cut left half done a minute ago or more.
 
-        For the one program that records here: another's half may be on its way just now.
+        For the one program that writes here: another's half may be on its way just now.
         """
         with contextlib.suppress(OSError):
-            empty = [path for path in self.episodes.glob("*.mcap") if size_of(path) == 0]
-            places = (self.root, self.episodes, *self.models.glob("*/"))
+            kinds = folder_kinds()
+            places = (self.root, *self.models.glob("*/"), *(self.root / k.name for k in kinds))
             parts = [path for place in places for path in place.glob(".*.part")]
             parts = [path for path in parts if _PART.fullmatch(path.name)]
-            parts += self.episodes.glob(".index.json")  # a list that 0.2 kept of them
-            for path in (*parts, *empty):
+            for kind in kinds:
+                parts += kind.debris(self.root / kind.name)
+            for path in parts:
                 with contextlib.suppress(OSError):
                     if time.time() - path.lstat().st_mtime > _HALF_DONE_S:
                         path.unlink()
 
     def usage(self) -> dict[str, int]:
         """Return the bytes of what is kept and of the trash, and what the disk has left: `free`."""
-        folders = (self.models, self.episodes, self.exports, self.trash)
-        sizes, free = {folder.name: _size(folder) for folder in folders}, 0
+        sizes, free = {folder.name: _size(folder) for folder in self.kept()}, 0
         with contextlib.suppress(OSError):
             free = shutil.disk_usage(self.root).free
         return {**sizes, "free": free}

@@ -13,16 +13,12 @@ import stat
 from collections.abc import Callable
 from pathlib import Path
 
-from robot.store.folder import is_text, move_aside
+from robot.store.folder import folder_kinds, is_text, move_aside
 
 ASIDE = "set-aside"
-_FOLDERS = ("models", "episodes", "exports", "trash", "journal", "lessons", "tls")
-_FILES = (".lock", ".lock.pid", "README.txt", "robot.json", "paired.json")
-_READ = {
-    "episodes": re.compile(r"[^.].*(\.mcap|\.edits\.json)", re.DOTALL),
-    "journal": re.compile(r"\d+-\d+\.[ab]", re.ASCII),
-}
-"""The names of the files that the program reads in a folder, however many there are."""
+_FOLDERS = ("models", "exports", "trash", "journal")
+_FILES = (".lock", ".lock.pid", "README.txt", "robot.json")
+_JOURNAL = re.compile(r"\d+-\d+\.[ab]", re.ASCII)
 _NOTES = ("models/current.txt", "models/current.twin.txt")
 
 
@@ -37,13 +33,16 @@ def prepare(root: Path) -> list[tuple[str, str]]:
 
     with contextlib.suppress(OSError):
         clear(root, root.is_dir(), root.parent)
-        folders = [root / name for name in _FOLDERS]
+        kinds = folder_kinds()
+        folders = [root / name for name in (*_FOLDERS, *(kind.name for kind in kinds))]
+        own_files = [name for kind in kinds for name in kind.files]
+        read = {"journal": _JOURNAL} | {kind.name: kind.reads for kind in kinds if kind.reads}
         clear(root / ASIDE, (root / ASIDE).is_dir(), root)
         for folder in folders:
             clear(folder, folder.is_dir() and os.access(folder, os.R_OK | os.X_OK))
-        for file in (root / name for name in _FILES + _NOTES):
+        for file in (root / name for name in (*_FILES, *own_files, *_NOTES)):
             clear(file, _is_a(file, stat.S_ISREG) and os.access(file, os.R_OK | os.W_OK))
-        for inside, names in _READ.items():
+        for inside, names in read.items():
             for path in _found_in(root / inside):
                 if names.fullmatch(path.name):
                     clear(path, _is_a(path, stat.S_ISREG) and is_text(path.name))

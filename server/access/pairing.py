@@ -21,6 +21,7 @@ from typing import NamedTuple
 from urllib.parse import unquote
 
 from robot.errors import UNREADABLE
+from robot.store.folder import FolderKind
 from robot.store.presence import require_present
 from robot.store.records import read_regular
 from server.access.rules import PAIRED, Refusal, Role, Session
@@ -33,6 +34,8 @@ ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Without letters and digits that look alike."""
 TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _TOKEN = re.compile(rf"\b(?:[{ALPHABET}]{{{_GROUP}}}\W?){{{TOKEN_LETTERS // _GROUP}}}(?!\w)")
+FOLDER = FolderKind(name="tls", files=("paired.json",), secrets=("paired.json", "tls/", "*.key"))
+"""What this extension has in the data folder."""
 LONGEST_TEXT = 2000
 """Characters of what is read as a token: it may be a whole address."""
 _SESSIONS = 192

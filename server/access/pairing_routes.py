@@ -14,7 +14,7 @@ from server.access.pairing import LONGEST_TEXT, Pairing, cookie_name
 from server.access.proxies import PREFIX
 from server.access.rules import Refusal
 from server.routes.answers import Route
-from server.services import services_of
+from server.services import Extension, services_of
 
 router = APIRouter(route_class=Route)
 _YEAR_S = 365 * 24 * 3600
@@ -101,3 +101,9 @@ def _require_pairing(request: Request) -> Pairing:
     if pairing is None:
         raise HTTPException(404, "Pairing is off: the robot is served to this machine only.")
     return pairing
+
+
+class AccessExtension(Extension):
+    """Pairing's page and routes, as a part of a robot's server."""
+
+    routers = (router,)

@@ -1,4 +1,4 @@
-"""The command line: `drivelesson COMMAND ...`; without a command it serves the simulated robot."""
+"""The command line: `drivelesson COMMAND ...`; without a command it serves a robot."""
 
 from __future__ import annotations
 
@@ -120,6 +120,6 @@ def _print_overview() -> None:
     for name, text in commands().items():
         print(f"  {name:12} {text}")
     print(
-        "\nWithout a command: serve --robot sim. Options of a command: drivelesson COMMAND --help"
+        f"\nWithout a command: {FIRST}. Options of a command: drivelesson COMMAND --help"
         "\nVersion: drivelesson --version"
     )

@@ -17,7 +17,13 @@ from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.devices.options import options_of
-from robot.devices.plugins import camera_names, driver_names, load_camera, load_driver
+from robot.devices.plugins import (
+    camera_names,
+    default_driver,
+    driver_names,
+    load_camera,
+    load_driver,
+)
 from robot.errors import ConfigurationError, RecordingError
 from robot.policy.registry import MOST_NODES, full_name, split_name
 from robot.store.folder import Storage, default_root
@@ -41,15 +47,15 @@ if TYPE_CHECKING:
     from server.clients.hub import Hub
 
 log = logging.getLogger(__name__)
-DEFAULT_ROBOT = "sim"
 _NAME_S = 1.5
 """How long the start waits for its name on the network, in seconds."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     add, shown = parser.add_argument, " (default: %(default)s)"
-    text = f"one of {', '.join(driver_names())}{shown}"
-    add("--robot", default=DEFAULT_ROBOT, help=text)
+    default = default_driver()
+    text = f"one of {', '.join(driver_names())}{shown if default else ''}"
+    add("--robot", default=default, help=text)
     text = "where pictures come from; as a rule the robot's own; one of "
     add("--camera", help=text + ", ".join(camera_names()))
     add("--learner", help="what learns (default: default), also as KIND-NUMBER")
@@ -64,8 +70,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--name", help="what people call this robot (default: one that it keeps)")
     text = f"of pictures that the camera does not give as JPEG{shown}"
     add("--jpeg-quality", type=whole(1, 100), default=75, help=text)
-    text = "keep recordings in which nothing was taught, too: for research"
-    add("--keep-drives", action="store_true", help=text)
     add("--no-page", action="store_true", help="open no page in this machine's browser")
     add("--config", type=Path, help="TOML file of settings")
     for extension in installed():
@@ -97,11 +101,13 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
     chosen, _ = first.parse_known_args(list(words))
     file = chosen.config or os.environ.get(PREFIX + "CONFIG")
     settings = read_settings(Path(file) if file else None, os.environ)
-    driver_type = load_driver(str(chosen.robot or settings.get("robot", DEFAULT_ROBOT)))
-    camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
-    camera_type = load_camera(str(camera_name))
-    declared = {"jpeg_quality"}  # the server's own, which the simulated camera takes as well
-    for title, kind in (("robot", driver_type), ("camera", camera_type)):
+    kinds: list[tuple[str, Any]] = []
+    if robot := chosen.robot or settings.get("robot") or default_driver():
+        driver_type = load_driver(str(robot))
+        camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
+        kinds = [("robot", driver_type), ("camera", load_camera(str(camera_name)))]
+    declared = {"jpeg_quality"}  # the server's own, which some cameras take as well
+    for title, kind in kinds:
         group = parser.add_argument_group(f"options of the {title} {kind.name}")
         for option in options_of(kind.options_type):
             if option.name not in declared:
@@ -121,6 +127,9 @@ def run(args: argparse.Namespace) -> int:
     from server.identity import IdentityFile
     from server.persistence import Persistence
 
+    if args.robot is None:
+        known = ", ".join(driver_names())
+        raise ConfigurationError(f"choose a robot with --robot NAME: one of {known}")
     start_logging(verbose=args.verbose)
     config = _make_config(args)
     learner = _name_learner(args)
@@ -166,7 +175,7 @@ def run(args: argparse.Namespace) -> int:
         name=identity.now.name,
         options=_recorded(args, rig),
         announce=hub.announce,
-        keeps_drives=args.keep_drives,
+        settings=vars(args),
     )
     _report_problems(moved, storage.fault, hub)
     services = make_services(
@@ -257,7 +266,7 @@ def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) 
 
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
-    """Return the options as every recording and model has them: without what is secret."""
+    """Return the options as every saved run has them: without what is secret."""
     kinds = (rig.driver.options_type, rig.camera.options_type)
     secret = {one.name for kind in kinds for one in options_of(kind) if one.is_secret}
     return {

@@ -12,6 +12,7 @@ from robot.coaching.gallery import Explanation, LearnedImage, explain
 from robot.control.loop import ControlLoop
 from robot.devices.raw_value import RawValue, must_be
 from robot.types import Prediction
+from server.coaching.extension import progress_of
 from server.coaching.progress import Progress
 from server.routes.answers import PNG, Route, answer, png, png_text
 from server.services import services_of
@@ -71,7 +72,7 @@ class Why:
 @router.get("/gallery")
 async def list_images(request: Request) -> ImageList:
     """List the learned images, in the learner's own order."""
-    progress = services_of(request).progress
+    progress = progress_of(request)
     state = services_of(request).robot.loop.state
     images = await progress.gallery()
     return ImageList(
@@ -85,7 +86,7 @@ async def list_images(request: Request) -> ImageList:
 @router.get("/gallery/{node}.png", **PNG)
 async def show_image(request: Request, node: int) -> Response:
     """Return one learned image as a small PNG."""
-    image = await services_of(request).progress.image(node)
+    image = await progress_of(request).image(node)
     if image is None:
         raise HTTPException(404, "Unknown image.")
     return png(image.thumbnail, keep_s=600)
@@ -95,7 +96,7 @@ async def show_image(request: Request, node: int) -> Response:
 async def undo_edit(request: Request) -> dict[str, bool]:
     """Undo the last change to an image; `undone` is false if there is none to undo."""
     undone = await services_of(request).change_learner(lambda history: history.undo_edit())
-    await services_of(request).progress.gallery(fresh=True)
+    await progress_of(request).gallery(fresh=True)
     return {"undone": bool(undone)}
 
 
@@ -111,7 +112,7 @@ async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, 
         ) from error
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
-    await services.progress.gallery(fresh=True)
+    await progress_of(request).gallery(fresh=True)
     return {"node": node}
 
 

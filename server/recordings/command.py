@@ -13,6 +13,7 @@ from robot.errors import ConfigurationError
 from robot.recordings.editing import EpisodeFrame, choose, edit_of, moments
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
+from robot.recordings.folder import NAME
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import EpisodeSummary
 from robot.store.folder import Storage, default_root
@@ -89,7 +90,7 @@ def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
 def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     summaries = store.summaries()
     if not summaries:
-        print(f"no episodes in {storage.episodes}")
+        print(f"no episodes in {storage.folder(NAME)}")
         return
     print(f"{'episode':27} {'began':16} {'length':>8} {'frames':>6} {'taught':>6} {'MB':>7}  notes")
     for summary in summaries:

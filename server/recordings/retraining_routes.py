@@ -7,8 +7,9 @@ from typing import Any
 from fastapi import APIRouter, HTTPException, Request
 
 from robot.devices.raw_value import RawValue, must_be, text
+from server.recordings.extension import episodes_of, retraining_of
 from server.routes.answers import Route
-from server.routes.bodies import NAMED, NO_SESSION, Named, Short
+from server.routes.bodies import FREE_MODEL, NAMED, Named, Short
 from server.services import persistence_of, services_of
 
 router = APIRouter(prefix="/api/retraining", route_class=Route)
@@ -25,7 +26,7 @@ class RetrainingOrder(RawValue):
 @router.get("")
 def describe_retraining(request: Request) -> dict[str, Any]:
     """Return the state of the run: idle, running, done or failed."""
-    return services_of(request).retraining.describe()
+    return retraining_of(request).describe()
 
 
 @router.post("", status_code=202)
@@ -35,16 +36,16 @@ def begin_retraining(request: Request, body: RetrainingOrder) -> dict[str, Any]:
         raise HTTPException(400, f"At most {_MOST_EPISODES} recordings can be taught together.")
     services = services_of(request)
     learner = body.learner or services.robot.loop.state.learner
-    store = persistence_of(request).episodes
-    services.retraining.begin(store, body.episodes, learner)
-    return services.retraining.describe()
+    store = episodes_of(request)
+    retraining_of(request).begin(store, body.episodes, learner)
+    return retraining_of(request).describe()
 
 
-@router.post("/keep", dependencies=[NO_SESSION], status_code=201)
+@router.post("/keep", dependencies=[FREE_MODEL], status_code=201)
 def keep(request: Request, body: Named = NAMED) -> dict[str, str]:
     """Save the result as a model and load it; 409 unless the robot is stopped."""
     services, persistence = services_of(request), persistence_of(request)
-    model = services.retraining.take()
+    model = retraining_of(request).take()
     kept = persistence.models.free_name(body.name or services.identity.now.name)
     persistence.models.save(kept, model)
     try:
@@ -52,12 +53,12 @@ def keep(request: Request, body: Named = NAMED) -> dict[str, str]:
     except BaseException:
         persistence.models.delete(kept)
         raise
-    services.retraining.drop()
+    retraining_of(request).drop()
     return {"name": kept}
 
 
 @router.delete("")
 def drop(request: Request) -> dict[str, Any]:
     """Drop the result, or cancel the run."""
-    services_of(request).retraining.drop()
+    retraining_of(request).drop()
     return {"state": "idle"}

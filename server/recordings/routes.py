@@ -19,6 +19,8 @@ from robot.recordings.edits import Notes
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import EpisodeSummary
 from robot.types import Encoding
+from server.recordings.extension import episodes_of
+from server.recordings.part import Recordings
 from server.routes.answers import Route, answer, media
 from server.routes.bodies import Key
 from server.services import persistence_of
@@ -128,7 +130,7 @@ class EpisodeTimeline:
 
 
 async def _store_of(request: Request) -> EpisodeStore:
-    return persistence_of(request).episodes
+    return episodes_of(request)
 
 
 STORE: Any = Depends(_store_of)
@@ -148,14 +150,14 @@ def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeA
 @router.get("/episodes", responses={200: {"model": EpisodeList}})
 def list_episodes(request: Request) -> Response:
     """List all episodes, the newest first."""
-    persistence = persistence_of(request)
-    recorder = persistence.recorder.queue
+    part = persistence_of(request).part(Recordings)
+    recorder = part.recorder.queue
     found = EpisodeList(
         recording=recorder.episode_id,
         fault=recorder.fault,
         dropped_frames=recorder.lost["frames"],
-        episodes=[_describe(one, recorder.episode_id) for one in persistence.episodes.summaries()],
-        offered=[one.id for one in persistence.episodes.offered()],
+        episodes=[_describe(one, recorder.episode_id) for one in part.episodes.summaries()],
+        offered=[one.id for one in part.episodes.offered()],
     )
     # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.
     return Response(json.dumps(found, default=vars, allow_nan=False), media_type="application/json")
@@ -175,7 +177,7 @@ def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE)
     declared = describe_moves(episode.moves, episode.declared_moves)
     return answer(
         EpisodeDetails,
-        _describe(store.summary(episode_id), persistence_of(request).recording),
+        _describe(store.summary(episode_id), persistence_of(request).run),
         run=episode.run,
         moves=[move.value for move in episode.moves],
         declared_moves=[move.describe() for move in declared],

@@ -11,14 +11,10 @@ from importlib import import_module
 
 from fastapi import APIRouter
 
-MODULES = (
-    *("routes.drive", "routes.video", "routes.health", "access.pairing_routes", "routes.models"),
-    *("recordings.routes", "coaching.gallery_routes", "routes.teaching"),
-    *("recordings.retraining_routes", "simulator.routes", "routes.settings"),
-)
-"""Modules with routes, in `server`; extensions add theirs as an `Extension`."""
+MODULES = (*("drive", "video", "health", "models", "teaching", "settings"),)
+"""Modules of this package; extensions add theirs as an `Extension`."""
 
 
 def routers() -> list[APIRouter]:
     """Import the modules and return their routers, in order."""
-    return [import_module(f"server.{name}").router for name in MODULES]
+    return [import_module(f"{__name__}.{name}").router for name in MODULES]

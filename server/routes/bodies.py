@@ -74,10 +74,10 @@ HANDLERS: dict[Any, Any] = {
 """What every application does with errors."""
 
 
-def require_no_session(request: Request) -> None:
-    """Refuse what changes the model in use: 409 while a participant's session is on."""
+def require_free_model(request: Request) -> None:
+    """Refuse what changes the model in use, with 409, while an extension needs it as it is."""
     for extension in services_of(request).extensions.values():
         extension.require_free_model()
 
 
-NO_SESSION = Depends(require_no_session)
+FREE_MODEL = Depends(require_free_model)

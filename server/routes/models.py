@@ -13,7 +13,7 @@ from robot.devices.raw_value import text
 from robot.store.models.model import decode_model
 from robot.store.models.store import StoredModel
 from server.routes.answers import PNG, Route, answer, attachment, media, png
-from server.routes.bodies import NAMED, NO_SESSION, Key, Named, do
+from server.routes.bodies import FREE_MODEL, NAMED, Key, Named, do
 from server.services import persistence_of
 
 router = APIRouter(prefix="/api/models", route_class=Route)
@@ -72,7 +72,7 @@ def list_models(request: Request) -> ModelList:
     return ModelList(current=persistence.autosave.name, models=models)
 
 
-@router.post("", dependencies=[NO_SESSION], status_code=201)
+@router.post("", dependencies=[FREE_MODEL], status_code=201)
 def begin_model(request: Request, body: NewModel = _NEW) -> dict[str, str]:
     """Save the model in use and start an empty one."""
     return {"name": persistence_of(request).autosave.begin(body.name, body.learner, body.place)}
@@ -90,7 +90,7 @@ def restore_model(request: Request, body: Key) -> dict[str, str]:
     return {"name": persistence_of(request).models.restore(body.undo)}
 
 
-@router.post("/{name}/load", dependencies=[NO_SESSION])
+@router.post("/{name}/load", dependencies=[FREE_MODEL])
 def load_model(request: Request, name: str) -> dict[str, str]:
     """Save the model in use and load this one; 409 unless the robot is stopped."""
     persistence_of(request).autosave.load(name)
@@ -114,7 +114,7 @@ def copy_model(request: Request, name: str, body: Named = NAMED) -> dict[str, st
     return {"name": persistence_of(request).models.copy(name, body.name)}
 
 
-@router.delete("/{name}", dependencies=[NO_SESSION])
+@router.delete("/{name}", dependencies=[FREE_MODEL])
 def delete_model(request: Request, name: str) -> dict[str, str]:
     """Move a model to the trash; `undo` is the key that restores it."""
     return {"undo": persistence_of(request).autosave.delete(name)}

@@ -16,7 +16,7 @@ from robot.types import Action
 from server.clients.telemetry import describe_body
 from server.identity import COLOURS
 from server.routes.answers import Route
-from server.routes.bodies import Short, do, require_no_session
+from server.routes.bodies import Short, do, require_free_model
 from server.services import persistence_of, services_of
 
 router = APIRouter(prefix="/api/settings", route_class=Route)
@@ -107,7 +107,7 @@ async def change_settings(request: Request, body: SettingsChange) -> Changed:
     named = {field: value for field, value in given.items() if value is not None}
     replace(services.identity.now, **named)  # what is refused is refused before anything changes
     if body.max_nodes is not None or body.moves is not None:
-        require_no_session(request)
+        require_free_model(request)
         kind, size = split_name(loop.state.learner)
         learner = f"{kind}-{body.max_nodes or size}"
         moves = loop.state.moves if body.moves is None else _choose(body.moves, request)

@@ -1,19 +1,15 @@
-"""`/api/teaching`: the training progress, and undo of the latest. See docs/reference/http.md."""
+"""`/api/teaching`: undo of the latest training. See docs/reference/http.md."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fastapi import APIRouter, HTTPException, Query, Request
 
-from robot.coaching.readiness import Readiness
 from robot.devices.raw_value import RawValue, number
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
-from robot.policy.image import to_small_grey
-from server.routes.answers import Route, answer, png_text
+from server.routes.answers import Route, png_text
 from server.services import services_of
 
 router = APIRouter(prefix="/api/teaching", route_class=Route)
@@ -26,43 +22,6 @@ class TrainingUndo(RawValue):
     """How much of the latest training is undone."""
 
     seconds: float = number(above=0, most=UNDO_HORIZON_S)
-
-
-@dataclass
-class Teaching:
-    """What was taught, and the curve of agreement over the examples."""
-
-    lessons: int
-    taught: dict[str, int]
-    agreement: float | None
-    history: list[list[float]]
-
-
-@dataclass
-class GapAnswer:
-    """One thing to show the robot; `png` is the view in which, base64."""
-
-    kind: str
-    move: str | None
-    instead: str | None
-    have: float
-    need: float
-    distance_m: float | None
-    png: str | None
-
-
-@dataclass
-class ReadinessAnswer:
-    """Whether the robot is ready to drive alone, or what is missing and where."""
-
-    stage: str
-    alone_s: float
-    alone_needed_s: int
-    unknown_share: float
-    changes: int
-    foreseen: int
-    moves: Sequence[str]
-    missing: list[GapAnswer]
 
 
 @dataclass
@@ -82,29 +41,6 @@ class LastExamples:
     lessons: int
     taught: dict[str, int]
     strip: list[ExampleAnswer]
-
-
-@router.get("")
-def describe_teaching(request: Request) -> Teaching:
-    """Return what was taught, and the curve of agreement over the examples."""
-    state = services_of(request).robot.loop.state
-    return Teaching(
-        lessons=sum(state.taught.values()),
-        taught={move.value: state.taught.get(move, 0) for move in state.moves},
-        agreement=state.agreement,
-        history=[
-            [mark.n_examples, round(mark.agreement, 4)]
-            for mark in services_of(request).progress.history()
-        ],
-    )
-
-
-@router.get("/readiness")
-async def show_readiness(request: Request, pictures: bool = True) -> ReadinessAnswer:
-    """Return whether the robot is ready to drive alone, or what is missing and where."""
-    services = services_of(request)
-    readiness = services.progress.readiness
-    return await services.on_loop(lambda: _describe_readiness(readiness, pictures))
 
 
 @router.get("/last")
@@ -131,25 +67,6 @@ async def outdate(request: Request) -> dict[str, int]:
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
     return {"outdated": sum(services.robot.loop.state.taught.values())}
-
-
-def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAnswer:
-    """Describe it; on the loop's thread."""
-    missing = []
-    for gap in readiness.missing():
-        png, frame = None, gap.frame
-        if has_pictures and frame:
-            png = png_text(to_small_grey(frame, frame.width // 2, frame.height // 2))
-        missing.append(answer(GapAnswer, gap, have=round(gap.have, 1), png=png))
-    return ReadinessAnswer(
-        stage=readiness.stage,
-        alone_s=round(readiness.clean_s, 1),
-        alone_needed_s=math.ceil(readiness.needed_s),
-        unknown_share=round(readiness.novel_share, 3),
-        **readiness.foreseen,
-        moves=readiness.moves_in_use,
-        missing=missing,
-    )
 
 
 def _preview(history: TrainingHistory, seconds: float) -> LastExamples:

@@ -11,8 +11,8 @@ from robot.devices.raw_value import RawValue, text
 from robot.errors import ConfigurationError
 from robot.types import Mode
 from server.routes.answers import Route, answer
-from server.routes.bodies import NO_SESSION
-from server.services import services_of
+from server.routes.bodies import FREE_MODEL
+from server.services import Extension, services_of
 
 router = APIRouter(route_class=Route)
 
@@ -72,11 +72,11 @@ def show_world(request: Request) -> WorldAnswer:
     )
 
 
-@router.put("/api/world", dependencies=[NO_SESSION])
+@router.put("/api/world", dependencies=[FREE_MODEL])
 async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
     """Carry a simulated robot to the start of another world, with all that it knows.
 
-    409 unless it is stopped, and while a participant's session is on.
+    409 unless it is stopped, and while the model in use must not change.
     """
     services = services_of(request)
     driver: Any = services.robot.driver
@@ -87,7 +87,13 @@ async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
         if services.robot.loop.mode is not Mode.STOPPED:
             raise ConfigurationError("stop the robot before you carry it to another world")
         driver.enter(body.name)
-        services.progress.trail.begin()
+        services.note_carried()
 
     await services.on_loop(carry)
     return show_world(request)
+
+
+class SimulatorExtension(Extension):
+    """The world around a simulated robot, as a part of its server."""
+
+    routers = (router,)

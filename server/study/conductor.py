@@ -278,7 +278,7 @@ class Conductor(StartStop):
         """Delete all that is kept of a participant for good; see `StudyFolder.withdraw`."""
         if self._is_on(study, participant):
             raise ConfigurationError("this session is on: leave it first")
-        return self.folder.withdraw(study, participant, self._kept.recording)
+        return self.folder.withdraw(study, participant, self._kept.run)
 
     # Ticks ------------------------------------------------------------------------------------
 
@@ -289,10 +289,10 @@ class Conductor(StartStop):
             return
         wall_s = self._clock.wall_s()
         events: list[StudyEvent] = []
-        episode = self._kept.recording
+        episode = self._kept.run
         if episode is not None and episode != self._episode:
             self._episode = episode
-            self._kept.recorder.keep()  # though nothing is taught in it
+            self._kept.keep_run()  # though nothing is taught in it
             events.append(session.make("recording", wall_s, value=episode))
         events += session.note(tick, wall_s, self._measure)
         event_log.note(events)

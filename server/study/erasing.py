@@ -16,8 +16,7 @@ def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
     The files go last, so that what was interrupted can be done again. Returns what was deleted,
     by paths within the data folder; raises OSError if the disk refuses.
     """
-    kept = storage.models, storage.episodes, storage.exports
-    folders = (folder for folder in (*kept, *storage.trash.iterdir()) if folder.is_dir())
+    folders = (folder for folder in (*storage.kept(), *storage.trash.iterdir()) if folder.is_dir())
     entries = [path for folder in folders for path in folder.iterdir()]
     found = [path for path in entries if _is_called(path.name.lstrip("."), names)]
     for path in (*found, *paths):

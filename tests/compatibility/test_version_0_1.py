@@ -63,7 +63,7 @@ def test_a_model_opens_with_all_that_it_knew(storage: Storage, name: str) -> Non
 
 @pytest.mark.parametrize("name", MODELS)
 def test_a_model_proposes_the_same_and_learns_on(storage: Storage, name: str) -> None:
-    episode = open_episode(storage.episodes / f"{EPISODES[name]}.mcap")
+    episode = open_episode(storage.folder("episodes") / f"{EPISODES[name]}.mcap")
     policy = ModelStore(storage).load(name).to_policy()
     x = policy.extract(episode.frame(list(episode.frames)[-1]))
     proposed = policy.propose(1, x).probabilities
@@ -81,7 +81,7 @@ def test_a_recording_opens_whole_and_teaches_the_same_again(storage: Storage, na
     assert summary.is_readable and summary.damage is None and summary.learner == name
     assert (summary.frames, dict(summary.taught)) == (10, FACTS[name]["recorded"])
 
-    episode = open_episode(storage.episodes / f"{name}.mcap")
+    episode = open_episode(storage.folder("episodes") / f"{name}.mcap")
     before, after = episode.model_before(), episode.model_after()
     assert before is not None and before.summary.taught == {} and after is not None
     again = make_policy(name)

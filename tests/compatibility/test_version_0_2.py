@@ -68,7 +68,7 @@ def test_what_the_journal_holds_is_replayed_to_the_same_nodes(
     assert model.summary.n_examples == facts["recovered"]
     policy = model.to_policy()
     assert nodes_of(policy) == facts["nodes"]
-    episode = open_episode(min(storage.episodes.glob("*.mcap")))
+    episode = open_episode(min(storage.folder("episodes").glob("*.mcap")))
     x = policy.extract(episode.frame(max(episode.frames)))
     for _ in range(6):
         policy.learn(x, Action.LEFT)

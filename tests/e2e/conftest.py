@@ -6,6 +6,8 @@ from typing import Any
 
 import pytest
 
+from server.recordings.part import Recordings
+
 from .recordings import put_recording
 from .world import (
     DESKTOP,
@@ -123,7 +125,7 @@ def rovers_phone(rovers_page: Callable[[dict[str, int]], Any]) -> Any:
 @pytest.fixture
 def shelf(rover: World) -> Iterator[World]:
     """The rover, with one recording and no others; it learns nothing here."""
-    episodes = rover.persistence.episodes
+    episodes = rover.persistence.part(Recordings).episodes
     put_recording(rover)
     yield rover
     for episode_id in episodes.ids():

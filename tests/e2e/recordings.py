@@ -9,6 +9,7 @@ from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import load_world
 from robot.types import Action, Encoding
+from server.recordings.part import Recordings
 
 from .world import World
 
@@ -37,7 +38,7 @@ def film_a_good_pilot(frames: int) -> tuple[FrameEvent, ...]:
 
 def put_recording(world: World) -> None:
     """Have a recording without driving: no busy machine can make it shorter."""
-    store = world.persistence.episodes
+    store = world.persistence.part(Recordings).episodes
     film = Drive(
         name="film",
         source="simulation",

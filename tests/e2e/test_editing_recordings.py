@@ -12,6 +12,7 @@ import pytest
 
 from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.types import Action, Mode, PilotCommand
+from server.recordings.part import Recordings
 
 from .recordings import FILMED, film_a_good_pilot, put_recording
 from .test_everyone import complaints
@@ -48,7 +49,7 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     drive(world, 60)
     persistence = world.persistence
     finish_recording(world)
-    [episode_id] = persistence.episodes.ids()
+    [episode_id] = persistence.part(Recordings).episodes.ids()
     phone.evaluate("location.hash = 'home'")
     phone.wait_for_selector(".timeline, button[aria-label*='20']")
     phone.locator("button[aria-label*='20']").tap()
@@ -63,7 +64,7 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
             back.filter(has_text=f" {edits} ").wait_for()
         else:
             back.wait_for(state="detached")
-        assert len(persistence.episodes.notes(episode_id).edits) == edits
+        assert len(persistence.part(Recordings).episodes.notes(episode_id).edits) == edits
         settle(phone)
 
     def slide(label: str, to: int) -> None:
@@ -71,16 +72,16 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
             "(e, to) => { e.value = to; e.dispatchEvent(new Event('input')); }", to
         )
 
-    ids = list(persistence.episodes.open(episode_id).frames)
+    ids = list(persistence.part(Recordings).episodes.open(episode_id).frames)
     slide("From", 10)
     slide("To", 40)
     assert "31 pictures" in phone.locator("p.under[role=status]").inner_text()
     press("Leave this out", 1)
-    [edit] = persistence.episodes.notes(episode_id).edits
+    [edit] = persistence.part(Recordings).episodes.notes(episode_id).edits
     assert (edit.verb, edit.ranges) == ("delete", ((ids[10], ids[40]),))
     slide("From", 45)
     press("Right", 2)
-    assert persistence.episodes.notes(episode_id).relabel(ids[50]) is Action.RIGHT
+    assert persistence.part(Recordings).episodes.notes(episode_id).relabel(ids[50]) is Action.RIGHT
     press("Take back the last", 1)
     press("Take back the last", 0)
     wide = phone.evaluate("document.documentElement.scrollWidth - innerWidth")
@@ -89,7 +90,7 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
 
 def test_a_recording_is_named_and_protected_on_the_page(rovers_phone: Any, shelf: World) -> None:
     persistence, phone = shelf.persistence, rovers_phone
-    [episode_id] = persistence.episodes.ids()
+    [episode_id] = persistence.part(Recordings).episodes.ids()
     phone.evaluate("location.hash = 'home'")
     phone.locator("button[aria-label*='20']").tap()
     phone.get_by_label("Title", exact=True).fill("Round the table")
@@ -97,11 +98,11 @@ def test_a_recording_is_named_and_protected_on_the_page(rovers_phone: Any, shelf
     phone.locator("article h3", has_text="Round the table").wait_for()
     phone.get_by_role("button", name="Protect", exact=True).tap()
     phone.locator("article .tag", has_text="protected").wait_for()
-    notes = persistence.episodes.notes(episode_id)
+    notes = persistence.part(Recordings).episodes.notes(episode_id)
     assert (notes.title, notes.is_protected) == ("Round the table", True)
     phone.get_by_role("button", name="Protect", exact=True).tap()
     phone.locator("article .tag").wait_for(state="detached")
-    assert not persistence.episodes.notes(episode_id).is_protected
+    assert not persistence.part(Recordings).episodes.notes(episode_id).is_protected
 
 
 @pytest.mark.usefixtures("shelf")
@@ -115,7 +116,7 @@ def test_axe_finds_nothing_among_the_tools(rovers_phone: Any, npm_modules: Path)
 def test_recordings_beyond_their_space_are_offered(
     rovers_phone: Any, shelf: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    episodes = shelf.persistence.episodes
+    episodes = shelf.persistence.part(Recordings).episodes
     monkeypatch.setattr(episodes, "budget_bytes", 0)
     rovers_phone.evaluate("location.hash = 'home'")
     rovers_phone.wait_for_selector("text=Nothing is deleted by itself")
@@ -156,7 +157,7 @@ def test_two_relabels_repair_a_recording_and_before_and_after_say_so(
     """A fifth of the labels is wrong; they are corrected on the page, taught again, and saved."""
     shots, repairs = spoil(film_a_good_pilot(400))
     assert sum(last - first + 1 for first, last, _ in repairs) >= 0.15 * len(shots)
-    store = world.services.persistence.episodes
+    store = world.services.persistence.part(Recordings).episodes
     moves = (FORWARD, Action.LEFT)
     film = Drive(name="film", source="simulation", shots=shots, moves=moves)
     write_episode(film, store.new_path("2026-01-01_120000_000"))
@@ -212,7 +213,7 @@ def test_a_recording_plays_scrubs_and_steps_by_keyboard(rovers_phone: Any, shelf
 def test_what_was_taken_back_can_be_made_again_and_a_recording_split(
     rovers_phone: Any, shelf: World
 ) -> None:
-    store, phone = shelf.persistence.episodes, rovers_phone
+    store, phone = shelf.persistence.part(Recordings).episodes, rovers_phone
     [episode_id] = store.ids()
     open_recording(phone)
     phone.get_by_role("button", name="Leave this out").tap()
@@ -233,7 +234,7 @@ def test_what_was_taken_back_can_be_made_again_and_a_recording_split(
 
 def test_a_protected_recording_is_not_deleted_by_a_tap(rovers_phone: Any, shelf: World) -> None:
     world, phone = shelf, rovers_phone
-    store = world.persistence.episodes
+    store = world.persistence.part(Recordings).episodes
     [episode_id] = store.ids()
     store.protect(episode_id, True)
     open_recording(phone)

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from server.recordings.part import Recordings
 from tests.kit.sizes import crossed
 
 from .world import World
@@ -99,8 +100,9 @@ def test_a_screen_that_opens_moves_nothing_that_it_shows(
 def test_a_recording_opens_and_is_named_without_moving_a_button(
     slow: Any, shelf: World, order: str
 ) -> None:
-    [episode_id] = shelf.persistence.episodes.ids()
-    shelf.persistence.episodes.set_title(episode_id, "Kitchen")  # as high as the other name
+    episodes = shelf.persistence.part(Recordings).episodes
+    [episode_id] = episodes.ids()
+    episodes.set_title(episode_id, "Kitchen")  # as high as the other name
     slow.evaluate("location.hash = 'home'")
     slow.wait_for_selector("home-screen", state="attached")
     answer(slow, order, "More about Kitchen")
@@ -113,7 +115,7 @@ def test_a_recording_opens_and_is_named_without_moving_a_button(
     saved = answer(slow, order, "More about Round the table")
     assert saved["moved"] == []
     assert "Leave this out" in saved["shown"], "the recording was closed"
-    assert shelf.persistence.episodes.notes(episode_id).title == "Round the table"
+    assert episodes.notes(episode_id).title == "Round the table"
 
 
 def test_a_screen_is_shown_even_if_the_robot_does_not_answer(rovers_phone: Any) -> None:

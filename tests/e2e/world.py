@@ -25,6 +25,7 @@ from server.clients.hub import Hub
 from server.config import Config
 from server.hosting.serving import served
 from server.persistence import Persistence
+from server.recordings.part import Recordings
 from server.services import Services, make_services
 
 IN_CI = os.environ.get("CI") == "true"
@@ -317,6 +318,6 @@ def wait_for(condition: Callable[[], bool], what: str, within_s: float = 30.0) -
 
 def finish_recording(world: World) -> None:
     """End the recording now; otherwise it ends when the robot has stood for a while."""
-    recorder = world.persistence.recorder
+    recorder = world.persistence.part(Recordings).recorder
     world.rig.loop.submit(recorder.finish).result(5)
     wait_for(lambda: recorder.queue.episode_id is None, "the recording ends")

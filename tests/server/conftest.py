@@ -27,4 +27,4 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def episode_id(data: Path) -> str:
     """A drive that is recorded in it."""
-    return record_drive(Storage(data).episodes, "default-8").id
+    return record_drive(Storage(data).folder("episodes"), "default-8").id

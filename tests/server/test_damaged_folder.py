@@ -22,6 +22,7 @@ from robot.types import Action, Example
 from server.access.pairing import Pairing
 from server.identity import IdentityFile
 from server.persistence import Persistence
+from server.recordings.part import Recordings
 from server.recordings.selection import find_id
 from tests.kit.sizes import size
 from tests.robot.recordings.drives import record_drive
@@ -44,7 +45,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
         persistence.autosave.save()
         persistence.autosave.begin("second")
         teach(rig)
-    episode = record_drive(Storage(root).episodes, frames=20)
+    episode = record_drive(Storage(root).folder("episodes"), frames=20)
     episode.path.with_suffix(".edits.json").write_text(
         '{"format": 1, "title": "x", "protected": false, "edits": []}'
     )
@@ -171,12 +172,12 @@ def test_every_start_serves_drives_and_keeps(whole: Path, tmp_path: Path, seed: 
         lessons = teach(rig)
         assert lessons >= 5
         persistence.models.saved()
-        persistence.episodes.summaries()
-        persistence.episodes.offered()
+        persistence.part(Recordings).episodes.summaries()
+        persistence.part(Recordings).episodes.offered()
         persistence.storage.usage()
         name = persistence.autosave.save()
         assert persistence.models.load(name).summary.n_examples == lessons, done
-        assert persistence.recorder.queue.fault is None, done
+        assert persistence.part(Recordings).recorder.queue.fault is None, done
     for name, where in started.moved:
         assert os.path.lexists(root / where), (name, where, done)
 
@@ -204,8 +205,11 @@ def test_where_nothing_can_be_kept_the_robot_drives_and_says_so(tmp_path: Path) 
     with started as (rig, persistence):
         assert started.storage.fault and str(Path("/proc/drivelesson")) in started.storage.fault
         assert teach(rig) == 5
-        assert persistence.recorder.queue.fault and "recording_off" in started.told
-        assert persistence.models.saved() == [] and persistence.episodes.summaries() == []
+        assert persistence.part(Recordings).recorder.queue.fault and "recording_off" in started.told
+        assert (
+            persistence.models.saved() == []
+            and persistence.part(Recordings).episodes.summaries() == []
+        )
         with pytest.raises(OSError):
             persistence.autosave.save()
 
@@ -218,7 +222,10 @@ def test_a_data_folder_may_be_called_as_one_of_its_parts(
     started = running(tmp_path / name)
     assert started.moved == []
     with started as (_, persistence):
-        assert persistence.autosave.name == "second" and persistence.episodes.summaries() != []
+        assert (
+            persistence.autosave.name == "second"
+            and persistence.part(Recordings).episodes.summaries() != []
+        )
 
 
 @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EIO])
@@ -233,7 +240,7 @@ def test_a_disk_that_takes_nothing_stops_no_start_and_no_drive(
         started = running(root)
         with started as (rig, persistence):
             assert teach(rig) >= 5
-            persistence.episodes.summaries()
+            persistence.part(Recordings).episodes.summaries()
             persistence.models.saved()
             with pytest.raises(OSError):
                 persistence.autosave.save()
@@ -325,9 +332,11 @@ def test_what_other_programs_keep_is_neither_moved_listed_nor_deleted(
         system = running(root)
         with system as (_, persistence):
             assert persistence.models.names() == ["bench", "second"]
-            recorded = persistence.episodes.ids()
+            recorded = persistence.part(Recordings).episodes.ids()
             assert all(name.startswith("2023-") for name in recorded)
-            persistence.episodes.restore(persistence.episodes.delete(recorded[0]))
+            persistence.part(Recordings).episodes.restore(
+                persistence.part(Recordings).episodes.delete(recorded[0])
+            )
             persistence.storage.empty_trash()
         assert system.moved == []
     assert all(path.read_text() == "theirs" for path in foreign)
@@ -342,7 +351,7 @@ def test_what_other_programs_keep_is_neither_moved_listed_nor_deleted(
 )  # fmt: skip
 def test_the_copy_of_a_synchroniser_is_never_the_newest(tmp_path: Path, ending: str) -> None:
     storage = Storage(tmp_path)
-    episode = record_drive(storage.episodes, frames=3)
+    episode = record_drive(storage.folder("episodes"), frames=3)
     shutil.copy(episode.path, episode.path.with_stem(episode.path.stem + ending))
     store = EpisodeStore(storage)
     assert len(store.ids()) == 2

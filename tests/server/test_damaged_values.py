@@ -45,8 +45,8 @@ def served(root: Path) -> VirtualServer:
 def lively(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a study, one session that is over and one that is not, edits and a trash."""
     root = tmp_path_factory.mktemp("lively") / "data"
-    episode = record_drive(Storage(root).episodes, frames=20).id
-    gone = record_drive(Storage(root).episodes, frames=5).id
+    episode = record_drive(Storage(root).folder("episodes"), frames=20).id
+    gone = record_drive(Storage(root).folder("episodes"), frames=5).id
     Pairing(10, file=root / "paired.json").redeem("x", 0.0)
     (root / "paired.json").write_text('{"sessions": [{"sha256": "ab", "role": "pilot"}]}')
     IdentityFile(root).change(name="Ada")

@@ -124,7 +124,7 @@ def _turns(server: OwnProcess) -> float:
 def test_no_nonsense_fills_the_memory_or_is_noticed_by_the_loop(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    record_drive(Storage(tmp_path).episodes, frames=20)
+    record_drive(Storage(tmp_path).folder("episodes"), frames=20)
     with own_process(tmp_path) as server:
         begun_mb = peak_mb(server.process.pid)
         with untouched(server):

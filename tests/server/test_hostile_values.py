@@ -60,7 +60,7 @@ class Robot:
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     root: Path = tmp_path_factory.mktemp("hostile")
-    episode = record_drive(Storage(root).episodes, frames=20).id
+    episode = record_drive(Storage(root).folder("episodes"), frames=20).id
     limits = Limits(requests_per_second=1e6, requests_burst=1e6)
     config = Config(port=0, web=WEB, data=root, limits=limits)
     with (

@@ -15,6 +15,7 @@ from robot.coaching.readiness import CLEAN_S
 from robot.policy.registry import make_policy
 from robot.store.models.autosave import Autosave
 from robot.types import Action, DrivenBy, Example, Mode
+from server.coaching.extension import CoachingExtension
 
 from .virtual_server import VirtualServer
 
@@ -217,7 +218,10 @@ def test_readiness_says_what_is_missing(taught: VirtualServer) -> None:
 
 
 def test_readiness_shows_where_the_pilot_took_the_wheel(taught: VirtualServer) -> None:
-    readiness, loop = taught.services.progress.readiness, taught.rig.loop
+    readiness, loop = (
+        taught.services.extension(CoachingExtension).progress.readiness,
+        taught.rig.loop,
+    )
     ticks: list[Any] = []
     unsubscribe = loop.subscribe(lambda tick: ticks.append(tick) if tick.frame else None)
     taught.wait_until(lambda: bool(ticks))

@@ -57,7 +57,6 @@ class ServedWorld(VirtualRobot):
         await super().__aenter__()
         await self.hub.start()
         self._stack.push_async_callback(self.hub.stop)
-        self._stack.callback(self.rig.loop.subscribe(self.services.progress.note))
         for extension in self.services.extensions.values():
             self._stack.enter_context(extension)
         return self

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 from robot.bodies.gymnasium.driver import GymnasiumDriver
 from robot.clock import Clock
 from robot.devices.options import Options, option
+from robot.devices.world_camera import WorldCamera
 from robot.driver import ACTION_TIMEOUT_S
 from robot.policy.image import jpeg_encoder
-from robot.simulator.camera import WorldCamera
 from robot.types import Encoding, Frame
 
 _JPEG_QUALITY = 90

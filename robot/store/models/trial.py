@@ -13,7 +13,6 @@ from itertools import cycle
 import numpy as np
 
 from robot.clock import RealClock
-from robot.coaching import gallery
 from robot.errors import RecordingError
 from robot.policy.autosize import sample_frames
 from robot.policy.policy import Policy
@@ -68,7 +67,9 @@ def _drive(policy: Policy) -> None:
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
         if _MACHINE.now_s() > until_s:
             break
-    gallery.images(policy)
+    for node in policy.learner.nodes():  # as a page shows them
+        policy.features.thumbnail(node.image)
+        _demand(set(node.votes) <= set(policy.moves), "an image has votes for no move")
     policy.reset()
 
 

@@ -31,6 +31,7 @@ from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
 from robot.types import Action, Mode, PilotCommand
 from server.persistence import Persistence
+from server.recordings.part import Recordings
 
 LONGEST_LIFE_S = 0.8
 MOMENTS = ("start", "loaded", "tick", "written")
@@ -103,11 +104,11 @@ def live(folder: Path, out: int, wall_s: float) -> None:
     clock.wall_s = lambda: wall_s  # type: ignore[method-assign]
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(folder), rig, name="bench")
-    persistence.recorder.queue._config = RecorderConfig(spare_bytes=0)
+    persistence.part(Recordings).recorder.queue._config = RecorderConfig(spare_bytes=0)
     is_loaded = False
     rig.loop.subscribe(note)  # first: what is on the disk at any moment has been told before
     with rig:
-        persistence._disk.add(turns_told("written", lambda: lessons_queued))
+        persistence.disk.add(turns_told("written", lambda: lessons_queued))
         persistence.journal._thread.add(turns_told("kept", lambda: n_queued))
         persistence.start()
         rig.loop.subscribe(note_queued)  # last: what it counts waits for the disk already

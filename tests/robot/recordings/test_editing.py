@@ -49,7 +49,7 @@ def test_compacting_teaches_the_same_also_where_images_were_edited(
 ) -> None:
     """An edit of an image counts only where all the pictures that made it are still there."""
     chance, storage = random.Random(seed), Storage(tmp_path)
-    robot = RecordedBench(storage.episodes, "default-8")
+    robot = RecordedBench(storage.folder("episodes"), "default-8")
     drive_and_edit_an_image(robot, range(40), chance)
     [name] = [path.stem for path in robot.finish()]
     store = EpisodeStore(storage)
@@ -70,7 +70,7 @@ def test_what_a_recording_took_back_of_the_one_before_stays_taken_back(
     tmp_path: Path, between: str
 ) -> None:
     chance, storage = random.Random(1), Storage(tmp_path)
-    robot = RecordedBench(storage.episodes, "default-8")
+    robot = RecordedBench(storage.folder("episodes"), "default-8")
     history = robot.loop.history
     drive_and_edit_an_image(robot, range(40), chance)
     robot.stand(12)
@@ -97,7 +97,7 @@ def test_the_edit_of_an_image_that_is_taken_back_later_is_the_right_one(
 ) -> None:
     """Also where the recording that has it was edited, and written anew or split."""
     chance, storage = random.Random(taken_back), Storage(tmp_path)
-    robot = RecordedBench(storage.episodes, "default-8")
+    robot = RecordedBench(storage.folder("episodes"), "default-8")
     for scenes in (range(40), range(40, 60)):
         drive_and_edit_an_image(robot, scenes, chance)
         robot.stand(12)
@@ -132,7 +132,7 @@ def test_the_edit_of_an_image_that_is_taken_back_later_is_the_right_one(
 
 def test_edits_of_images_apply_up_to_the_first_recording_that_was_edited(tmp_path: Path) -> None:
     chance, storage = random.Random(3), Storage(tmp_path)
-    robot = RecordedBench(storage.episodes, "default-8")
+    robot = RecordedBench(storage.folder("episodes"), "default-8")
     for scenes in (range(40), range(40, 60), range(60, 80)):
         drive_and_edit_an_image(robot, scenes, chance)
         robot.stand(12)
@@ -150,7 +150,7 @@ def test_edits_of_images_apply_up_to_the_first_recording_that_was_edited(tmp_pat
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.8])
 def test_each_part_of_a_split_lasts_as_long_as_its_pictures(tmp_path: Path, share: float) -> None:
     storage = Storage(tmp_path)
-    robot = RecordedBench(storage.episodes, "default-8")
+    robot = RecordedBench(storage.folder("episodes"), "default-8")
     robot.drive(range(60))
     robot.stand(12)
     robot.start(Mode.AUTONOMOUS, 100)
@@ -174,9 +174,9 @@ def test_each_part_of_a_split_lasts_as_long_as_its_pictures(tmp_path: Path, shar
 @pytest.mark.parametrize("length", [1, 60, 62, 63, 64, 100])
 def test_a_recording_can_be_split_however_long_its_name(tmp_path: Path, length: int) -> None:
     storage = Storage(tmp_path)
-    episode = record_drive(storage.episodes)
+    episode = record_drive(storage.folder("episodes"))
     name = "n" * length
-    episode.path.rename(storage.episodes / f"{name}.mcap")
+    episode.path.rename(storage.folder("episodes") / f"{name}.mcap")
     store = EpisodeStore(storage)
     middle = list(episode.frames)[len(episode.frames) // 2]
     parts = {name, store.split(name, middle), store.split(name, list(episode.frames)[2])}

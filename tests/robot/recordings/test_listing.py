@@ -25,7 +25,7 @@ def storage(tmp_path: Path) -> Storage:
     (tmp_path / "one").mkdir()
     one = record_drive(tmp_path / "one", frames=10).path
     for i in range(MANY):
-        os.link(one, storage.episodes / f"episode-{i:05d}.mcap")
+        os.link(one, storage.folder("episodes") / f"episode-{i:05d}.mcap")
     return storage
 
 
@@ -71,9 +71,9 @@ def test_only_what_changed_is_read_again(storage: Storage, read: list[str]) -> N
     store.summaries()
     read.clear()
     store.set_title("episode-00003", "the hall")
-    (storage.episodes / "episode-00004.mcap").unlink()
-    (storage.episodes / "episode-00005.mcap").unlink()
-    (storage.episodes / "episode-00005.mcap").write_bytes(b"rubbish")
+    (storage.folder("episodes") / "episode-00004.mcap").unlink()
+    (storage.folder("episodes") / "episode-00005.mcap").unlink()
+    (storage.folder("episodes") / "episode-00005.mcap").write_bytes(b"rubbish")
     listed = {summary.id: summary for summary in store.summaries()}
     assert sorted(read) == ["episode-00003", "episode-00005"]
     assert listed["episode-00003"].title == "the hall"

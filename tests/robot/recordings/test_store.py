@@ -34,7 +34,7 @@ def storage(tmp_path: Path) -> Storage:
 
 @pytest.fixture
 def store(storage: Storage) -> EpisodeStore:
-    record_drive(storage.episodes)
+    record_drive(storage.folder("episodes"))
     return EpisodeStore(storage)
 
 
@@ -150,7 +150,7 @@ def test_compacting_works_the_edits_in_and_teaches_the_same(store: EpisodeStore)
 
 
 def test_a_compact_recording_knows_what_corrected_the_robot(storage: Storage) -> None:
-    robot = RecordedBench(storage.episodes, "default-8")
+    robot = RecordedBench(storage.folder("episodes"), "default-8")
     robot.drive(range(20))
     robot.start(Mode.AUTONOMOUS)
     for scene in range(100, 120):
@@ -189,7 +189,7 @@ def test_notes_of_a_recording_that_is_gone_edit_no_new_one(store: EpisodeStore) 
 
 
 def test_what_is_being_recorded_is_left_alone(storage: Storage) -> None:
-    episode_id = record_drive(storage.episodes).id
+    episode_id = record_drive(storage.folder("episodes")).id
     store = EpisodeStore(storage, recording=lambda: episode_id)
     for refused in (store.delete, store.compact):
         with pytest.raises(ConfigurationError, match="being recorded"):
@@ -199,7 +199,7 @@ def test_what_is_being_recorded_is_left_alone(storage: Storage) -> None:
 def test_what_another_program_is_recording_is_left_alone(
     storage: Storage, store: EpisodeStore
 ) -> None:
-    robot = RecordedBench(storage.episodes)
+    robot = RecordedBench(storage.folder("episodes"))
     with FolderLock(storage.root):
         robot.drive(range(20))
         robot.stand(1.0)
@@ -250,7 +250,7 @@ def test_what_is_changed_while_it_is_made_compact_is_not_lost(
 def test_beyond_the_budget_the_oldest_unprotected_are_offered_and_none_is_deleted(
     storage: Storage,
 ) -> None:
-    ids = [record_drive(storage.episodes, frames=20).id for _ in range(4)]
+    ids = [record_drive(storage.folder("episodes"), frames=20).id for _ in range(4)]
     store = EpisodeStore(storage)
     store.protect(ids[0], True)
     size = store.summary(ids[0]).bytes

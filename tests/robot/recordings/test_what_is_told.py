@@ -52,9 +52,9 @@ def test_last_is_the_newest_by_time_and_never_by_name(
 ) -> None:
     monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path))
     storage = Storage(tmp_path)
-    own = record_drive(storage.episodes, frames=20)
+    own = record_drive(storage.folder("episodes"), frames=20)
     shift_s = -86_400 if theirs_first else 86_400
-    imported(storage.episodes, "theirs", own.started_at_s + shift_s)
+    imported(storage.folder("episodes"), "theirs", own.started_at_s + shift_s)
     newest = own.id if theirs_first else "theirs"
     assert main(["episodes", "show", "last"]) == 0
     assert newest in capsys.readouterr().out
@@ -137,7 +137,7 @@ def test_a_name_that_is_no_films_gets_a_sentence(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path / "data"))
-    record_drive(Storage(tmp_path / "data").episodes, frames=10)
+    record_drive(Storage(tmp_path / "data").folder("episodes"), frames=10)
     out = tmp_path / name
     assert main(["episodes", "export", "last", "--as", "film", "--out", str(out)]) == 1
     assert ".mp4" in capsys.readouterr().err.splitlines()[-1]
@@ -151,7 +151,7 @@ def test_names_of_exports_have_no_spaces(
 ) -> None:
     monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path))
     storage = Storage(tmp_path)
-    imported(storage.episodes, "our long hall", 1e9)
+    imported(storage.folder("episodes"), "our long hall", 1e9)
     for _ in range(2):
         assert main(["episodes", "export", "last", "--as", "tub"]) == 0
     capsys.readouterr()

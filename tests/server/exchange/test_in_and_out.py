@@ -181,7 +181,7 @@ def test_a_place_is_free_again_when_an_import_fails(
 
 def record_pause(data: Path) -> None:
     """Record a drive in whose middle nobody taught for 65 s."""
-    robot = RecordedBench(Storage(data).episodes)
+    robot = RecordedBench(Storage(data).folder("episodes"))
     robot.drive(range(8))
     robot.start(Mode.AUTONOMOUS, 0)
     for number in range(1300):
@@ -237,7 +237,7 @@ def test_what_cannot_be_done_is_one_clear_line(
 def test_a_tub_has_what_nobody_taught_when_all_is_wanted(
     data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    robot = RecordedBench(Storage(data).episodes)
+    robot = RecordedBench(Storage(data).folder("episodes"))
     robot.drive(range(8))
     robot.start(Mode.AUTONOMOUS, 0)
     robot.step(1, None)

@@ -106,8 +106,8 @@ def test_last_is_the_newest_by_time_and_never_by_name(
     data: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     storage = Storage(data)
-    record_drive(storage.episodes, frames=20)
-    newest = EpisodeStore(storage).path(record_drive(storage.episodes, frames=40).id)
+    record_drive(storage.folder("episodes"), frames=20)
+    newest = EpisodeStore(storage).path(record_drive(storage.folder("episodes"), frames=40).id)
     newest.rename(newest.with_stem(name))
     assert "40 examples" in say("learn last --learner published --max-nodes 4", capsys)
 
@@ -116,7 +116,7 @@ def test_check_names_continue_and_saves_nothing_when_it_fails(
     data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     storage = Storage(data)
-    robot = RecordedBench(storage.episodes)
+    robot = RecordedBench(storage.folder("episodes"))
     robot.drive(range(30))
     robot.recorder.finish()
     robot.drive(range(30, 60))

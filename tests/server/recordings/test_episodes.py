@@ -12,6 +12,7 @@ import pytest
 from robot.types import Action, Mode, PilotCommand
 from server.config import Config, Limits
 from server.persistence import Persistence
+from server.recordings.part import Recordings
 from tests.robot.recordings.drives import record_drive
 from tests.server.live_robot import WEB
 from tests.server.virtual_server import VirtualServer
@@ -40,7 +41,7 @@ def client(server: VirtualServer) -> Iterator[Client]:
 
 @pytest.fixture
 def episode_id(persistence: Persistence) -> str:
-    return record_drive(persistence.storage.episodes).id
+    return record_drive(persistence.storage.folder("episodes")).id
 
 
 def test_a_drive_appears_in_the_list_while_it_is_recorded(
@@ -119,7 +120,7 @@ def test_title_protection_compact_delete_and_restore(
     assert client.get(path).status_code == 404
     assert client.post("/api/episodes/restore", json={"undo": undo}).json() == {"id": episode_id}
     assert client.get("/api/episodes").json()["offered"] == []
-    persistence.episodes.budget_bytes = 0
+    persistence.part(Recordings).episodes.budget_bytes = 0
     assert client.get("/api/episodes").json()["offered"] == [episode_id]
 
 

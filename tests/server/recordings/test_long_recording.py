@@ -47,7 +47,7 @@ def test_after_an_hour_that_was_cut_short_it_is_ready_and_its_list_small(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = write_cut_recording(
-        Storage(tmp_path).episodes / "2026-01-01_100000_000.mcap", minutes=MINUTES
+        Storage(tmp_path).folder("episodes") / "2026-01-01_100000_000.mcap", minutes=MINUTES
     )
     cut, taught = path.stat().st_ino, fill_journal(tmp_path)
     started_s = time.monotonic()

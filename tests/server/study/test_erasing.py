@@ -18,7 +18,7 @@ def test_what_is_erased_is_found_however_its_accents_are_written(
 ) -> None:
     storage, name = Storage(tmp_path), unicodedata.normalize(form, "Zoé")
     for entry in (f"{name}.mcap", f"{name}-2.edits.json", f"{name}e.mcap"):
-        (storage.episodes / entry).touch()
-    storage.discard(storage.episodes / f"{name}-2.edits.json")
+        (storage.folder("episodes") / entry).touch()
+    storage.discard(storage.folder("episodes") / f"{name}-2.edits.json")
     assert len(erase(storage, ["Zoé"])) == 2
-    assert [path.name for path in storage.episodes.iterdir()] == [f"{name}e.mcap"]
+    assert [path.name for path in storage.folder("episodes").iterdir()] == [f"{name}e.mcap"]

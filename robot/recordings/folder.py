@@ -1,0 +1,27 @@
+"""Where recordings lie in the data folder."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from robot.store.folder import FolderKind, size_of
+
+NAME = "episodes"
+_INDEX = ".index.json"
+"""A list that version 0.2 kept of them."""
+
+
+def _debris(folder: Path) -> Iterable[Path]:
+    yield from (path for path in folder.glob("*.mcap") if size_of(path) == 0)
+    yield from folder.glob(_INDEX)
+
+
+FOLDER = FolderKind(
+    name=NAME,
+    about="one MCAP file a run: open with Foxglove, or with the mcap library\n"
+    "            NAME.edits.json beside it lists a person's edits; the recording is not touched",
+    reads=re.compile(r"[^.].*(\.mcap|\.edits\.json)", re.DOTALL),
+    debris=_debris,
+)

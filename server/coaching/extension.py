@@ -1,0 +1,41 @@
+"""Coaching as a part of a robot's server: progress, readiness, the way driven and the gallery."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import HTTPConnection
+
+from server.coaching.progress import Progress
+from server.services import Extension, Services, services_of
+
+
+class CoachingExtension(Extension):
+    """Follows the training for the page."""
+
+    def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
+        self._loop, persistence = services.robot.loop, services.persistence
+        self.progress = Progress(self._loop, lambda: persistence.run if persistence else None)
+        self._unsubscribe: Callable[[], None] = lambda: None
+
+    @property
+    def routers(self) -> Sequence[APIRouter]:
+        from server.coaching import gallery_routes, routes  # they ask for this extension
+
+        return routes.router, gallery_routes.router
+
+    def start(self) -> None:
+        self._unsubscribe = self._loop.subscribe(self.progress.note)
+
+    def stop(self) -> None:
+        self._unsubscribe()
+
+    def note_carried(self) -> None:
+        self.progress.trail.begin()
+
+
+def progress_of(connection: HTTPConnection) -> Progress:
+    """Return the training progress of the robot that a request is for."""
+    return services_of(connection).extension(CoachingExtension).progress

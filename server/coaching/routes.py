@@ -1,0 +1,132 @@
+"""`/api/teaching` and `/api/path`: progress, readiness and the way driven.
+
+See docs/reference/http.md.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fastapi import APIRouter, Request
+
+from robot.coaching.readiness import Readiness
+from robot.policy.image import to_small_grey
+from server.coaching.extension import progress_of
+from server.routes.answers import Route, answer, png_text
+from server.services import services_of
+
+router = APIRouter(prefix="/api", route_class=Route)
+
+
+@dataclass
+class Teaching:
+    """What was taught, and the curve of agreement over the examples."""
+
+    lessons: int
+    taught: dict[str, int]
+    agreement: float | None
+    history: list[list[float]]
+
+
+@dataclass
+class GapAnswer:
+    """One thing to show the robot; `png` is the view in which, base64."""
+
+    kind: str
+    move: str | None
+    instead: str | None
+    have: float
+    need: float
+    distance_m: float | None
+    png: str | None
+
+
+@dataclass
+class ReadinessAnswer:
+    """Whether the robot is ready to drive alone, or what is missing and where."""
+
+    stage: str
+    alone_s: float
+    alone_needed_s: int
+    unknown_share: float
+    changes: int
+    foreseen: int
+    moves: Sequence[str]
+    missing: list[GapAnswer]
+
+
+@dataclass
+class PathAnswer:
+    """Points of a way, as columns."""
+
+    first: int
+    pose: list[list[float]]
+    driven_by: list[str]
+    events: dict[str, list[str]]
+    is_estimate: bool
+
+
+@router.get("/path")
+def show_path(request: Request, since: int = 0) -> PathAnswer:
+    """Return the points of the way from the one numbered `since` on, as columns.
+
+    `first` is the number of the first of them: ask again with `first` and the points that came.
+    """
+    first, points = progress_of(request).trail.since(since)
+    return PathAnswer(
+        first=first,
+        pose=[
+            [round(p.pose.x_m, 3), round(p.pose.y_m, 3), round(p.pose.heading_rad, 2)]
+            for p in points
+        ],
+        driven_by=[point.driven_by.value for point in points],
+        events={
+            str(i): [event.value for event in point.events]
+            for i, point in enumerate(points)
+            if point.events
+        },
+        is_estimate=any(point.pose.is_estimate for point in points),
+    )
+
+
+@router.get("/teaching")
+def describe_teaching(request: Request) -> Teaching:
+    """Return what was taught, and the curve of agreement over the examples."""
+    state = services_of(request).robot.loop.state
+    return Teaching(
+        lessons=sum(state.taught.values()),
+        taught={move.value: state.taught.get(move, 0) for move in state.moves},
+        agreement=state.agreement,
+        history=[
+            [mark.n_examples, round(mark.agreement, 4)] for mark in progress_of(request).history()
+        ],
+    )
+
+
+@router.get("/teaching/readiness")
+async def show_readiness(request: Request, pictures: bool = True) -> ReadinessAnswer:
+    """Return whether the robot is ready to drive alone, or what is missing and where."""
+    services = services_of(request)
+    readiness = progress_of(request).readiness
+    return await services.on_loop(lambda: _describe_readiness(readiness, pictures))
+
+
+def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAnswer:
+    """Describe it; on the loop's thread."""
+    missing = []
+    for gap in readiness.missing():
+        png, frame = None, gap.frame
+        if has_pictures and frame:
+            png = png_text(to_small_grey(frame, frame.width // 2, frame.height // 2))
+        missing.append(answer(GapAnswer, gap, have=round(gap.have, 1), png=png))
+    return ReadinessAnswer(
+        stage=readiness.stage,
+        alone_s=round(readiness.clean_s, 1),
+        alone_needed_s=math.ceil(readiness.needed_s),
+        unknown_share=round(readiness.novel_share, 3),
+        **readiness.foreseen,
+        moves=readiness.moves_in_use,
+        missing=missing,
+    )

@@ -1,0 +1,43 @@
+"""Recordings as a part of a robot's server: their pages, and training from them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import HTTPConnection
+
+from robot.recordings.store import EpisodeStore
+from server.recordings.part import Recordings
+from server.recordings.retraining import Retraining
+from server.services import Extension, Services, persistence_of, services_of
+
+
+class RecordingsExtension(Extension):
+    """Routes for recordings, and the training run that uses them."""
+
+    def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
+        self.retraining = Retraining(services.robot.clock)
+
+    @property
+    def routers(self) -> Sequence[APIRouter]:
+        from server.recordings import retraining_routes, routes  # they ask for this extension
+
+        return routes.router, retraining_routes.router
+
+    @classmethod
+    def configure(cls, parser: argparse.ArgumentParser) -> None:
+        text = "keep recordings in which nothing was taught, too: for research"
+        parser.add_argument("--keep-drives", action="store_true", help=text)
+
+
+def retraining_of(connection: HTTPConnection) -> Retraining:
+    """Return the training run of the robot that a request is for."""
+    return services_of(connection).extension(RecordingsExtension).retraining
+
+
+def episodes_of(connection: HTTPConnection) -> EpisodeStore:
+    """Return the recordings of the robot that a request is for; 503 where nothing is saved."""
+    return persistence_of(connection).part(Recordings).episodes
