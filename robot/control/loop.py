@@ -25,6 +25,7 @@ from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, LinkSt
 from robot.control.mailbox import Mailbox
 from robot.control.online_learning import OnlineLearning
 from robot.control.state import Tick, sum_up
+from robot.control.steady_fault import SteadyFault
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError
 from robot.policy.policy import Policy
@@ -108,6 +109,7 @@ class ControlLoop:
         self._commands: _Commands = []
         self._asked: tuple[Action | None, Point | None] | None = None
         self._fault: str | None = None
+        self._steady = SteadyFault()
         self._last_mode = Mode.TRAIN
         self._epoch = object()
         self._listeners: list[Callable[[Tick], None]] = []
@@ -235,7 +237,11 @@ class ControlLoop:
                 sensors=sensors,
                 link=link,
                 source_age_s=self._camera.source_age_s,
-                fault=self._camera.fault or self._fault,
+                fault=self._steady.show(
+                    self._camera.fault or self._fault,
+                    now_s,
+                    may_move=decision.mode is not Mode.STOPPED,
+                ),
                 cycle_s=self.clock.now_s() - started_s,
             )
         )

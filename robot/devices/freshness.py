@@ -51,6 +51,7 @@ class Freshness:
         """What is wrong, or None."""
         if now_s - self._new_s <= self.patience_s:
             return None
-        if now_s - self._seen_s <= self.patience_s:
-            return "repeats one picture"
+        # A camera that repeats its picture more seldom than new ones came is still there.
+        if now_s - self._seen_s <= max(self.patience_s, STILL_S + LONGEST_PERIOD_S):
+            return "repeats one picture" if self._seen_s > self._new_s else "gives no pictures"
         return "gives no pictures"
