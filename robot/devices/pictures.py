@@ -6,11 +6,20 @@ import io
 import struct
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from robot.errors import RecordingError, need
 from robot.policy.image import decode, swap_red_and_blue
 from robot.types import Encoding
 
 MAX_SIDE_PX = 4096
+DRIVEN_BY_PX = 1280 * 960
+"""The largest picture that is passed on: the learner sees a few hundred pixels of it, and each one
+more delays the pilot's."""
+_SHARES = (2, 4, 8)
+"""By how much a JPEG can be reduced while it is decoded, which costs a fraction of its size."""
+_READABLE_SOF = (0xC0, 0xC1, 0xC2)
+"""Kinds of JPEG that decoders read: baseline, extended, progressive. 0xC3 is lossless."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 
@@ -74,6 +83,46 @@ def read_jpeg(data: bytes) -> Picture:
     if size is None:
         raise RecordingError("not a JPEG")
     return Picture(encoding=Encoding.JPEG, width=size[0], height=size[1], data=data)
+
+
+def check_kind(data: bytes) -> None:
+    """Raise RecordingError for a JPEG of a kind that no usual decoder reads, such as lossless."""
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            if marker not in _READABLE_SOF:
+                kind = "lossless" if marker in (0xC3, 0xC7, 0xCB, 0xCF) else "hierarchical"
+                raise RecordingError(
+                    f"its pictures are {kind} JPEGs, which browsers and decoders do not read; "
+                    "choose usual JPEG in its settings"
+                )
+            return
+        at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+
+
+def reduce_picture(picture: Picture, quality: int = 80) -> Picture:
+    """Return a JPEG that is larger than robots are driven by as a smaller one; others unchanged.
+
+    Raises:
+        RecordingError: If it cannot be decoded.
+        MissingExtraError: If OpenCV is not installed.
+    """
+    if picture.encoding is not Encoding.JPEG or picture.width * picture.height <= DRIVEN_BY_PX:
+        return picture
+    cv2 = need("cv2", "reading pictures", "camera")
+    n_pixels = picture.width * picture.height
+    share = next((one for one in _SHARES if n_pixels <= DRIVEN_BY_PX * one * one), _SHARES[-1])
+    flag = getattr(cv2, f"IMREAD_REDUCED_COLOR_{share}")
+    try:
+        pixels = cv2.imdecode(np.frombuffer(picture.data, np.uint8), flag)
+    except cv2.error:
+        pixels = None
+    if pixels is None:
+        raise RecordingError("its pictures cannot be read as JPEG")
+    _, small = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    height, width = pixels.shape[:2]
+    return Picture(encoding=Encoding.JPEG, width=width, height=height, data=small.tobytes())
 
 
 def _has_end(data: bytes) -> bool:

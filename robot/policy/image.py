@@ -135,7 +135,7 @@ def _packed(frame: Frame, n_channels: int) -> Pixels:
     expected = frame.width * frame.height * n_channels
     if len(frame.data) != expected or expected == 0:
         raise CameraError(
-            f"frame {frame.frame_id} has {len(frame.data)} bytes; {frame.encoding.upper()} of "
+            f"a picture has {len(frame.data)} bytes; {frame.encoding.upper()} of "
             f"{frame.width}x{frame.height} has {expected}: check the camera's format"
         )
     flat = np.frombuffer(frame.data, np.uint8)
@@ -145,7 +145,9 @@ def _packed(frame: Frame, n_channels: int) -> Pixels:
 def _decode_jpeg(frame: Frame, *, colour: bool) -> Pixels:
     pixels = decode(frame.data, colour=colour)
     if pixels is None:
-        raise CameraError(f"frame {frame.frame_id} is not a readable JPEG")
+        raise CameraError(
+            "the camera's pictures cannot be read as JPEG; choose another format in its settings"
+        )
     return pixels
 
 

@@ -2,6 +2,8 @@
 import assert from 'node:assert/strict';
 import { mock, test } from 'node:test';
 
+import en from '../../web/js/messages/en.js';
+
 const elements = {};
 class FakeElement extends EventTarget {
   dataset = {};
@@ -111,6 +113,19 @@ test('a camera that is lost sends no picture more, its last one neither, and one
   assert.ok(timers.mock.callCount() < 1.5 * once + 10, 'it is looked at as often as before');
   timers.mock.restore();
 });
+
+for (const [name, key] of [['NotFoundError', 'eye.none'], ['NotReadableError', 'eye.in_use'], ['NotAllowedError', 'eye.refused']]) {
+  test(`an eye whose browser gives no camera says why: ${name}`, async () => {
+    const { getUserMedia } = navigator.mediaDevices;
+    navigator.mediaDevices.getUserMedia = async () => { throw Object.assign(new Error(), { name }); };
+    elements.begin.dispatchEvent(new Event('click'));
+    await soon();
+    assert.equal(elements.said.textContent, en[key]);
+    navigator.mediaDevices.getUserMedia = getUserMedia;
+    elements.begin.dispatchEvent(new Event('click'));
+    await soon();
+  });
+}
 
 test('a STOP is asked for until the robot hears it, also where the line is another phone’s', async () => {
   socket().onclose({ code: 4001 });

@@ -49,22 +49,25 @@ async function open() {
   try {
     const video = { facingMode: { ideal: 'environment' }, width: { ideal: 640 }, height: { ideal: 480 }, frameRate: { ideal: 30 } };
     seen.srcObject = await navigator.mediaDevices.getUserMedia({ video, audio: false });
-    for (const track of seen.srcObject.getTracks()) track.onended = lose;
+    for (const track of seen.srcObject.getTracks()) track.onended = () => lose();
     await seen.play();
-  } catch {
-    return lose();
+  } catch (error) {
+    return lose(/** @type {{name?: string}} */ (error).name);
   }
   wakeLock.want(true);
   link.connect();
   next();
 }
 
-/** Its permission was taken back, or another program took the camera: its last picture is none any more. */
-function lose() {
+/** What a browser calls it that gives no camera. @type {Record<string, string>} */
+const WHY = { NotFoundError: 'none', DevicesNotFoundError: 'none', OverconstrainedError: 'none', NotReadableError: 'in_use', TrackStartError: 'in_use', AbortError: 'in_use' };
+
+/** There is no camera, its permission was taken back, or another program took it: its last picture is none any more. @param {string} [name]  of the browser's error */
+function lose(name = '') {
   for (const track of /** @type {MediaStream | null} */ (seen.srcObject)?.getTracks() ?? []) track.stop();
   seen.srcObject = null;
   begin.hidden = false;
-  tell(t('eye.refused'), true);
+  tell(t(`eye.${WHY[name] ?? 'refused'}`), true);
 }
 
 /** Wait for a picture; only once, however often the camera was begun. */

@@ -11,7 +11,7 @@ from robot.bodies.mjpeg.line import CameraLine
 from robot.clock import Clock
 from robot.devices.freshness import LONGEST_PERIOD_S, REOPEN_S
 from robot.devices.options import Options, option
-from robot.devices.pictures import read_jpeg, read_picture
+from robot.devices.pictures import check_kind, read_jpeg, read_picture, reduce_picture
 from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError, ConfigurationError, RecordingError, need
 
@@ -95,6 +95,8 @@ class MjpegCamera(WatchedCamera):
         try:
             is_jpeg = data.startswith(_JPEG)
             picture = read_jpeg(data) if is_jpeg else read_picture(data, "what it sends")
+            if is_jpeg:
+                check_kind(data)
         except RecordingError as error:
             self._reason = str(error)
             return
@@ -102,9 +104,14 @@ class MjpegCamera(WatchedCamera):
             self._reason = f"its pictures are {picture.width}x{picture.height}; choose smaller ones"
             return
         now_s = self.clock.now_s()
+        self._reason = None
         if not self._freshness.is_new(data, now_s):
             return
-        self._reason = None
+        try:
+            picture = reduce_picture(picture)
+        except RecordingError as error:
+            self._reason = str(error)
+            return
         self._gap_s = 0.0 if self._shown_s is None else now_s - self._shown_s
         self._shown_s = now_s
         self._show_picture(picture, captured_s)
@@ -120,7 +127,9 @@ class MjpegCamera(WatchedCamera):
                 f"gives a picture only every {self._gap_s:.1f} s, too slow to drive by; choose a "
                 "higher rate or smaller pictures in its settings"
             )
-        return f"{wrong} ({self._reason})" if self._reason else wrong
+        if self._reason is None:
+            return f"{wrong}; restart it" if wrong.startswith("repeats") else wrong
+        return f"gives no pictures ({self._reason})"
 
 
 def _ended(n_pictures: int) -> str:

@@ -328,6 +328,8 @@ export default {
   'eye.title': 'The robot’s eye',
   'eye.begin': 'Use this camera',
   'eye.insecure': 'A phone gives its camera only to https: serve the robot with --tls.',
+  'eye.none': 'No camera was found on this device. Open this page on one that has a camera.',
+  'eye.in_use': 'Another program uses the camera. Close it, then try again.',
   'eye.refused': 'The camera was refused or is in use. Allow it, then try again.',
   'eye.stands': 'I see. The robot stands.',
   'eye.drives': 'I see. The robot drives!',

@@ -327,6 +327,8 @@ export default {
   'eye.title': 'El ojo del robot',
   'eye.begin': 'Usar esta cámara',
   'eye.insecure': 'El teléfono solo da su cámara con https: sirve el robot con --tls.',
+  'eye.none': 'Este dispositivo no tiene cámara. Abre esta página en uno que la tenga.',
+  'eye.in_use': 'Otro programa usa la cámara. Ciérralo e inténtalo de nuevo.',
   'eye.refused': 'La cámara fue denegada o está ocupada. Permítela e inténtalo de nuevo.',
   'eye.stands': 'Veo. El robot está parado.',
   'eye.drives': 'Veo. ¡El robot se mueve!',
