@@ -132,6 +132,11 @@ class VideoHub:
         return len(self._viewers) + self._streams
 
     @property
+    def newest_bytes(self) -> int:
+        """Size of the picture that the viewers got last; 0: there is none."""
+        return max((len(picture.data) for picture in self._pictures.values()), default=0)
+
+    @property
     def needed_every_s(self) -> float:
         """How often a viewer needs a picture, in seconds; 0: always; infinite: nobody looks."""
         if self._streams:
@@ -143,7 +148,7 @@ class VideoHub:
         """Add a viewer; the newest frame is sent to it at once."""
         self._viewers[viewer] = None
         self._on_viewers()
-        self.offer(viewer)
+        self.offer(viewer, self._clock.now_s())
 
     def remove(self, viewer: Viewer) -> None:
         self._viewers.pop(viewer, None)
@@ -162,19 +167,20 @@ class VideoHub:
         if self._streams:
             shown, self._shown = self._shown, asyncio.Event()
             shown.set()
+        now_s = self._clock.now_s()
         for viewer in list(self._viewers):
-            self.offer(viewer)
+            self.offer(viewer, now_s)
 
-    def offer(self, viewer: Viewer) -> None:
+    def offer(self, viewer: Viewer, now_s: float) -> None:
         """Send the newest frame, unless the viewer has it or its window is full."""
-        frame, now_s = self.newest, self._clock.now_s()
+        frame = self.newest
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
         if now_s - viewer.last_sent_s < _EARLY_SHARE * viewer.every_s:
             return
         window = viewer.window
         is_large = viewer.size.is_large and not viewer.every_s  # who looks seldom looks at many
-        picture = self._picture_of(frame, is_large)
+        picture = self._pictures.get(is_large) or self._picture_of(frame, is_large)
         n_bytes = len(picture.data)
         if not window.may_send(n_bytes):
             return
@@ -182,10 +188,11 @@ class VideoHub:
         is_quiet = window.sent(frame.frame_id, n_bytes, now_s, is_frequent=is_frequent)
         viewer.last_sent_id, viewer.last_sent_s = frame.frame_id, now_s
         self.frames_sent += 1
-        key = is_large, is_quiet
-        if key not in self._messages:
-            self._messages[key] = encode_picture(picture, self._nonce, is_quiet=is_quiet)
-        viewer.send(self._messages[key])
+        message = self._messages.get((is_large, is_quiet))
+        if message is None:
+            message = encode_picture(picture, self._nonce, is_quiet=is_quiet)
+            self._messages[is_large, is_quiet] = message
+        viewer.send(message)
 
     def _picture_of(self, frame: Frame, is_large: bool) -> Frame:
         """Return the picture of the newest frame; each size is encoded once for all viewers."""
@@ -206,7 +213,7 @@ class VideoHub:
         captured_s = self.captured_s.get(frame_id)
         if captured_s is not None:
             self.frame_ages.note(now_s - captured_s)
-        self.offer(viewer)
+        self.offer(viewer, now_s)
 
     def drawn_by(self, person: str) -> int | None:
         """Return the newest frame that a person's viewers have acknowledged; None if none has."""

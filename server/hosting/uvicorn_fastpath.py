@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     from websockets.http11 import Request
@@ -39,6 +39,8 @@ def make_protocol() -> type[Any] | None:
         _read_s = -math.inf
         """When all frames that were read would have come, one in `FRAME_S`."""
         _is_held = False
+        _written: ClassVar[tuple[bytes, bytes]] = b"", b""
+        """The message that was written last, to whomever, and its frame: viewers get the same."""
 
         def handle_connect(self, event: Request) -> None:
             super().handle_connect(event)
@@ -92,6 +94,10 @@ def make_protocol() -> type[Any] | None:
         def write_now(self, message: bytes) -> None:
             """Write a message of bytes; nothing is written after the close."""
             if not self.close_sent and not self.transport.is_closing():
-                self.transport.write(Frame(Opcode.BINARY, message).serialize(mask=False))
+                before, frame = FastPathProtocol._written
+                if before is not message:
+                    frame = Frame(Opcode.BINARY, message).serialize(mask=False)
+                    FastPathProtocol._written = message, frame
+                self.transport.write(frame)
 
     return FastPathProtocol

@@ -15,7 +15,7 @@ from typing import Any
 
 from robot.store.table import Cell, Table
 from server.cli.parser import several, whole
-from server.lab.bench.report import add_usual, percentiles, report
+from server.lab.bench.report import add_usual, in_turns, percentiles, report
 from server.lab.bench.subject import ServerUnderTest
 from server.protocol import encode_acknowledgement, parse_picture
 
@@ -27,12 +27,42 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--viewers", type=several(whole(1)), default="1,4,16", help="how many viewers (%(default)s)"
     )
+    text = "how often product and plain server are measured, in turns (%(default)s)"
+    parser.add_argument("--turns", type=whole(1), default=5, help=text)
     add_usual(parser, seconds=5.0)
 
 
 def run(args: argparse.Namespace) -> int:
     result = asyncio.run(_measure_all(args.viewers, args.seconds, args.rate))
-    return report(args, result, _table(result))
+    for row in result["viewers"]:
+        count, size = row["viewers"], row["bytes"] or 1
+        _progress(f"{count} viewers, in turns with a plain server")
+        row["beside_plain"] = asyncio.run(
+            _compare(count, size, args.turns, args.seconds, args.rate)
+        )
+    return report(args, result, _table(result), _comparison(result))
+
+
+async def _compare(
+    count: int, size: int, turns: int, seconds: float, rate_hz: float
+) -> dict[str, Any]:
+    """Measure the serving thread's CPU time for a viewer and frame beside that of a plain server.
+
+    Viewers leave one before they come to the other, so that one at a time has work.
+    """
+    spent_us: list[list[float]] = [[], []]
+    with (
+        ServerUnderTest("drivelesson", rate_hz) as own,
+        ServerUnderTest(size, rate_hz) as plain,
+    ):
+        for _ in range(turns):
+            for subject, spent in zip((own, plain), spent_us, strict=True):
+                async with watching(subject, count) as viewers:
+                    await asyncio.sleep(2 * _SETTLE_S)
+                    busy = await subject.watch(seconds)
+                    seen = sum(len(ages_since(busy["start_s"], one)) for one in viewers)
+                spent.append(1e6 * busy["serving_s"] / max(1, seen))
+    return in_turns(*spent_us)
 
 
 async def _measure_all(counts: Sequence[int], seconds: float, rate_hz: float) -> dict[str, Any]:
@@ -61,6 +91,7 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
     return {
         "viewers": count,
         "frames_per_second": round(len(ages_s) / busy["lasted_s"] / count, 2),
+        "bytes": busy["bytes"],
         "latency_ms": percentiles(ages_s),
         "cpu_us_per_frame": round(1e6 * framed_s / n_frames, 1),
         "process_cpu_us_per_frame": round(1e6 * busy["process_s"] / n_frames, 1),
@@ -175,6 +206,18 @@ async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[W
         for ended in await asyncio.gather(*tasks, return_exceptions=True):
             if isinstance(ended, Exception):
                 print(f"a viewer failed: {ended!r}", file=sys.stderr)
+
+
+def _comparison(result: dict[str, Any]) -> Table:
+    columns = ("viewers", "product, us", "plain, us", "ratio", "spread", "turns", "load")
+    rows = tuple((row["viewers"], *row["beside_plain"].values()) for row in result["viewers"])
+    return Table(
+        title="CPU of the serving thread for a viewer and frame, in turns with a plain websocket",
+        columns=columns,
+        rows=tuple(
+            tuple("too busy to say" if cell is None else cell for cell in row) for row in rows
+        ),
+    )
 
 
 def _progress(what: str) -> None:

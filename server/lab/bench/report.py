@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
+import statistics
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -51,3 +53,21 @@ def percentiles(seconds: Sequence[float]) -> dict[str, float]:
     known = seconds or [math.nan]  # a machine that was too busy to show a single picture
     found = 1000 * np.percentile(known, (50, 95, 99), method="inverted_cdf")
     return dict(zip(("p50", "p95", "p99"), found.round(2).tolist(), strict=True))
+
+
+def in_turns(own: Sequence[float], peer: Sequence[float]) -> dict[str, Any]:
+    """Compare what was measured in turns: the medians, and the median of the turns' ratios.
+
+    The ratio is None where the turns' ratios are further apart than it is large: then the machine
+    was too busy to say anything.
+    """
+    ratios = [one / other for one, other in zip(own, peer, strict=True)]
+    ratio, spread = statistics.median(ratios), max(ratios) - min(ratios)
+    return {
+        "own": round(statistics.median(own), 1),
+        "peer": round(statistics.median(peer), 1),
+        "ratio": round(ratio, 3) if spread <= ratio else None,
+        "spread": round(spread, 3),
+        "turns": len(ratios),
+        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
+    }

@@ -28,6 +28,7 @@ from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config, Limits
 from server.hosting.serving import leave_out_of_collections, served
+from server.lab.bench.peer import serve_plain
 from server.persistence import Persistence
 from server.services import make_services
 
@@ -35,12 +36,16 @@ _COUNTED = ("serving_s", "process_s", "frames", "late_cycles", "stops")
 
 
 class ServerUnderTest:
-    """A server of the kind `drivelesson`, or `paired`: with pairing, its limits and a folder."""
+    """A server of the kind `drivelesson`, or `paired`: with pairing, its limits and a folder.
 
-    def __init__(self, kind: str, rate_hz: float) -> None:
+    With a size in bytes it is the plain server of `peer.py`, whose pictures have that size.
+    """
+
+    def __init__(self, kind: str | int, rate_hz: float) -> None:
         spawning = multiprocessing.get_context("spawn")
         self._line, other_end = spawning.Pipe()
-        self._process = spawning.Process(target=_serve, args=(other_end, kind, rate_hz))
+        serving = serve_plain if isinstance(kind, int) else _serve
+        self._process = spawning.Process(target=serving, args=(other_end, kind, rate_hz))
         self._process.start()
         other_end.close()
         self.port: int = self._read()
@@ -64,7 +69,8 @@ class ServerUnderTest:
         after, lasted_s = self.ask(), time.monotonic() - start_s
         spent = {name: after[name] - before[name] for name in _COUNTED}
         ticked_s = [at_s for at_s in after["ticked_s"] if at_s >= start_s]
-        return {**spent, "start_s": start_s, "lasted_s": lasted_s, "ticked_s": ticked_s}
+        since = {"start_s": start_s, "lasted_s": lasted_s, "ticked_s": ticked_s}
+        return {**spent, **since, "bytes": after.get("bytes")}
 
     def pair(self, role: str) -> str:
         """Pair a browser with a `paired` server; return its cookie."""
@@ -132,6 +138,7 @@ def _serve(line: Connection, kind: str, rate_hz: float) -> None:
                 "stop_reason": state.decision.stop_reason,
                 "stops": sum(state.stops.values()),
                 "ticked_s": ticked_s[-1000:],
+                "bytes": services.hub.video.newest_bytes,
                 "tokens": services.pairing.tokens if services.pairing else {},
             }
             line.send(found)

@@ -27,7 +27,7 @@ def test_bench_link_measures_viewers_and_commands(
     monkeypatch.setattr(link, "_COMMAND_EVERY_S", 0.1)
     file = tmp_path / "link.json"
     # Long enough for a busy machine to send some pictures.
-    words = ["bench", "link", "--viewers", "2", "--seconds", "1"]
+    words = ["bench", "link", "--viewers", "2", "--seconds", "1", "--turns", "1"]
     assert main([*words, "--json", str(file)]) == 0
     result = json.loads(file.read_text())
     [ours] = result["viewers"]
@@ -35,6 +35,7 @@ def test_bench_link_measures_viewers_and_commands(
     for figures in (ours["latency_ms"], result["commands"]["wire_to_drive_ms"]):
         assert 0 < figures["p50"] <= figures["p95"]
     assert 0 <= ours["serving_cpu_share_idle_after"] < 1
+    assert ours["beside_plain"]["own"] > 0 and ours["beside_plain"]["peer"] > 0
     if IS_FULL:
         check_bench_crowd_measures_both_sides(capsys)
 
@@ -53,7 +54,7 @@ def test_a_rate_at_which_no_picture_came_has_no_times(monkeypatch: pytest.Monkey
     class Still:
         async def watch(self, seconds: float) -> dict[str, float]:
             spent = dict.fromkeys(("serving_s", "process_s", "frames", "late_cycles"), 0.0)
-            return {**spent, "start_s": 0.0, "lasted_s": seconds}
+            return {**spent, "start_s": 0.0, "lasted_s": seconds, "bytes": 0}
 
     @contextlib.asynccontextmanager
     async def watching(subject: Still, count: int) -> AsyncIterator[list[link.Watched]]:
