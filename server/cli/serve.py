@@ -119,6 +119,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from robot.devices.rig import build_rig
+    from robot.store.early_ends import EarlyEnds
     from server.access.announcement import Announcement
     from server.access.surroundings import Surroundings, Watch
     from server.app import create_app
@@ -178,6 +179,10 @@ def run(args: argparse.Namespace) -> int:
         settings=vars(args),
     )
     _report_problems(moved, storage.fault, hub)
+    ends = EarlyEnds(config.data / "drive-began.json", lambda: hub.announce("battery_bears"))
+    if ends.is_weak:
+        log.warning("ended %d times as the robot began to drive: check the battery", ends.count)
+        hub.announce("check_battery", detail=str(ends.count))
     services = make_services(
         config,
         rig,
@@ -196,6 +201,9 @@ def run(args: argparse.Namespace) -> int:
     end_by_signals()
     with rig, persistence, contextlib.ExitStack() as stack:
         stack.callback(announcement.close)
+        ends.start(rig.clock)
+        stack.callback(ends.close)
+        stack.callback(rig.loop.subscribe(ends.note))
         stack.callback(watch.stop)
         _choose_model(persistence.autosave, args, learner)
         if pairing is None:

@@ -32,9 +32,9 @@ from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_messag
 log = logging.getLogger(__name__)
 _UNWATCHED_S = 0.5
 """How often the timer runs while there is no client, in seconds."""
-LASTING = ("set_aside", "nothing_kept")
+LASTING = ("set_aside", "nothing_kept", "check_battery")
 """Events that are also sent to clients that join later."""
-_ENDS = {"kept_again": "nothing_kept"}
+_ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery"}
 """Events that end one of those."""
 
 

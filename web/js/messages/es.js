@@ -147,6 +147,7 @@ export default {
   unreadable: 'El navegador ya no puede leer este archivo: ha cambiado entretanto. Elígelo de nuevo.',
   not_saved: 'No se pudo guardar el modelo: {detail}',
   set_aside: 'Se apartaron archivos dañados: {detail}',
+  check_battery: 'El robot se ha apagado {detail} veces justo al empezar a conducir. Revisa la batería: quizá los motores piden más de lo que da.',
   nothing_kept: 'No se puede guardar ni grabar nada: {detail}',
   kept_again: 'La carpeta de datos ha vuelto: todo se guarda de nuevo.',
   recording_off: 'Ya no se graba: {detail}',

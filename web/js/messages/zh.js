@@ -147,6 +147,7 @@ export default {
   unreadable: '浏览器无法再读取此文件：它在选择后被更改过。请重新选择。',
   not_saved: '模型无法保存：{detail}',
   set_aside: '已移开损坏的文件：{detail}',
+  check_battery: '机器人刚开始行驶就中断了 {detail} 次。请检查电池：电机可能需要比它更多的电。',
   nothing_kept: '无法保存或录制：{detail}',
   kept_again: '数据文件夹已恢复，一切重新开始保存。',
   recording_off: '录制已停止：{detail}',

@@ -1,0 +1,118 @@
+"""How often in a row the program ended just as the robot began to drive.
+
+A weak battery breaks down when motors start: the computer or the program ends, a supervisor starts
+it again, and nobody learns why. A mark on the disk outlives that. An update, a Ctrl-C or a robot
+that is switched off while it stands leaves no mark.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from robot.clock import Clock, Worker
+from robot.control.state import Tick
+from robot.errors import UNREADABLE
+from robot.store.folder import write_whole
+from robot.store.records import read_regular
+from robot.types import Action, Mode
+
+log = logging.getLogger(__name__)
+SOON_S = 5.0
+"""A robot that has driven for this long has a battery that bears its motors, in seconds."""
+ENOUGH = 2
+"""How many such ends in a row are no chance."""
+_AGAIN_S = 60.0
+"""How long a robot that has driven is not watched again: each mark is a write to the disk."""
+
+
+class EarlyEnds:
+    """Follows the control loop, and keeps on disk whether a drive has just begun.
+
+    Attributes:
+        count: How often in a row it ended so, the end before this start included.
+    """
+
+    def __init__(self, file: Path, on_borne: Callable[[], None] = lambda: None) -> None:
+        """Read the mark of the run before. `on_borne` is called when the robot has driven on."""
+        self._file, self._on_borne = file, on_borne
+        self.count = _read(file)
+        self._is_marked = False
+        self._moves_s: float | None = None
+        self._borne_s: float | None = None
+        self._wanted: bool | None = None
+        self._due, self._ending = threading.Event(), False
+        self._thread: Worker | None = None
+
+    @property
+    def is_weak(self) -> bool:
+        """True if it ended so often enough to tell a person."""
+        return self.count >= ENOUGH
+
+    def start(self, clock: Clock) -> None:
+        """Write marks on a thread of its own: a slow disk must hold up no loop."""
+
+        def work() -> None:
+            while not self._ending:
+                clock.wait(self._due, None)
+                self._due.clear()
+                self.write()
+
+        self._thread = clock.start_thread(work, "early-ends")
+
+    def note(self, tick: Tick) -> None:
+        """Take in a tick; on the loop's thread."""
+        is_on, now_s = tick.decision.mode is not Mode.STOPPED, tick.now_s
+        is_recent = self._borne_s is not None and now_s - self._borne_s < _AGAIN_S
+        if is_on and not self._is_marked and not is_recent:
+            self._mark(True)
+        elif self._is_marked and not is_on:
+            self._mark(False)
+        if not self._is_marked:
+            return
+        if tick.sent is not Action.STOP and self._moves_s is None:
+            self._moves_s = now_s
+        if self._moves_s is not None and now_s - self._moves_s >= SOON_S:
+            was_weak, self.count, self._borne_s = self.is_weak, 0, now_s
+            self._mark(False)
+            if was_weak:
+                self._on_borne()
+
+    def _mark(self, is_marked: bool) -> None:
+        self._is_marked, self._moves_s = is_marked, None
+        self._wanted = is_marked
+        self._due.set()
+
+    def write(self) -> None:
+        """Write the newest mark, if there is a new one; a failure is logged."""
+        wanted, self._wanted = self._wanted, None
+        if wanted is None:
+            return
+        try:
+            text = json.dumps({"drive_began": wanted, "early_ends": self.count})
+            write_whole(self._file, text.encode())
+        except OSError as error:
+            log.warning("the mark of a drive's start is not written: %s", error)
+
+    def close(self) -> None:
+        """End in good order: that is no early end."""
+        self._ending = True
+        self._due.set()
+        if self._thread is not None:
+            self._thread.join(timeout=1.0)
+        if self._is_marked:
+            self._wanted = False
+        self.write()
+
+
+def _read(file: Path) -> int:
+    try:
+        mark = json.loads(read_regular(file, 1000))
+        count = mark["early_ends"]
+        is_count = isinstance(count, int) and not isinstance(count, bool) and 0 <= count < 1000
+        return (count if is_count else 0) + (mark["drive_began"] is True)
+    except (OSError, *UNREADABLE):
+        return 0

@@ -1,0 +1,75 @@
+"""Ends of the program as the motors start, told apart from updates and power cuts at rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot.control.state import Tick
+from robot.store.early_ends import SOON_S, EarlyEnds
+from robot.types import Action, Decision, DrivenBy, Mode
+
+
+def tick(now_s: float, mode: Mode, sent: Action = Action.STOP) -> Tick:
+    driven_by = DrivenBy.PILOT if sent is not Action.STOP else DrivenBy.NOBODY
+    return Tick(
+        now_s=now_s, sent=sent, decision=Decision(mode=mode, action=sent, driven_by=driven_by)
+    )
+
+
+def run(file: Path, *, drives_s: float | None, ends_well: bool) -> EarlyEnds:
+    """Start the program, drive for so long (None: not at all), and end."""
+    ends = EarlyEnds(file)
+    ends.note(tick(0.0, Mode.STOPPED))
+    if drives_s is not None:
+        ends.note(tick(1.0, Mode.TRAIN))
+        ends.write()
+        for step in range(round(drives_s * 10) + 1):
+            ends.note(tick(2.0 + step / 10, Mode.TRAIN, Action.FORWARD))
+        ends.write()
+    if ends_well:
+        ends.close()
+    return ends
+
+
+def test_two_brown_outs_in_a_row_are_told_and_a_drive_ends_it(tmp_path: Path) -> None:
+    file = tmp_path / "drive-began.json"
+    for before in (0, 1):
+        assert run(file, drives_s=0.2, ends_well=False).count == before
+    third = EarlyEnds(file)
+    assert third.is_weak and third.count == 2
+    borne: list[None] = []
+    fourth = EarlyEnds(file, lambda: borne.append(None))
+    for step in range(round(10 * SOON_S) + 2):
+        fourth.note(tick(step / 10, Mode.TRAIN, Action.FORWARD))
+    fourth.write()
+    assert len(borne) == 1 and not EarlyEnds(file).is_weak
+
+
+@pytest.mark.parametrize(
+    ("drives_s", "ends_well"),
+    [(None, False), (0.2, True), (SOON_S + 1.0, False), (None, True)],
+    ids=["cut at rest", "update as it drives", "cut after a long drive", "update at rest"],
+)
+def test_other_ends_are_none_of_the_batterys(
+    tmp_path: Path, drives_s: float | None, ends_well: bool
+) -> None:
+    for _ in range(4):
+        run(tmp_path / "mark.json", drives_s=drives_s, ends_well=ends_well)
+    assert EarlyEnds(tmp_path / "mark.json").count == 0
+
+
+def test_an_update_between_two_brown_outs_hides_none_of_them(tmp_path: Path) -> None:
+    file = tmp_path / "mark.json"
+    run(file, drives_s=0.2, ends_well=False)
+    run(file, drives_s=None, ends_well=True)
+    assert EarlyEnds(file).count == 1
+    run(file, drives_s=0.2, ends_well=False)
+    assert EarlyEnds(file).is_weak
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"early_ends": -5, "drive_began": 1}', "{", "null"])
+def test_a_mark_that_cannot_be_read_is_none(tmp_path: Path, text: str) -> None:
+    (tmp_path / "mark.json").write_text(text)
+    assert EarlyEnds(tmp_path / "mark.json").count == 0
