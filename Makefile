@@ -4,9 +4,10 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OLDEST := var/oldest
+NEWEST := var/newest
 ARGS ?=
 
-.PHONY: help run install test test-brick test-browsers test-oldest test-stalls test-windows check conformance extensions mutate docs site dist format screenshots clean \
+.PHONY: help run install test test-brick test-browsers test-newest test-oldest test-stalls test-windows check conformance extensions mutate docs site dist format screenshots clean \
   lint types suite
 
 help: ## Say what there is
@@ -22,9 +23,9 @@ install: ## Put the command `drivelesson` on your PATH
 JOBS ?= 3
 NPM := $(if $(shell command -v npm),tests/web/node_modules/.made)
 
-test test-brick test-oldest test-stalls test-windows: export OMP_NUM_THREADS := 1  # see tests/conftest.py
+test test-brick test-newest test-oldest test-stalls test-windows: export OMP_NUM_THREADS := 1  # see tests/conftest.py
 # Tests start many processes: each would compile the program again.
-test test-brick test-oldest test-stalls check: export PYTHONDONTWRITEBYTECODE :=
+test test-brick test-newest test-oldest test-stalls check: export PYTHONDONTWRITEBYTECODE :=
 
 test: lint $(NPM) ## Check and test everything (JOBS=1 for one after the other)
 	@$(MAKE) --no-print-directory --jobs 2 types suite
@@ -62,6 +63,14 @@ test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
 	  -p no:cacheprovider $(OLD_TESTS) \
 	  --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow" \
 	  -k "not browser and not films_and_datasets and not foreign_client" $(ARGS)
+
+test-newest: $(NEWEST)/.made ## Check types and run the quick tests on the newest Python that is here
+	@if [ -x $(NEWEST)/bin/python ]; then set -e; \
+	  $(NEWEST)/bin/mypy --cache-dir $(NEWEST)/mypy; \
+	  $(NEWEST)/bin/python -m pytest -p no:cacheprovider tests/robot tests/server tests/contract \
+	    --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder \
+	    -m "not slow and not realtime and not browser" $(ARGS); \
+	else echo "there is no Python after 3.11 here: nothing was tested on it"; fi
 
 check: lint types ## Format, lint, types, import contracts, layout and docs, without the other tests
 	$(BIN)/python -m pytest -q -m 'not slow' tests/architecture tests/docs
@@ -125,6 +134,15 @@ $(VENV)/.dev: pyproject.toml | $(BIN)/python
 # What documents and packages are made with, beside what is there.
 $(VENV)/.site $(VENV)/.dist: $(VENV)/.%: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --no-compile --editable '.[$*]'
+	@touch $@
+
+$(NEWEST)/.made: pyproject.toml tests/newest_python.sh
+	rm -rf $(NEWEST) && mkdir -p $(NEWEST)
+	@python="$$(sh tests/newest_python.sh)"; if [ -n "$$python" ]; then set -e; \
+	  "$$python" -m venv $(NEWEST); \
+	  $(NEWEST)/bin/python -m pip install --quiet --upgrade pip; \
+	  $(NEWEST)/bin/python -m pip install --quiet --no-compile --editable '.[dev]'; \
+	fi
 	@touch $@
 
 $(OLDEST)/.made: tests/oldest/debian-12.txt pyproject.toml Makefile

@@ -20,7 +20,7 @@ import pytest
 from robot.clock import RealClock
 
 MOST = 30
-"""So many tests outside tests/e2e are marked; may only become fewer."""
+"""The largest number of tests outside tests/e2e that are marked; it may only fall."""
 BROWSERS = "e2e/"
 """Runs Chromium throughout: marked by itself, and not counted."""
 _OURS = ("robot", "server", "tests")
