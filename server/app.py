@@ -9,15 +9,13 @@ from functools import cache
 from fastapi import FastAPI
 from starlette.concurrency import run_in_threadpool
 
-from server.access.guard import Guard
-from server.access.pairing import cookie_name
-from server.access.proxies import Proxies
-from server.access.rules import Access
+from server.gateway.guard import Guard
+from server.gateway.rules import PUBLIC_PATHS
 from server.hosting.static_files import PageFiles
 from server.routes import routers
 from server.routes.answers import describe_routes
 from server.routes.bodies import HANDLERS
-from server.services import Services, install_admission
+from server.services import Services, keep_gateway
 
 
 def create_app(services: Services) -> FastAPI:
@@ -35,7 +33,7 @@ def create_app(services: Services) -> FastAPI:
         strict_content_type=False,
     )
     app.state.services = services
-    install_admission(app, services.admission, services.robot.clock)
+    keep_gateway(app, services.gateway)
     extensions = list(services.extensions.values())
     parts = [*routers(), *(router for each in extensions for router in each.routers)]
     for router in parts:
@@ -55,25 +53,14 @@ def create_app(services: Services) -> FastAPI:
 
     # NOTE: set here, because FastAPI has the argument `lifespan` only since 0.93.
     app.router.lifespan_context = lifespan
-    access = Access(
-        names=services.surroundings,
-        addresses=lambda: services.surroundings.page_addresses,
-        allows_addresses=config.needs_pairing,
-        find_session=services.pairing.find if services.pairing else None,
-        cookie=cookie_name(config),
-        public=config.public,
-        members=next((each.members for each in extensions if each.members), None),
-    )
-    proxies = Proxies(config.public, config.proxies, admits_all=services.pairing is None)
-    services.admission.recognise = lambda head, address: (
-        None if config.public and proxies.is_proxy(address) else access.session_in(head)
-    )
+    gateway = services.gateway
+    public = PUBLIC_PATHS.union(*(each.public_paths for each in extensions))
+    opened = frozenset[str]().union(*(each.open_paths for each in extensions))
     app.add_middleware(
         Guard,
-        access=access,
+        rules=gateway.rules(public, opened),
         refused=services.turned_away,
-        admission=services.admission,
         clock=services.robot.clock,
-        proxies=proxies,
+        gateway=gateway,
     )
     return app

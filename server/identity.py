@@ -1,4 +1,4 @@
-"""The robot's name and its colour on the teacher's board, saved in the data folder."""
+"""The robot's name and its colour, saved in the data folder."""
 
 from __future__ import annotations
 

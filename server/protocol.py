@@ -43,7 +43,7 @@ class ErrorCode(StrEnum):
     UNKNOWN_FRAME = "unknown_frame"
     STALE = "stale"
     NO_PICTURE = "no_picture"
-    TEACHER_STOP = "teacher_stop"
+    STOP_HELD = "stop_held"
 
 
 class ProtocolError(ValueError):

@@ -9,27 +9,21 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import socket
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 from fastapi import APIRouter, HTTPException
 from starlette.requests import HTTPConnection
 
-from robot.clock import Clock
 from robot.devices.rig import Rig
 from robot.entry_points import points
 from robot.policy.history import TrainingHistory
 from robot.types import StartStop
-from server.access.admission import AdmissionControl
-from server.access.listener import AdmissionListener, connection_capacity
-from server.access.pairing import Pairing
-from server.access.rules import Members, Role
-from server.access.surroundings import Surroundings
 from server.clients.hub import Hub
 from server.config import Config
+from server.gateway.gateway import Gateway, gateway_type
 from server.identity import IdentityFile
 from server.persistence import Persistence
 
@@ -42,25 +36,18 @@ class Services:
     """The parts of one server. Routes get them from `services_of(request)`.
 
     Robot and persistence are started and stopped by the caller. Without persistence nothing is
-    saved; without pairing every client is admitted that can reach the port.
+    saved.
     """
 
     config: Config
     robot: Rig
     identity: IdentityFile
     hub: Hub
-    surroundings: Surroundings
     persistence: Persistence | None = None
-    pairing: Pairing | None = None
-    admission: AdmissionControl
+    gateway: Gateway
     turned_away: Counter[str] = field(default_factory=Counter)
     """How many requests the guard refused, by reason."""
     extensions: dict[type[Extension], Extension] = field(default_factory=dict)
-
-    def is_kept(self, person: str) -> bool:
-        """True of the owner, the pilot and the teacher: they have a place whoever wants one."""
-        is_owner = self.pairing is not None and self.pairing.is_owner(person)
-        return is_owner or person in (self.hub.pilot, Role.TEACHER)
 
     def extension(self, kind: type[_E]) -> _E:
         """Return the part that an extension added; KeyError if the extension is not there."""
@@ -88,10 +75,12 @@ class Extension(StartStop):
     """One extension's part in a robot's server. Override what the extension has.
 
     Attributes:
-        members: Teachers and locks that the guard asks for, if the extension has any.
+        public_paths: What anybody may request.
+        open_paths: Where a viewer may do more than read.
     """
 
-    members: Members | None = None
+    public_paths: ClassVar[frozenset[str]] = frozenset()
+    open_paths: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         """Take what is needed of the server; `options` are those of `drivelesson serve`."""
@@ -104,6 +93,10 @@ class Extension(StartStop):
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:
         """Declare options of `drivelesson serve`."""
+
+    def greet(self) -> list[str]:
+        """Return lines for the person who starts the robot."""
+        return []
 
     def start(self) -> None:
         """Begin; may wait for the loop and the disk."""
@@ -131,8 +124,7 @@ def make_services(
     identity: IdentityFile | None = None,
     hub: Hub | None = None,
     persistence: Persistence | None = None,
-    pairing: Pairing | None = None,
-    surroundings: Surroundings | None = None,
+    gateway: Gateway | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> Services:
     """Create the services for one robot. Nothing starts yet."""
@@ -143,27 +135,23 @@ def make_services(
         robot=robot,
         identity=identity,
         hub=hub,
-        surroundings=surroundings or Surroundings(config),
         persistence=persistence,
-        pairing=pairing,
-        admission=AdmissionControl(config.limits, connection_capacity()),
+        gateway=gateway or gateway_type()(config, robot.clock),
     )
-    if pairing is not None:
-        sockets = services.admission.sockets
-        pairing.is_in_use = lambda name: sockets.has(name) or name == hub.pilot
-    services.admission.keeps = services.is_kept
+    services.gateway.has_priority = lambda person: person == hub.pilot
     services.extensions.update({kind: kind(services, options or {}) for kind in installed()})
     return services
 
 
-def install_admission(app: Any, admission: AdmissionControl, clock: Clock) -> None:
-    """Note on an application which admission its listener stands behind."""
-    app.state.admission, app.state.clock = admission, clock
+def keep_gateway(app: Any, gateway: Gateway) -> None:
+    """Note on an application which gateway is in front of it."""
+    app.state.gateway = gateway
 
 
-def limit_connections(app: Any, listener: socket.socket) -> AdmissionListener:
-    """Have an application's admission decide whom a socket accepts."""
-    return AdmissionListener(app.state.admission, app.state.clock, listener)
+def gateway_of(app: Any) -> Gateway:
+    """Return the gateway that is in front of an application."""
+    gateway: Gateway = app.state.gateway
+    return gateway
 
 
 def services_of(connection: HTTPConnection) -> Services:

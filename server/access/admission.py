@@ -19,9 +19,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
-from server.access.rules import Role, Session
 from server.clients.rate_limit import RateLimits
 from server.config import Limits, as_address
+from server.gateway.roles import Role, Session
 
 Close = Callable[[], object]
 Peer = tuple[str, int]

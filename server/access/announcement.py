@@ -8,8 +8,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from robot.errors import MissingExtraError
+from server.access.config import DEFAULT_HOSTNAME, NetworkConfig
 from server.access.network import ADDRESS, ROBOT, lan_addresses
-from server.config import DEFAULT_HOSTNAME, Config, as_address
+from server.config import as_address
 
 log = logging.getLogger(__name__)
 PROBE_MS = 700
@@ -27,7 +28,7 @@ class Announcement:
     the robot drives.
     """
 
-    def __init__(self, config: Config, robot: str) -> None:
+    def __init__(self, config: NetworkConfig, robot: str) -> None:
         self._config, self._robot = config, robot
         self._responder: Any = None
         self._is_off = False
@@ -114,7 +115,7 @@ class Announcement:
 
 
 @contextlib.contextmanager
-def announced(config: Config, robot: str) -> Iterator[None]:
+def announced(config: NetworkConfig, robot: str) -> Iterator[None]:
     """Answer to the robot's name on the network inside the block."""
     announcement = Announcement(config, robot)
     announcement.announce(lan_addresses(config))

@@ -15,7 +15,8 @@ from pathlib import Path
 
 from robot.errors import ConfigurationError, MissingExtraError, told_as
 from robot.store.folder import write_whole
-from server.config import Network, as_address, read_networks
+from server.access.config import Network, read_networks
+from server.config import as_address
 
 try:
     from cryptography import x509

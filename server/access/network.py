@@ -8,7 +8,9 @@ import socket
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from server.config import Config, as_address
+from server.access.config import NetworkConfig
+from server.config import as_address
+from server.gateway.gateway import loopback_names
 
 ROBOT, ADDRESS = "drivelesson", "address"
 """Properties of the announced service: the robot's name, and the best of its addresses."""
@@ -19,7 +21,7 @@ _PROBES = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
 """Addresses for documentation: the system names the source of packets there; nothing is sent."""
 
 
-def lan_addresses(config: Config) -> list[str]:
+def lan_addresses(config: NetworkConfig) -> list[str]:
     """Return the addresses for the terminal and the certificate, the most likely first."""
     if config.host not in EVERYWHERE:
         return [config.host]
@@ -54,7 +56,7 @@ def own_addresses(version: int = 4) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def page_addresses(config: Config, addresses: Sequence[str] | None = None) -> list[str]:
+def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None) -> list[str]:
     """Return the addresses of the page, the best first; `addresses` are the machine's own."""
     public = [str(address) for address in config.public]
     if public and not config.lan:
@@ -72,13 +74,11 @@ def page_addresses(config: Config, addresses: Sequence[str] | None = None) -> li
     ]
 
 
-def host_names(config: Config) -> list[str]:
+def host_names(config: NetworkConfig) -> list[str]:
     """Return the names that the robot answers to, as far as they are known without asking."""
     own = socket.gethostname().lower()
-    names = ["localhost", "127.0.0.1", "::1"]
-    if config.lan:
-        names += [f"{config.hostname}.local", own, f"{own}.local"]
-    return list(dict.fromkeys([*names, config.host.lower(), *config.also_at]))
+    names = [f"{config.hostname}.local", own, f"{own}.local"] if config.lan else []
+    return list(dict.fromkeys([*loopback_names(config), *names, *config.also_at]))
 
 
 def names_in_network(

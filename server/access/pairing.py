@@ -24,9 +24,9 @@ from robot.errors import UNREADABLE
 from robot.store.folder import FolderKind
 from robot.store.presence import require_present
 from robot.store.records import read_regular
-from server.access.rules import PAIRED, Refusal, Role, Session
+from server.access.config import NetworkConfig
 from server.clients.rate_limit import RateLimits
-from server.config import Config
+from server.gateway.roles import Refusal, Role, Session, browser_roles
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +63,7 @@ class _Kind(NamedTuple):
     """The first pilot that the terminal paired."""
 
 
-def cookie_name(config: Config) -> str:
+def cookie_name(config: NetworkConfig) -> str:
     """Return the session cookie's name. Cookies ignore ports, so the name contains the port, or
     the address before a proxy.
 
@@ -86,7 +86,7 @@ class Pairing:
 
     Attributes:
         is_in_use: True of a session that is connected now, by its name.
-        class_code: What a class has printed; it makes pilots of any number of browsers, always.
+        standing_code: A printed code, which makes pilots of any number of browsers.
     """
 
     def __init__(
@@ -104,9 +104,9 @@ class Pairing:
         self._unused = set(self._sessions)
         """Those that were not used in this run: they are the first to go."""
         self.is_in_use: Callable[[str], bool] = lambda name: False
-        self.tokens: dict[Role, str] = {role: _new_token() for role in PAIRED}
+        self.tokens: dict[Role, str] = {role: _new_token() for role in browser_roles()}
         self._invitations: deque[tuple[str, float]] = deque(maxlen=_INVITATIONS)
-        self.class_code: str | None = None
+        self.standing_code: str | None = None
 
     def redeem(
         self, token: str, now_s: float, address: str = "", secret: str = ""
@@ -125,7 +125,7 @@ class Pairing:
                 self._on_token(role, self.tokens[role])
                 return paired
         codes = [code for code, until_s in self._invitations if now_s < until_s]
-        codes += [self.class_code] if self.class_code is not None else []
+        codes += [self.standing_code] if self.standing_code is not None else []
         if any(hmac.compare_digest(given, code) for code in codes):
             return self._pair(_Kind(role=Role.PILOT, invited=True), secret)
         most = self._failures_a_minute
@@ -192,7 +192,10 @@ class Pairing:
         """Write the sessions' hashes to a new file, which replaces the old one."""
         if self._file is None:
             return
-        rows = [{"sha256": name, **kind._asdict()} for name, kind in self._sessions.items()]
+        rows = [
+            {"sha256": name, **kind._asdict(), "role": kind.role.value}
+            for name, kind in self._sessions.items()
+        ]
         new = self._file.with_suffix(".new")
         try:
             require_present(self._file)
@@ -206,12 +209,12 @@ class Pairing:
 
 def _load(file: Path) -> OrderedDict[str, _Kind]:
     found = OrderedDict[str, _Kind]()
+    roles = {role.value: role for role in browser_roles()}
     try:
         for row in json.loads(read_regular(file, 1 << 20))["sessions"]:
-            role = Role(row["role"])
+            role = roles[row["role"]]
             invited, owner = row.get("invited") is True, row.get("owner") is True
-            if role in PAIRED:
-                found[str(row["sha256"])] = _Kind(role=role, invited=invited, owner=owner)
+            found[str(row["sha256"])] = _Kind(role=role, invited=invited, owner=owner)
     except FileNotFoundError:
         pass
     except (OSError, *UNREADABLE) as error:

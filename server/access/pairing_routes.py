@@ -9,10 +9,11 @@ from fastapi import APIRouter, HTTPException, Request
 from fastapi.responses import FileResponse, JSONResponse, RedirectResponse, Response
 
 from robot.devices.raw_value import RawValue, text
-from server.access.guard import person_of
+from server.access.gateway import NetworkGateway
 from server.access.pairing import LONGEST_TEXT, Pairing, cookie_name
-from server.access.proxies import PREFIX
-from server.access.rules import Refusal
+from server.gateway.gateway import PREFIX
+from server.gateway.guard import person_of
+from server.gateway.roles import Refusal
 from server.routes.answers import Route
 from server.services import Extension, services_of
 
@@ -66,7 +67,7 @@ async def unpair(request: Request) -> JSONResponse:
 @router.get("/ca.crt", include_in_schema=False)
 async def authority(request: Request) -> Response:
     """Return the certificate of the authority that `--tls` made, for the phone to trust."""
-    config = services_of(request).config
+    config = gateway_of(request).config
     file = config.data / "tls" / "ca.crt"
     if not config.tls or not file.is_file():
         raise HTTPException(404, "There is no certificate: the robot is served without --tls.")
@@ -75,18 +76,18 @@ async def authority(request: Request) -> Response:
 
 def _end_sockets(request: Request) -> None:
     """Close what a session has open that is no more: it may have been a pilot's."""
-    sockets = services_of(request).admission.sockets
+    sockets = gateway_of(request).admission.sockets
     for place in sockets:
         if place.person == person_of(request):
             sockets.end(place)
 
 
 def _secret(request: Request) -> str:
-    return request.cookies.get(cookie_name(services_of(request).config), "")
+    return request.cookies.get(cookie_name(gateway_of(request).config), "")
 
 
 def _cookie(request: Request) -> dict[str, Any]:
-    config = services_of(request).config
+    config = gateway_of(request).config
     return {
         "key": cookie_name(config),
         "httponly": True,
@@ -96,8 +97,15 @@ def _cookie(request: Request) -> dict[str, Any]:
     }
 
 
+def gateway_of(request: Request) -> NetworkGateway:
+    """Return the gateway of the server that a request is for."""
+    gateway = services_of(request).gateway
+    assert isinstance(gateway, NetworkGateway)
+    return gateway
+
+
 def _require_pairing(request: Request) -> Pairing:
-    pairing = services_of(request).pairing
+    pairing = gateway_of(request).pairing
     if pairing is None:
         raise HTTPException(404, "Pairing is off: the robot is served to this machine only.")
     return pairing
@@ -107,3 +115,5 @@ class AccessExtension(Extension):
     """Pairing's page and routes, as a part of a robot's server."""
 
     routers = (router,)
+    public_paths = frozenset({"/pair", "/api/pair", "/js/pair.js", "/css/pair.css", "/ca.crt"})
+    open_paths = frozenset({"/api/unpair"})

@@ -14,13 +14,14 @@ from urllib.parse import quote
 from starlette.datastructures import Headers
 from starlette.types import Scope
 
-from server.access.rules import Refusal, host_name
-from server.config import Network, PublicAddress, as_address
+from server.access.config import Network, PublicAddress
+from server.config import as_address
+from server.gateway.gateway import PREFIX
+from server.gateway.roles import Refusal
+from server.gateway.rules import host_name
 
 PEER = "drivelesson.peer"
 """In a scope: address and port of the connection itself; there if a proxy has made it."""
-PREFIX = "drivelesson.prefix"
-"""In a scope: the path under which a proxy serves the page, such as /robot; or nothing."""
 SPOKEN = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto")
 _PAIR = re.compile(r'(?<![\w-])([\w-]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)')
 

@@ -13,8 +13,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from robot.clock import Clock, Worker
+from server.access.config import NetworkConfig
 from server.access.network import host_names, lan_addresses, names_in_network, page_addresses
-from server.config import Config
 
 log = logging.getLogger(__name__)
 LOOK_EVERY_S = 2.0
@@ -44,9 +44,9 @@ class Surroundings:
 
     def __init__(
         self,
-        config: Config,
+        config: NetworkConfig,
         *,
-        addresses: Callable[[Config], Sequence[str]] = lan_addresses,
+        addresses: Callable[[NetworkConfig], Sequence[str]] = lan_addresses,
         ask_names: Callable[[str, Sequence[str]], Sequence[str]] = names_in_network,
         claim: Callable[[Sequence[str]], str] | None = None,
     ) -> None:
@@ -78,7 +78,7 @@ class Surroundings:
         return frozenset([*host_names(self.config_now), *public])
 
     @property
-    def config_now(self) -> Config:
+    def config_now(self) -> NetworkConfig:
         """The configuration with the name that the robot has now."""
         return dataclasses.replace(self._config, hostname=self.now.hostname)
 

@@ -16,19 +16,16 @@ from fastapi.responses import FileResponse, JSONResponse, Response
 from robot.clock import Clock
 from robot.devices.raw_value import RawValue, must_be, text, whole
 from robot.errors import NotFoundError, RobotError
-from server.access.admission import AdmissionControl
-from server.access.guard import STOP_PATH, Guard
-from server.access.listener import connection_capacity
-from server.access.network import host_names
-from server.access.proxies import Proxies
-from server.access.rules import Access
 from server.board.board import Board, BoardViewer
 from server.board.model_copy import copy_model
 from server.config import Config
+from server.gateway.gateway import STOP_PATH, gateway_type
+from server.gateway.guard import Guard
+from server.gateway.rules import PUBLIC_PATHS
 from server.hosting.static_files import CompressedFiles
 from server.routes.bodies import HANDLERS, Short
 from server.routes.sockets import end_with_either
-from server.services import install_admission
+from server.services import keep_gateway
 
 SEND_EVERY_S = 0.1
 """News and pictures are gathered so long, and sent together."""
@@ -81,8 +78,8 @@ def create_board_app(
         sentence = f"{board.robot(int(request.path_params['number'])).name}: {error}"
         return JSONResponse({"detail": sentence}, getattr(error, "status", 502))
 
-    admission = AdmissionControl(config.limits, connection_capacity())
-    install_admission(app, admission, clock)
+    gateway = gateway_type()(config, clock)
+    keep_gateway(app, gateway)
     _add_routes(app, config, board, clock)
     app.mount("/", CompressedFiles(config.web), name="web")
 
@@ -98,11 +95,10 @@ def create_board_app(
     app.router.lifespan_context = lifespan
     app.add_middleware(
         Guard,
-        access=Access(names=frozenset(host_names(config))),
+        rules=gateway.rules(PUBLIC_PATHS, frozenset()),
         refused=Counter(),
-        admission=admission,
         clock=clock,
-        proxies=Proxies((), (), admits_all=True),
+        gateway=gateway,
     )
     return app
 

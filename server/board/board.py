@@ -118,7 +118,7 @@ class Board:
     def release(self, number: object = None) -> None:
         """Release the stop of one robot, or of all that the board has stopped."""
         for robot in self._chosen(number):
-            if number is not None or robot.state.get("stopped_by_teacher"):
+            if number is not None or robot.state.get("stop_held_by"):
                 robot.stop.release()
 
     # Pages -------------------------------------------------------------------------------------

@@ -29,13 +29,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until interrupted; then no process is left."""
+    from server.access.config import NetworkConfig
     from server.access.network import lan_addresses
     from server.board.class_key import keep_class_key
     from server.board.command import serve_board
     from server.board.discovery import read_list
     from server.board.simulated_robot import simulated_robots
     from server.board.transport import RobotAddress
-    from server.config import Config
     from server.hosting.logs import start_logging
 
     start_logging(verbose=args.verbose)
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     file = args.data / "class.key"
     key = keep_class_key(file)
     # Phones read this address in the codes, so the board uses it, too.
-    here = next(iter(lan_addresses(Config(host=args.host, lan=True))), "127.0.0.1")
+    here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
     place = {"host": args.host, "port": args.port, "data": args.data}
     with simulated_robots(count, **place, world=args.world, key=file) as ports:
         serve_board(key, args.port, [*(RobotAddress(here, port) for port in ports), *listed])

@@ -23,9 +23,12 @@ from robot.store.folder import write_whole
 from robot.store.records import read_regular
 from server.access.pairing import hash_of
 from server.board.class_key import ClassKey
+from server.gateway.roles import Role
 
 log = logging.getLogger(__name__)
 
+TEACHER = Role(value="teacher", may_change=True, holds_stop=True)
+"""The board of a class: changes what a pilot may and what is locked, and never drives."""
 LOCKS: dict[str, tuple[str, ...]] = {
     "settings": ("/api/settings", "/api/world"),
     "models": ("/api/models", "/api/retraining", "/api/studies", "/api/session"),

@@ -81,4 +81,4 @@ def serve_board(
         page = f"http://{config.host}:{config.port}"
         print(f"The board is ready: open {page}", flush=True)
         print(f"The robots' codes, to print: {page}/codes", flush=True)
-        serve(create_board_app(config, board, clock, begin), listener)
+        serve(create_board_app(config, board, clock, begin), [listener])

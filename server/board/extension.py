@@ -12,10 +12,11 @@ from typing import Any
 from fastapi import APIRouter, Depends, HTTPException, Request
 
 from robot.devices.raw_value import RawValue, must_be, text
-from server.access.guard import role_of
-from server.access.rules import Role
+from server.access.pairing import Pairing
 from server.board.class_key import endpoint, read_class_key
-from server.board.classroom import LOCKS, Classroom
+from server.board.classroom import LOCKS, TEACHER, Classroom
+from server.gateway.guard import role_of
+from server.gateway.roles import Refusal, Role, Session
 from server.routes.answers import Route
 from server.routes.bodies import Short, do
 from server.services import Extension, Services, services_of
@@ -24,11 +25,11 @@ router = APIRouter(prefix="/api/class", route_class=Route)
 
 
 def _require_teacher(request: Request) -> None:
-    if role_of(request) is not Role.TEACHER:
+    if role_of(request) is not TEACHER:
         raise HTTPException(403, "Only the board of this robot's class may do that.")
 
 
-TEACHER = Depends(_require_teacher)
+ONLY_TEACHER = Depends(_require_teacher)
 
 
 class ClassHello(RawValue):
@@ -69,7 +70,7 @@ async def join(request: Request, body: ClassJoin) -> dict[str, str]:
     return {"secret": secret}
 
 
-@router.get("", dependencies=[TEACHER])
+@router.get("", dependencies=[ONLY_TEACHER])
 async def describe_class(request: Request) -> dict[str, Any]:
     """Return name, colour, locks and the model in use."""
     services = services_of(request)
@@ -79,11 +80,11 @@ async def describe_class(request: Request) -> dict[str, Any]:
         "colour": identity.colour,
         "locks": sorted(_classroom(request).locks),
         "model": persistence.autosave.name if persistence is not None else None,
-        "needs_pairing": services.pairing is not None,
+        "needs_pairing": not services.gateway.admits_all,
     }
 
 
-@router.put("/locks", dependencies=[TEACHER])
+@router.put("/locks", dependencies=[ONLY_TEACHER])
 async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
     """Lock what pupils may not change, and unlock the rest."""
     classroom = _classroom(request)
@@ -92,14 +93,19 @@ async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
     return {"locks": sorted(classroom.locks)}
 
 
-@router.post("/invitation", dependencies=[TEACHER])
+@router.post("/invitation", dependencies=[ONLY_TEACHER])
 async def invite(request: Request) -> dict[str, Any]:
     """Return a token for the QR code on the board; null where no pairing is needed."""
     services = services_of(request)
-    if services.pairing is None:
+    pairing = _pairing(services)
+    if pairing is None:
         return {"token": None, "valid_s": None}
-    token, valid_s = services.pairing.invite(services.robot.clock.now_s())
+    token, valid_s = pairing.invite(services.robot.clock.now_s())
     return {"token": token, "valid_s": valid_s}
+
+
+def _pairing(services: Services) -> Pairing | None:
+    return getattr(services.gateway, "pairing", None)
 
 
 def _classroom(request: Request) -> Classroom:
@@ -113,10 +119,10 @@ def _own(request: Request) -> str:
     """Return this robot's address as its own socket has it; no header can change that."""
     address, port = request.scope.get("server") or ("", 0)
     own = endpoint(str(address), int(port or 0))
-    config = services_of(request).config
-    if not config.tls:
+    certificates = services_of(request).gateway.certificates
+    if certificates is None:
         return own
-    chain = (config.data / "tls" / "server.crt").read_text("ascii")
+    chain = Path(certificates[1]).read_text("ascii")
     first = chain[: chain.index(ssl.PEM_FOOTER) + len(ssl.PEM_FOOTER)]
     return f"{own} {hashlib.sha256(ssl.PEM_cert_to_DER_cert(first)).hexdigest()}"
 
@@ -128,15 +134,37 @@ class ClassroomExtension(Extension):
     """
 
     routers = (router,)
+    public_paths = frozenset({"/api/class/hello", "/api/class/join"})
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         file: Path | None = options.get("class_key")
         self.classroom: Classroom | None = options.get("classroom")
         if file is not None:
             self.classroom = Classroom(read_class_key(file), services.config.data / "class.json")
-        if self.classroom is not None and services.pairing is not None:
-            services.pairing.class_code = self.classroom.code
-        self.members = self.classroom
+        self._services = services
+        if self.classroom is None:
+            return
+        services.gateway.credentials.append(self._recognise)
+        services.gateway.checks.append(self._check)
+        services.gateway.kept.add(TEACHER.value)
+
+    def start(self) -> None:
+        """Have the class's code pair pilots, now that the gateway is open."""
+        pairing = _pairing(self._services)
+        if self.classroom is not None and pairing is not None:
+            pairing.standing_code = self.classroom.code
+
+    def _recognise(self, headers: Mapping[str, str]) -> Session | None:
+        assert self.classroom is not None
+        if not self.classroom.knows(headers.get("authorization", "")):
+            return None
+        return Session(TEACHER, TEACHER.value)  # all boards are counted as one
+
+    def _check(self, path: str, method: str | None, role: Role) -> Refusal | None:
+        assert self.classroom is not None
+        if role is TEACHER or not self.classroom.is_locked(path, method):
+            return None
+        return Refusal(423, "locked", "The teacher has locked this.")
 
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:

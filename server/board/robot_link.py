@@ -16,10 +16,11 @@ from typing import Any
 
 from robot.clock import Clock
 from robot.errors import UNREADABLE, RobotError, told_as
+from server.access.banner import pairing_address
+from server.board.classroom import TEACHER
 from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
 from server.board.transport import UnreachableError, within
-from server.hosting.banner import pairing_address
 from server.protocol import ProtocolError, encode_acknowledgement, parse_object, parse_picture
 from server.routes.sockets import first_of
 
@@ -30,7 +31,7 @@ _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
-    *("busy", "agreement", "lessons", "battery", "pilot", "viewers", "stopped_by_teacher"),
+    *("busy", "agreement", "lessons", "battery", "pilot", "viewers", "stop_held_by"),
 )
 
 
@@ -175,7 +176,7 @@ class RobotLink:
                 self._note_event(message)
 
     def _note_state(self, state: dict[str, Any]) -> None:
-        is_ours = state.get("stopped_by_teacher") is True  # pupils may release what they stopped
+        is_ours = state.get("stop_held_by") == TEACHER.value  # pupils release their own
         self.stop.note_state(is_stopped=is_ours and state.get("emergency") is True)
         self.state = {name: state.get(name) for name in _FIELDS}
         self._on_news(self)

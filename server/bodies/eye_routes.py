@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 import asyncio
+import re
+from collections.abc import Mapping
+from typing import Any
 
 from fastapi import APIRouter, Request, WebSocket
 from fastapi.responses import FileResponse, Response
 
 from robot.bodies.phone.camera import PhoneCamera
 from robot.clock import Clock
-from server.access.guard import role_of
-from server.access.rules import Role
+from robot.errors import ConfigurationError
 from server.bodies.eye import EyeClock, parse_frame, parse_text
 from server.clients.hub import Hub
 from server.clients.rate_limit import RateLimit
 from server.clients.telemetry import describe_state
+from server.gateway.guard import role_of
+from server.gateway.roles import Role
+from server.hosting.terminal_code import draw_qr
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message
 from server.routes.sockets import converse, end_with_either
-from server.services import Extension, services_of
+from server.services import Extension, Services, services_of
 
 router = APIRouter()
+EYE = Role(
+    value="eye",
+    paths=re.compile(r"/eye|/ws/eye|/api/unpair|/(js|css|icons)/.*"),
+    start="/eye",
+    refusal="This phone is the robot's eye; it may see and stop, not drive.",
+    purpose="be the robot's eye",
+)
+"""The phone on the robot. It lies there unattended, so it may request little."""
 STATE_EVERY_S = 0.2
 _STATE_FIELDS = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
 
@@ -76,7 +89,7 @@ class _Eye:
         if said["type"] == "pong":
             self._eye_clock.note(said["server_ms"], said["eye_ms"], self._hub.now_ms())
         else:
-            self._hub.latch_emergency("eye", Role.EYE)
+            self._hub.latch_emergency("eye", EYE)
 
     async def _see(self, data: bytes) -> None:
         if self._camera.source is not self or self._shut_out.is_set():
@@ -117,7 +130,7 @@ async def eye(websocket: WebSocket) -> None:
     hub = services_of(websocket).hub
     camera = hub.robot.camera
     await websocket.accept()
-    if role_of(websocket) not in (Role.PILOT, Role.EYE):
+    if role_of(websocket) not in (Role.PILOT, EYE):
         await websocket.close(4003, "this browser may only watch")
     elif not isinstance(camera, PhoneCamera):
         await websocket.close(4004, "the robot has another camera: serve it with --camera phone")
@@ -129,3 +142,21 @@ class EyeExtension(Extension):
     """The eye's page and socket, as a part of a robot's server."""
 
     routers = (router,)
+
+    def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
+        self._gateway = services.gateway
+        self._is_used = isinstance(services.robot.camera, PhoneCamera)
+        if self._is_used and not self._gateway.is_secure:
+            raise ConfigurationError(
+                "phones allow the camera on https pages only: --camera phone --lan needs --tls, "
+                "and --behind-proxy an https address"
+            )
+
+    def greet(self) -> list[str]:
+        if not self._is_used:
+            return []
+        address = self._gateway.address_for(EYE)
+        if self._gateway.admits_all:
+            return [f"The robot's eye: open {address}"]
+        lines = ["The phone on the robot, its eye, scans this:", "", *draw_qr(address).splitlines()]
+        return [*lines, "", f"  or opens  {address}", ""]

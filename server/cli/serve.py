@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import datetime as dt
 import logging
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,27 +27,21 @@ from robot.errors import ConfigurationError, RecordingError
 from robot.policy.registry import MOST_NODES, full_name, split_name
 from robot.store.folder import Storage, default_root
 from robot.store.prepare import prepare
-from server.access.rules import Role
-from server.cli.parser import declare, host_name, number, whole
+from server.cli.parser import declare, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
-from server.config import DEFAULT_HOSTNAME, Config, Limits, PublicAddress, read_networks
-from server.hosting.banner import greet_here, greet_next, greet_phones, pairing_address, show_page
+from server.config import Config
+from server.gateway.gateway import gateway_type
+from server.hosting.browser import show_page
 from server.hosting.logs import start_logging
 from server.services import installed, make_services
 
 if TYPE_CHECKING:
-    from robot.clock import Clock
     from robot.control.loop import LoopConfig
     from robot.devices.rig import Rig
     from robot.store.models.autosave import Autosave
-    from server.access.certificates import RenewedCertificates
-    from server.access.pairing import Pairing
-    from server.access.surroundings import Place, Surroundings
     from server.clients.hub import Hub
 
 log = logging.getLogger(__name__)
-_NAME_S = 1.5
-"""How long the start waits for its name on the network, in seconds."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +57,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--max-nodes", type=number_of_nodes, metavar="N", help=text)
     text = f"frames a second that --max-nodes auto keeps to{shown}"
     add("--rate", type=number(above=0), default=14.0, metavar="HZ", help=text)
-    _add_network(parser.add_argument_group("network").add_argument, shown)
+    add("--host", help="address to serve on (default: 127.0.0.1)")
+    add("--port", type=whole(0, 65535), default=8000, help=f"port{shown}")
+    gateway_type().configure(parser)
     add("--data", type=Path, default=default_root(), help=f"folder for what is kept{shown}")
     add("--model", metavar="NAME", help="go on with this model, or begin it")
     add("--name", help="what people call this robot (default: one that it keeps)")
@@ -75,22 +70,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     for extension in installed():
         extension.configure(parser)
     add("-v", "--verbose", action="store_true", help="log more")
-
-
-def _add_network(add: Callable[..., Any], shown: str) -> None:
-    add("--host", help="address to serve on (default: 127.0.0.1)")
-    add("--port", type=whole(0, 65535), default=8000, help=f"port{shown}")
-    add("--lan", action="store_true", help="serve the local network, to paired browsers only")
-    text = "a proxy serves the page at this address, such as https://home.example/robot/, to "
-    text += "paired browsers only; several with commas in between"
-    add("--behind-proxy", default="", metavar="URL", help=text)
-    text = "where this proxy connects from, an address or a network (default: this machine)"
-    add("--proxy-at", default="127.0.0.0/8,::1", metavar="ADDRESS", help=text)
-    add("--tls", action="store_true", help="serve https, with a certificate of ours")
-    text = f"with --lan, answer to this name with .local behind it{shown}"
-    add("--hostname", type=host_name, default=DEFAULT_HOSTNAME, help=text)
-    text = "a further name that this machine has in its network, such as rover.fritz.box; may be "
-    add("--also-at", action="append", default=[], metavar="NAME", help=text + "repeated")
 
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
@@ -120,8 +99,6 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 def run(args: argparse.Namespace) -> int:
     from robot.devices.rig import build_rig
     from robot.store.early_ends import EarlyEnds
-    from server.access.announcement import Announcement
-    from server.access.surroundings import Surroundings, Watch
     from server.app import create_app
     from server.clients.hub import Hub
     from server.hosting.serving import end_by_signals, open_sockets, serve
@@ -141,34 +118,12 @@ def run(args: argparse.Namespace) -> int:
         options=vars(args),
         config=_make_loop_config(args.settings),
     )
-    with_eye = rig.camera.name == "phone"
-    if with_eye and config.needs_pairing and not config.is_secure:
-        raise ConfigurationError(
-            "phones allow the camera on https pages only: --camera phone --lan needs --tls, and "
-            "--behind-proxy an https address"
-        )
     moved = prepare(config.data)
     storage = Storage(config.data, must_be_usable=False)
     listeners = open_sockets(config.host, config.port)
     config = dataclasses.replace(config, port=listeners[0].getsockname()[1])
+    gateway = gateway_type()(config, rig.clock)
     identity = IdentityFile(config.data, args.name)
-    announcement = Announcement(config, identity.now.name)
-    surroundings = Surroundings(config, claim=announcement.announce if config.lan else None)
-    watch = Watch(surroundings, rig.clock)
-    if config.lan:
-        watch.start()
-    certificates = None
-    if config.tls:
-        from server.access.certificates import RenewedCertificates
-
-        certificates = RenewedCertificates(
-            config.data / "tls", surroundings.certified, dt.datetime.now(dt.UTC)
-        )
-    pairing = (
-        _open_pairing(config, lambda: surroundings.page_addresses[0], rig)
-        if config.needs_pairing
-        else None
-    )
     hub = Hub(config, rig, identity.now.name)
     persistence = Persistence(
         storage,
@@ -189,77 +144,25 @@ def run(args: argparse.Namespace) -> int:
         identity=identity,
         hub=hub,
         persistence=persistence,
-        pairing=pairing,
-        surroundings=surroundings,
+        gateway=gateway,
         options=vars(args),
     )
-    if config.lan:
-        watch.wait_for_the_first(_NAME_S)
-    addresses = surroundings.page_addresses
-    here = pairing_address(addresses[0], pairing.tokens[Role.PILOT]) if pairing else addresses[0]
-    rig.driver.announce(here)
+
+    def greet_more() -> list[str]:
+        return [line for each in services.extensions.values() for line in each.greet()]
+
+    gateway.open(identity.now.name, rig.driver.announce)
     end_by_signals()
-    with rig, persistence, contextlib.ExitStack() as stack:
-        stack.callback(announcement.close)
+    with rig, persistence, gateway.serving(greet_more), contextlib.ExitStack() as stack:
         ends.start(rig.clock)
         stack.callback(ends.close)
         stack.callback(rig.loop.subscribe(ends.note))
-        stack.callback(watch.stop)
         _choose_model(persistence.autosave, args, learner)
-        if pairing is None:
-            print(greet_here(addresses[0], with_eye=with_eye), flush=True)
-            if not args.no_page and sys.stdout.isatty():
-                show_page(addresses[0])
-        else:
-            print(greet_phones(addresses, _tokens(pairing, with_eye=with_eye)), flush=True)
-        surroundings.listeners.append(
-            lambda before, now: _follow(surroundings, before, now, pairing, rig, with_eye=with_eye)
-        )
-        if certificates is not None:
-            surroundings.ticks.append(lambda _: _renew(certificates, surroundings, rig.clock))
-        files = certificates.files if certificates else None
-        serve(create_app(services), listeners, files, certificates.use if certificates else None)
+        print(gateway.greet(greet_more()), flush=True)
+        if gateway.admits_all and not args.no_page and sys.stdout.isatty():
+            show_page(gateway.addresses()[0])
+        serve(create_app(services), listeners)
     return 0
-
-
-def _tokens(pairing: Pairing, *, with_eye: bool) -> dict[Role, str]:
-    return {r: t for r, t in pairing.tokens.items() if with_eye or r is not Role.EYE}
-
-
-def _follow(
-    surroundings: Surroundings,
-    before: Place,
-    now: Place,
-    pairing: Pairing | None,
-    rig: Rig,
-    *,
-    with_eye: bool,
-) -> None:
-    """Show the new addresses, with codes that work there: cookies are the old address's."""
-    if (before.addresses, before.hostname) == (now.addresses, now.hostname):
-        return
-    addresses = surroundings.page_addresses
-    log.warning("the robot is now at %s", " ".join(addresses))
-    if now.hostname != before.hostname:
-        print(f"{before.hostname}.local is another robot's: this one is {now.hostname}.local.")
-    if pairing is None:
-        return
-    tokens = _tokens(pairing, with_eye=with_eye)
-    print(f"The network has changed.\n{greet_phones(addresses, tokens)}", flush=True)
-    rig.driver.announce(pairing_address(addresses[0], tokens[Role.PILOT]))
-
-
-def _renew(certificates: RenewedCertificates, surroundings: Surroundings, clock: Clock) -> None:
-    """Renew the certificate if the clock was set, or names have changed."""
-    try:
-        why = certificates.renew(
-            surroundings.certified, dt.datetime.fromtimestamp(clock.wall_s(), dt.UTC)
-        )
-    except (ConfigurationError, OSError, OverflowError) as error:
-        log.warning("the certificate is not renewed: %s", error)
-        return
-    if why is not None:
-        log.info("certificate renewed: %s", why)
 
 
 def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) -> None:
@@ -318,18 +221,13 @@ def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) ->
 
 
 def _make_config(args: argparse.Namespace) -> Config:
-    return Config(
-        host=args.host or ("::" if args.lan else "127.0.0.1"),
+    kind = gateway_type()
+    return kind.make_config(
+        args,
         port=args.port,
-        lan=args.lan,
-        tls=args.tls,
-        public=tuple(map(PublicAddress.parse, filter(None, args.behind_proxy.split(",")))),
-        proxies=read_networks(args.proxy_at),
-        hostname=args.hostname,
-        also_at=tuple(name.strip().lower().rstrip(".") for name in args.also_at),
         data=args.data,
         jpeg_quality=args.jpeg_quality,
-        limits=build(Limits, args.settings.tables.get("limits", {}), "limits"),
+        limits=build(kind.limits_type, args.settings.tables.get("limits", {}), "limits"),
     )
 
 
@@ -341,21 +239,3 @@ def _make_loop_config(settings: Settings) -> LoopConfig:
         governor=build(LinkGovernorConfig, settings.tables.get("governor", {}), "governor"),
         camera=build(CameraTimingConfig, settings.tables.get("patience", {}), "patience"),
     )
-
-
-def _open_pairing(config: Config, address: str | Callable[[], str], rig: Rig) -> Pairing:
-    """Return the codes and sessions; `address` is where the page is open, now or always."""
-    from server.access.pairing import Pairing
-
-    def show(role: Role, token: str) -> None:
-        """Draw the next phone's code where the one before it was drawn."""
-        here = address if isinstance(address, str) else address()
-        print(greet_next(here, role, token), flush=True)
-        if role is Role.PILOT:
-            rig.driver.announce(pairing_address(here, token))
-
-    def show_soon(role: Role, token: str) -> None:
-        """Leave it to a thread: a terminal that is held (Ctrl+S) must hold up no STOP."""
-        rig.clock.start_thread(lambda: show(role, token), "next code")
-
-    return Pairing(config.limits.pairing_failures, config.data / "paired.json", show_soon)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 
-from server.access.rules import Role
 from server.clients.rate_limit import RateLimit
 from server.config import Limits
+from server.gateway.roles import Role
 from server.protocol import ErrorCode, ProtocolError, encode_error
 
 _OUTBOX = 64

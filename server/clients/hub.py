@@ -19,7 +19,6 @@ from robot.devices.rig import Rig
 from robot.driver import describe, move_at
 from robot.types import Frame, Mode, PilotCommand, StopReason
 from server import protocol
-from server.access.rules import Role
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger, why_refused
 from server.clients.lease import Lease
@@ -27,6 +26,7 @@ from server.clients.rate_limit import RateLimit
 from server.clients.telemetry import STATE_EVERY_S, describe_body, describe_state, state_every_s
 from server.clients.video import Encoder, VideoHub
 from server.config import Config
+from server.gateway.roles import Role
 from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_message
 
 log = logging.getLogger(__name__)
@@ -53,7 +53,8 @@ class Hub:
         self.lease = Lease()
         self._asks = RateLimit(per_second=1.0, burst=3.0)
         self.nonces = NonceLedger()
-        self.stopped_by_teacher = False  # the board of the class, which has not released it yet
+        self.stop_held_by: Role | None = None
+        """Who stopped the robot, if only that role may release it."""
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
@@ -120,7 +121,7 @@ class Hub:
         )
         for _, text in self._lasting:
             client.send(text)
-        if role is Role.PILOT and self.lease.join(client.id, now_s):
+        if role.may_drive and self.lease.join(client.id, now_s):
             self._pilot_changed()
         else:
             self.publish_state()
@@ -133,7 +134,7 @@ class Hub:
         self._note_need()
         now_s = self.clock.now_s()
         if self.lease.give_up(client.id, now_s):
-            drivers = [one for one in self.clients.values() if one.role is Role.PILOT]
+            drivers = [one for one in self.clients.values() if one.role.may_drive]
             if self.lease.owner is None and len(drivers) == 1:  # usually a pilot who reconnected
                 self.lease.join(drivers[0].id, now_s)
             self._pilot_changed()
@@ -184,19 +185,20 @@ class Hub:
             self._pilot_changed()
 
     def latch_emergency(self, source: str, role: Role) -> None:
-        """Stop the robot, whoever asks; what the teacher stops, only the teacher releases."""
-        self.stopped_by_teacher |= role is Role.TEACHER
+        """Stop the robot, whoever asks; a role may keep the release to itself."""
+        if role.holds_stop:
+            self.stop_held_by = role
         self.robot.loop.latch_emergency()
         log.warning("emergency client=%s", source)
 
     def _release_emergency(self, client: Client) -> None:
         """Allow modes to be chosen again; the robot stays stopped until one is."""
-        if client.role is Role.TEACHER:
-            self.stopped_by_teacher = False
-        elif self.stopped_by_teacher:
-            raise ProtocolError(ErrorCode.TEACHER_STOP, "only the board of the class releases this")
-        else:
+        holder = self.stop_held_by
+        if holder is not None and client.role is not holder:
+            raise ProtocolError(ErrorCode.STOP_HELD, f"only the {holder.value} releases this")
+        if not client.role.holds_stop:
             self._require_wheel(client)
+        self.stop_held_by = None
         self.robot.loop.release_emergency()
         log.info("release client=%s", client.id)
 
@@ -250,8 +252,8 @@ class Hub:
         )
 
     def _handle_take(self, client: Client, now_s: float) -> None:
-        if client.role is not Role.PILOT:
-            raise ProtocolError(ErrorCode.NOT_PILOT, "this browser was paired as a viewer")
+        if not client.role.may_drive:
+            raise ProtocolError(ErrorCode.NOT_PILOT, "this browser may only watch")
         before = self.lease.owner
         if not self.lease.take(client.id, now_s):
             owner = self.clients.get(before or "")
@@ -311,7 +313,7 @@ class Hub:
             "nonce": self.nonces.issue(self._sent_s),
             "pilot": owner,
             "wheel_asked": self.lease.is_asked,
-            "stopped_by_teacher": self.stopped_by_teacher,
+            "stop_held_by": self.stop_held_by and self.stop_held_by.value,
             "viewers": len(self.clients) - (owner in self.clients),
         }
         texts: dict[bool, str] = {}  # encoded once for all viewers
@@ -329,7 +331,7 @@ class Hub:
         return (
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
             *(state.link.level, state.emergency, state.fault),
-            *(self.stopped_by_teacher, self.lease.owner),
+            *(self.stop_held_by, self.lease.owner),
         )
 
     def _tell_refused(self, refused: Sequence[PilotCommand]) -> None:

@@ -10,20 +10,17 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import Coroutine, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robot.errors import ConfigurationError, InUseError
-from server.access.listener import AdmissionListener
 from server.config import Config
-from server.services import limit_connections
+from server.gateway.gateway import Gateway
+from server.services import gateway_of
 
 if TYPE_CHECKING:
-    import ssl
-
     from uvicorn import Server
 
-    from server.access.certificates import Certificates
 
 MAX_MESSAGE_BYTES = 65_536
 """A larger websocket message closes the connection before it is read into memory."""
@@ -82,7 +79,7 @@ def open_sockets(host: str, port: int) -> list[socket.socket]:
     return found
 
 
-def _make_server(app: Any, certificates: Certificates | None) -> Server:
+def _make_server(app: Any, certificates: tuple[str, str] | None) -> Server:
     """Return uvicorn's server, with the newest websocket backend that it has."""
     import uvicorn
 
@@ -90,8 +87,8 @@ def _make_server(app: Any, certificates: Certificates | None) -> Server:
 
     config = uvicorn.Config(
         app,
-        ssl_keyfile=certificates.key if certificates else None,
-        ssl_certfile=certificates.chain if certificates else None,
+        ssl_keyfile=certificates[0] if certificates else None,
+        ssl_certfile=certificates[1] if certificates else None,
         ws=make_protocol() or "websockets",
         ws_per_message_deflate=False,
         ws_max_size=MAX_MESSAGE_BYTES,
@@ -121,23 +118,18 @@ def leave_out_of_collections() -> None:
     gc.freeze()
 
 
-def serve(
-    app: Any,
-    listeners: socket.socket | Sequence[socket.socket],
-    certificates: Certificates | None = None,
-    on_tls: Callable[[ssl.SSLContext], None] | None = None,
-) -> None:
-    """Serve until SIGINT or SIGTERM; `on_tls` gets the context, to renew its certificate."""
-    server = _make_server(app, certificates)
-    if on_tls is not None:
+def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
+    """Serve until SIGINT or SIGTERM."""
+    gateway = gateway_of(app)
+    server = _make_server(app, gateway.certificates)
+    if gateway.certificates is not None:
         server.config.load()
         if server.config.ssl is not None:
-            on_tls(server.config.ssl)
+            gateway.use_tls(server.config.ssl)
     leave_out_of_collections()
     with contextlib.ExitStack() as stack:
-        some = [listeners] if isinstance(listeners, socket.socket) else listeners
-        guarded = [stack.enter_context(limit_connections(app, one)) for one in some]
-        _run(_serve(server, *guarded))
+        limited = [stack.enter_context(gateway.limit(one)) for one in listeners]
+        _run(_serve(server, gateway, *limited))
 
 
 def end_by_signals() -> None:
@@ -154,40 +146,39 @@ def end_by_signals() -> None:
 
 
 def _run(served: Coroutine[Any, Any, None]) -> None:
-    """Run on the loop that asks a listener to accept: Windows' own goes past the admission."""
+    """Run on the loop that asks a listener to accept: Windows' own goes past it."""
     with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
         runner.run(served)
 
 
-async def _serve(server: Server, *listeners: AdmissionListener) -> None:
+async def _serve(server: Server, gateway: Gateway, *listeners: socket.socket) -> None:
     """Serve until told to end; then close what hangs: an upload, a half handshake."""
-    guarded = listeners[0]  # all have the same admission
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
     # A signal that newer uvicorns raise again ends the loop, which would log it as an error.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
-        guarded.admission.expire(guarded.clock.now_s())
+        gateway.expire()
         await asyncio.wait([serving], timeout=0.1)
     await asyncio.wait([serving], timeout=_END_S)
     if not serving.done():
-        for place in list(guarded.admission.connections.values()):
-            place.close()
+        gateway.close_connections()
         await asyncio.wait([serving], timeout=_END_S)
         server.force_exit = True
     await serving
 
 
 @contextlib.contextmanager
-def served(app: Any, config: Config, certificates: Certificates | None = None) -> Iterator[str]:
+def served(app: Any, config: Config) -> Iterator[str]:
     """Serve on a thread of its own inside the block; yield the address. For tests."""
-    listener = limit_connections(app, open_socket(config.host, config.port))
-    server = _make_server(app, certificates)
-    thread = threading.Thread(target=lambda: _run(_serve(server, listener)), name="server")
+    gateway = gateway_of(app)
+    listener = gateway.limit(open_socket(config.host, config.port))
+    server = _make_server(app, gateway.certificates)
+    thread = threading.Thread(target=lambda: _run(_serve(server, gateway, listener)), name="server")
     thread.start()
     try:
         while not server.started and thread.is_alive():
             thread.join(0.01)
-        scheme = "https" if certificates else "http"
+        scheme = "https" if gateway.certificates else "http"
         yield f"{scheme}://{config.host}:{listener.getsockname()[1]}"
     finally:
         server.should_exit = True

@@ -14,7 +14,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
-from server.access.guard import content_policy
+from server.gateway.guard import content_policy
 from server.hosting.joined_page import JoinedPage, join_page
 
 _TEXT = ("text/", "application/json", "application/manifest+json", "image/svg+xml")

@@ -1,6 +1,6 @@
 """The routes, one module for each topic, and each with a `router`.
 
-Who may ask for what is the guard's (`server.access.rules`): a viewer may read. All services are
+Who may ask for what is the guard's (`server.gateway.rules`): a viewer may read. All services are
 in `services_of(request)`. Requests that touch the learner go through `robot.loop.submit`. See
 docs/reference/http.md.
 """

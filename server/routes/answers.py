@@ -20,14 +20,14 @@ from robot.devices.png import encode_png
 _T = TypeVar("_T")
 _WHY = {
     400: "the body or the path is malformed",
-    401: "this browser is not paired",
+    401: "this browser is not admitted",
     403: "this browser may not",
     404: "not there",
     409: "not now, or not with this value",
     413: "the body is too large",
     421: "addressed to another name",
     422: "a value cannot be used",
-    423: "locked by the teacher",
+    423: "locked",
     429: "too many requests",
     501: "a library is missing",
     503: "not available now",

@@ -8,7 +8,8 @@ from functools import partial
 from fastapi import APIRouter, WebSocket
 from starlette.requests import Request
 
-from server.access.guard import STOP_PATH, person_of, role_of
+from server.gateway.gateway import STOP_PATH
+from server.gateway.guard import person_of, role_of
 from server.routes.answers import Route
 from server.routes.sockets import converse
 from server.services import services_of
@@ -48,7 +49,7 @@ def show_doing(request: Request) -> DoingAnswer:
         driven_by=decision.driven_by.value,
         action=str(decision.action),
         emergency=state.emergency,
-        is_full=services_of(request).admission.sockets.is_full,
+        is_full=services_of(request).gateway.is_full,
     )
 
 

@@ -10,7 +10,7 @@ from fastapi import WebSocket
 from starlette.websockets import WebSocketDisconnect
 
 from robot.clock import Clock
-from server.access.guard import note_use
+from server.gateway.guard import note_use
 from server.hosting.uvicorn_fastpath import EXTENSION
 
 _LAST_S = 1.0

@@ -14,10 +14,10 @@ from collections.abc import AsyncIterator
 from fastapi import APIRouter, HTTPException, Request, WebSocket
 from fastapi.responses import Response, StreamingResponse
 
-from server.access.guard import person_of
 from server.clients.hub import Hub
 from server.clients.rate_limit import RateLimit
 from server.clients.video import Viewer
+from server.gateway.guard import person_of
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.answers import Route
 from server.routes.sockets import converse, fast_path

@@ -14,8 +14,8 @@ from robot.devices.raw_value import RawValue, must_be, text, whole
 from robot.errors import ConfigurationError, NotFoundError
 from robot.study.builtin import paper_plan
 from robot.study.session import SessionStep
-from server.access.guard import role_of
-from server.access.rules import ONLY_PILOTS, Role
+from server.gateway.guard import role_of
+from server.gateway.roles import Role
 from server.routes.answers import Route, attachment, media
 from server.services import Extension, Services, persistence_of, services_of
 from server.study.conductor import Conductor
@@ -134,8 +134,8 @@ _GO_ON = Going()
 
 def _require_pilot(request: Request) -> None:
     """Refuse a viewer: what a study has is for pilots, and the teacher."""
-    if role_of(request) not in (Role.PILOT, Role.TEACHER):
-        raise HTTPException(403, ONLY_PILOTS)
+    if not (role := role_of(request)).may_change:
+        raise HTTPException(403, role.refusal)
 
 
 PILOT = Depends(_require_pilot)

@@ -13,7 +13,20 @@ from pathlib import Path
 from . import rules
 
 ROOT = Path(__file__).parents[2]
-EXTENSIONS = ("bodies", "lab", "study", "board", "exchange", "testing")
+NEEDS: dict[str, tuple[str, ...]] = {
+    "access": (),
+    "board": ("access",),
+    "bodies": (),
+    "coaching": (),
+    "exchange": ("recordings",),
+    "lab": ("simulator", "recordings", "exchange"),
+    "recordings": (),
+    "simulator": (),
+    "study": (),
+    "testing": (),
+}
+"""Each extension, and those without which it does not work."""
+EXTENSIONS = tuple(NEEDS)
 KINDS = ("code", "docstring", "comment", "blank")
 
 

@@ -115,7 +115,7 @@ def downward() -> dict[str, Schema]:
         "speed_scale": _NUMBER,
         "stop_reason": maybe(one_of(StopReason)),
         "emergency": _TRUTH,
-        "stopped_by_teacher": _TRUTH,
+        "stop_held_by": maybe(_TEXT),
         "asks_pilot": _TRUTH,
         "fault": maybe(_TEXT),
         "pilot": maybe(_TEXT),

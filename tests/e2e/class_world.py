@@ -15,6 +15,8 @@ from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
 from server.access.certificates import make_certificates
+from server.access.config import NetworkConfig
+from server.access.gateway import NetworkGateway
 from server.access.pairing import Pairing
 from server.app import create_app
 from server.board.app import create_board_app
@@ -62,22 +64,23 @@ def running_class(
             identity = IdentityFile(data, NAMES[i % len(NAMES)])
             identity.change(colour=COLOURS[i % len(COLOURS)])
             persistence = Persistence(Storage(data), rig, name=identity.now.name)
-            config = Config(port=0, data=data, tls=i < tls)
-            certificates = None
+            config = NetworkConfig(port=0, data=data, tls=i < tls)
+            gateway = NetworkGateway(config, rig.clock, Pairing(10))
             if config.tls:
                 now = dt.datetime.now(dt.UTC)
-                certificates = make_certificates(data / "tls", ["127.0.0.1"], now)
+                made = make_certificates(data / "tls", ["127.0.0.1"], now)
+                gateway.certificates = str(made.key), str(made.chain)
             services = make_services(
                 config,
                 rig,
                 identity=identity,
                 persistence=persistence,
-                pairing=Pairing(10),
+                gateway=gateway,
                 options={"classroom": Classroom(KEY, data / "class.json")},
             )
             stack.enter_context(rig)
             stack.enter_context(persistence)
-            address = stack.enter_context(served(create_app(services), config, certificates))
+            address = stack.enter_context(served(create_app(services), config))
             addresses.append(RobotAddress.parse(address))
             found.append(services)
         addresses += [RobotAddress("127.0.0.1", _free_port()) for _ in range(away)]

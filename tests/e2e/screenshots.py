@@ -15,8 +15,8 @@ from typing import Any
 import httpx
 
 from robot.study.session import SessionStep
+from server.access.config import NetworkConfig
 from server.access.pairing import Pairing
-from server.config import Config
 from server.study.conductor import Conductor
 from server.study.extension import StudyExtension
 from tests.server.live_robot import WEB, live_server
@@ -185,7 +185,7 @@ def _take_away(browser: Any, world: World, folder: Path) -> None:
 def _take_pairing(browser: Any, folder: Path) -> None:
     """What an unpaired phone shows."""
     with tempfile.TemporaryDirectory() as kept:
-        config = Config(port=0, web=WEB, lan=True, data=Path(kept))
+        config = NetworkConfig(port=0, web=WEB, lan=True, data=Path(kept))
         with live_server(config, pairing=Pairing(10)) as server:
             for ending, context in _contexts(browser):
                 page = context.new_page()

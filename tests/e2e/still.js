@@ -13,7 +13,7 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const calm = {
     ...store.state.robot, mode: 'stopped', driven_by: 'nobody', action: 'stop', stop_reason: null, emergency: false, fault: null,
     asks_pilot: false, link: 'good', busy: false, you_are_pilot: true, pilot: 'c1', lessons: 12345, agreement: 0.93, agreement_frames: 100, taught, battery: 0.1,
-    distance_m: 1.23, bumped: true, camera: null, stopped_by_teacher: false,
+    distance_m: 1.23, bumped: true, camera: null, stop_held_by: null,
     point: hasStick ? { steering: -0.4, throttle: 0.5 } : null,
     prediction: { ...store.state.robot.prediction, point: hasStick ? { steering: 0.9, throttle: 0.5 } : null, spread: hasStick ? 0.3 : null, action: moves[0], probabilities: Object.fromEntries(moves.map((move) => [move, 1 / moves.length])) },
   };
@@ -26,7 +26,7 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const study = (kind, more = {}) => ({ step: 'drive', position: 10, of: 12, kind, mode: kind === 'teach' ? 'train' : 'autonomous', left_s: 123, ...more });
   const drives = ['train', 'autonomous'];
   const states = [
-    {}, { link: 'lost' }, { link: 'lost', robot: { you_are_pilot: false } }, { link: 'connecting' }, { robot: { stopped_by_teacher: true } }, { robot: { emergency: true } },
+    {}, { link: 'lost' }, { link: 'lost', robot: { you_are_pilot: false } }, { link: 'connecting' }, { robot: { stop_held_by: 'teacher' } }, { robot: { emergency: true } },
     { role: 'viewer', robot: { you_are_pilot: false } }, { robot: { you_are_pilot: false, pilot: null } },
     { robot: { you_are_pilot: false, pilot: 'c9' } }, { wheelWaiting: true, robot: { you_are_pilot: false, pilot: 'c9' } },
     { wheelAsked: true }, { robot: { fault: 'The left motor does not answer. Check its cable at port B, then choose a mode.' } },

@@ -9,9 +9,10 @@ from typing import Any
 import httpx
 import pytest
 
+from server.access.config import NetworkConfig, PublicAddress, read_networks
 from server.access.pairing import Pairing
-from server.access.rules import Role
-from server.config import Config, PublicAddress, read_networks
+from server.config import Config
+from server.gateway.roles import Role
 from tests.kit.sizes import few
 from tests.server.live_robot import WEB, LiveServer, live_server
 
@@ -38,7 +39,7 @@ def test_page_sockets_and_stop(layout: str, tmp_path: Path, chromium: Any) -> No
         robots = []
         for n, address in enumerate(addresses):
             pairing = Pairing(10)
-            config = Config(
+            config = NetworkConfig(
                 port=0,
                 web=WEB,
                 data=tmp_path / str(n),

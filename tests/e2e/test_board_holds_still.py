@@ -29,11 +29,11 @@ _MOVED = """async () => {
     status: 'there', name: 'Ada', colour: 'green', detail: '', invitations: 1, driven_by: null,
     lessons: 10, agreement: null, battery: null, busy: false, link: 'good', delay_ms: null,
     address: 'http://192.168.1.20:8000', stop: null, fault: null, asks_pilot: false, locks: [],
-    emergency: false, stopped_by_teacher: false,
+    emergency: false, stop_held_by: null,
   };
   const changes = [
     {}, { lessons: 0 }, { driven_by: 'pilot' }, { driven_by: 'robot' }, { asks_pilot: true },
-    { emergency: true }, { stopped_by_teacher: true }, { stop: 'asked' }, { stop: 'not_reached' },
+    { emergency: true }, { stop_held_by: 'teacher' }, { stop: 'asked' }, { stop: 'not_reached' },
     { agreement: 0.97, delay_ms: 23 }, { agreement: 1, battery: 0.8, link: 'slow', delay_ms: 4321 },
     { agreement: 1, battery: 0.8, busy: true, delay_ms: 4321 },
     { fault: 'the camera sends nothing: check its plug, or the address of its stream' },

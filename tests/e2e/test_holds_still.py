@@ -49,7 +49,7 @@ MOVES = {
 PADS = [("three", "en"), ("three", "es"), ("three", "zh"), ("six", "es"), ("stick", "es")]
 SAID = re.compile(
     r"^(advice|setback|local|stop|link|busy|lag|hint|session\.next|session\.now)[._]"
-    r"|^(asks|wheel_|viewer|emergency|teacher_stop|out_of_reach|connecting|choose_|start_stale)"
+    r"|^(asks|wheel_|viewer|emergency|stopped_by\.|out_of_reach|connecting|choose_|start_stale)"
     r"|^(searching|session\.questions|way\..*)$"
 )
 """The messages that the drive screen may show."""

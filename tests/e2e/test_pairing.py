@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from server.access.config import NetworkConfig
 from server.access.pairing import Pairing
-from server.access.rules import Role
-from server.config import Config
+from server.gateway.roles import Role
 from tests.e2e.world import PHONE
 from tests.server.live_robot import WEB, live_server
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.browser
 
 def test_scanning_the_code_pairs_the_browser(tmp_path: Path, chromium: Any) -> None:
     pairing = Pairing(10)
-    config = Config(port=0, web=WEB, lan=True, data=tmp_path)
+    config = NetworkConfig(port=0, web=WEB, lan=True, data=tmp_path)
     with live_server(config, pairing=pairing) as server:
         context = chromium.new_context(viewport=PHONE, has_touch=True)
         page = context.new_page()

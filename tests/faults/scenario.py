@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 
 from robot.testing import FakeCamera, FakePolicy, Line, LinkConditions, VirtualClock
 from robot.types import Mode, Point
-from server.access.rules import Role
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger
 from server.clients.video import Viewer
+from server.gateway.roles import Role
 from server.protocol import parse_acknowledgement
 from tests.server.virtual import Pilot, ServedWorld
 

@@ -19,8 +19,8 @@ from urllib.parse import urljoin, urlsplit
 import pytest
 
 from server.access.certificates import Certificates
+from server.access.config import NetworkConfig, PublicAddress, read_networks
 from server.access.pairing import Paired, Pairing, cookie_name
-from server.config import Config, PublicAddress, read_networks
 from tests.e2e.nginx import free_port, plain_site, running_nginx, site_of_the_docs
 
 from .live_robot import WEB, live_server
@@ -154,7 +154,9 @@ def _serving(way: str, folder: Path, certificates: Certificates) -> Iterator[Any
         return f"{cookie_name(config)}={one.secret}"
 
     with contextlib.ExitStack() as stack:
-        config = Config(port=0, web=WEB, lan=True, host="127.0.0.1", data=folder, tls=way == "TLS")
+        config = NetworkConfig(
+            port=0, web=WEB, lan=True, host="127.0.0.1", data=folder, tls=way == "TLS"
+        )
         trust = ssl.create_default_context()
         trust.check_hostname, trust.verify_mode = False, ssl.CERT_NONE
         if "nginx" in way:
@@ -162,7 +164,7 @@ def _serving(way: str, folder: Path, certificates: Certificates) -> Iterator[Any
             address = f"{'https' if 'TLS' in way else 'http'}://localhost:{port}"
             address += "/rover" if "TLS" in way else ""
             public = (PublicAddress.parse(address),)
-            config = Config(
+            config = NetworkConfig(
                 port=0, web=WEB, data=folder, public=public, proxies=read_networks("127.0.0.1")
             )
         own = certificates if way == "TLS" else None

@@ -17,9 +17,10 @@ from robot.clock import RealClock
 from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
 from robot.testing import FakeCamera, FakeDriver
+from server.access.config import NetworkConfig
+from server.access.gateway import NetworkGateway
 from server.access.pairing import Pairing
 from server.app import create_app
-from server.config import Config
 from server.hosting.logs import start_logging
 from server.hosting.serving import leave_out_of_collections, served
 from server.services import make_services
@@ -78,11 +79,12 @@ def main(web: str) -> None:
 
     resource.setrlimit(resource.RLIMIT_NOFILE, (DESCRIPTORS, DESCRIPTORS))
     start_logging(verbose=False)
-    config = Config(port=0, web=Path(web), lan=True, host="127.0.0.1")
-    pairing = Pairing(config.limits.pairing_failures)
+    config = NetworkConfig(port=0, web=Path(web), lan=True, host="127.0.0.1")
+    pairing = Pairing(10)
     clock = RealClock()
     rig = Rig(FakeDriver(), FakeCamera(clock), make_policy("published-8"), clock)
-    services = make_services(config, rig, name="bench", pairing=pairing)
+    gateway = NetworkGateway(config, rig.clock, pairing)
+    services = make_services(config, rig, name="bench", gateway=gateway)
     with rig, served(create_app(services), config) as address:
         leave_out_of_collections()
         notes = {"address": address, "threads": threading.active_count()}
@@ -106,9 +108,9 @@ def main(web: str) -> None:
                 json.dumps(
                     {
                         "tokens": tokens,
-                        "open": len(services.admission.connections),
-                        "evicted": services.admission.pending.evicted
-                        + services.admission.admitted.evicted,
+                        "open": len(gateway.admission.connections),
+                        "evicted": gateway.admission.pending.evicted
+                        + gateway.admission.admitted.evicted,
                         "longest_stand_s": max(stood_s[1:], default=0.0),
                         "moves": sum(one.value != "stop" for _, one in driver.changes),
                         "mode": rig.loop.state.decision.mode.value,

@@ -20,6 +20,7 @@ from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
 from server.access.certificates import Certificates
+from server.access.gateway import NetworkGateway
 from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config
@@ -75,10 +76,13 @@ def live_server(
     config = config or Config(port=0, web=WEB)
     rig = Rig(FakeDriver(), camera or FakeCamera(clock), make_policy("published-8"), clock)
     persistence = Persistence(Storage(data), rig) if data else None
-    services = make_services(config, rig, name="bench", persistence=persistence, pairing=pairing)
+    gateway = NetworkGateway(config, rig.clock, pairing)
+    if certificates is not None:
+        gateway.certificates = str(certificates.key), str(certificates.chain)
+    services = make_services(config, rig, name="bench", persistence=persistence, gateway=gateway)
     with (
         rig,
-        served(create_app(services), config, certificates) as address,
+        served(create_app(services), config) as address,
         persistence or contextlib.nullcontext(),
     ):
         yield LiveServer(address, services)

@@ -10,7 +10,7 @@ import pytest
 from robot.store.folder import write_whole
 from robot.store.presence import MARK, Presence
 from server.access.pairing import Pairing
-from server.access.rules import Role
+from server.gateway.roles import Role
 from server.identity import IdentityFile
 from tests.kit.sizes import size
 

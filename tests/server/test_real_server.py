@@ -19,10 +19,10 @@ from websockets.asyncio.client import connect
 from robot.types import Action, Mode
 from server import services
 from server.access.certificates import make_certificates
+from server.access.config import NetworkConfig
 from server.access.listener import connection_capacity
 from server.access.pairing import Pairing
-from server.access.rules import Role
-from server.config import Config
+from server.gateway.roles import Role
 from tests.kit.sizes import IS_FULL, size
 
 from .browsers import WAYS, check_nobody_s_page_is_dead
@@ -82,7 +82,7 @@ def tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
     if os.name != "nt":  # there it is not said by bits
         assert certificates.key.stat().st_mode & 0o077 == 0
     trust = ssl.create_default_context(cafile=str(certificates.authority))
-    config = Config(port=0, web=WEB, lan=True, tls=True, data=tmp_path)
+    config = NetworkConfig(port=0, web=WEB, lan=True, tls=True, data=tmp_path)
     pairing = Pairing(3)
     with live_server(config, pairing=pairing, certificates=certificates) as server:
         with httpx.Client(verify=trust, base_url=server.address) as browser:

@@ -22,9 +22,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as real_connect
 
 from robot.clock import RealClock
+from server.access.config import NetworkConfig
 from server.access.pairing import Pairing
-from server.access.rules import Role
-from server.config import Config, Limits
+from server.config import Limits
+from server.gateway.roles import Role
 from tests.kit.sizes import size
 from tests.server.access.unpaired_flood import PATIENCE_S
 
@@ -58,7 +59,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.pairing = Pairing(1000)
-        config = Config(port=0, web=WEB, lan=True, limits=LIMITS)
+        config = NetworkConfig(port=0, web=WEB, lan=True, limits=LIMITS)
         self.server = VirtualServer(config, pairing=self.pairing).__enter__()
         self.sockets: dict[str, list[VirtualSocket]] = {person: [] for person in PEOPLE}
         self.cookies = {person: self._pair(Role.PILOT) for person in ("owner", "viewer")}
@@ -144,7 +145,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
     @precondition(lambda self: self.server.hub.clients)
     @invariant()
     def places_are_counted(self) -> None:
-        assert self.server.services.admission.sockets.taken <= LIMITS.clients
+        assert self.server.services.gateway.admission.sockets.taken <= LIMITS.clients
 
     def _is_obeyed(self, whose: str) -> None:
         loop = self.server.rig.loop

@@ -22,6 +22,7 @@ from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver, Link, VirtualClock
 from robot.types import Mode
+from server.access.gateway import NetworkGateway
 from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config
@@ -60,12 +61,13 @@ class VirtualServer:
         self.rig = rig
         if data is not None:
             persistence = Persistence(Storage(data), rig, name=name)
+        config = config or Config(port=0, web=WEB)
         self.services = make_services(
-            config or Config(port=0, web=WEB),
+            config,
             rig,
             name="bench",
             persistence=persistence,
-            pairing=pairing,
+            gateway=NetworkGateway(config, rig.clock, pairing),
         )
         self.hub = self.services.hub
         self.app = create_app(self.services)

@@ -17,7 +17,7 @@ const STARTING_MS = 30000;
 export function who(robot, silentMs = Infinity) {
   if (robot.status === 'away' && silentMs < STARTING_MS) return 'board.status.connecting';
   if (robot.status !== 'there') return `board.status.${robot.status}`;
-  if (robot.stopped_by_teacher) return 'board.who.held';
+  if (robot.stop_held_by) return 'board.who.held';
   if (robot.emergency) return 'board.who.stopped';
   if (robot.asks_pilot) return 'board.who.asks';
   return `board.who.${robot.driven_by ?? 'nobody'}`;
@@ -64,7 +64,7 @@ export class Card {
     this.element.setAttribute('aria-label', robot.name);
     this.stop.setAttribute('aria-label', t('board.stop_one', { name: robot.name }));
     this.release.setAttribute('aria-label', t('board.release_one', { name: robot.name }));
-    this.release.hidden = robot.status !== 'there' || !robot.stopped_by_teacher; // STOP does not move
+    this.release.hidden = robot.status !== 'there' || !robot.stop_held_by; // STOP does not move
     this.more.setAttribute('aria-label', t('board.more', { name: robot.name }));
     if (this.shown !== by) {
       this.shown = by;

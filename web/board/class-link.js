@@ -23,7 +23,7 @@ const ALL = 'all';
  * @property {import('../js/protocol.js').Mode | null} mode
  * @property {'nobody' | 'pilot' | 'robot' | null} driven_by
  * @property {boolean | null} emergency
- * @property {boolean | null} stopped_by_teacher  this board has stopped it, and only it releases it
+ * @property {string | null} stop_held_by  who has stopped it, if only they release it
  * @property {boolean | null} asks_pilot
  * @property {string | null} fault
  * @property {string | null} link

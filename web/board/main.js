@@ -119,7 +119,7 @@ function summarize() {
   find('empty').hidden = robots.length > 0;
   find('robots').classList.toggle('few', robots.length <= FEW);
   say(there, t('board.there', { n: robots.filter(({ status }) => status === 'there').length, of: robots.length }));
-  releaseAll.disabled = !robots.some(({ stopped_by_teacher: isHeld }) => isHeld);
+  releaseAll.disabled = !robots.some(({ stop_held_by: isHeld }) => isHeld);
   const missed = robots.filter(({ stop: how }) => how === 'not_reached').map(({ name }) => name);
   const lines = [];
   if (!link.isOpen && robots.length) lines.push(t('board.board_away'));

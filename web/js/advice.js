@@ -37,7 +37,7 @@ export function urgentAdvice(page) {
     if (page.link !== 'lost') return { key: 'connecting', level: 'info' };
     return wayAdvice(page);
   }
-  if (robot.stopped_by_teacher) return { key: 'teacher_stop', level: 'stop' };
+  if (robot.stop_held_by) return { key: `stopped_by.${robot.stop_held_by}`, level: 'stop' };
   const elsewhere = robot.you_are_pilot ? null : wheelElsewhere(page);
   // Who has the wheel releases; of others the robot takes no release.
   if (robot.emergency) return { key: 'emergency', step: elsewhere ? elsewhere.step : 'release', level: 'stop' };

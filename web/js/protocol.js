@@ -53,7 +53,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {number} speed_scale
  * @property {string | null} stop_reason
  * @property {boolean} emergency
- * @property {boolean} [stopped_by_teacher]  only the teacher's board releases the stop
+ * @property {string | null} [stop_held_by]  the role that stopped it, if only that role releases it
  * @property {boolean} asks_pilot
  * @property {string | null} fault
  * @property {string | null} pilot

@@ -24,7 +24,6 @@ from robot.errors import ConfigurationError
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
-from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config, Limits
 from server.hosting.serving import leave_out_of_collections, served
@@ -107,9 +106,15 @@ def _serve(line: Connection, kind: str, rate_hz: float) -> None:
         more: dict[str, Any] = {}
         if kind == "paired":
             folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-            config = Config(port=0, host="127.0.0.1", lan=True, data=folder)
-            more = {"pairing": Pairing(1000), "persistence": Persistence(Storage(folder), rig)}
+            from server.access.config import NetworkConfig
+            from server.access.gateway import NetworkGateway
+            from server.access.pairing import Pairing
+
+            config = NetworkConfig(port=0, host="127.0.0.1", lan=True, data=folder)
+            more["gateway"] = NetworkGateway(config, rig.clock, Pairing(1000))
+            more = {"persistence": Persistence(Storage(folder), rig)}
         services = make_services(config, rig, name="bench", **more)
+        pairing = getattr(services.gateway, "pairing", None)
         stack.enter_context(rig)
         if services.persistence is not None:
             services.persistence.start()
@@ -139,7 +144,7 @@ def _serve(line: Connection, kind: str, rate_hz: float) -> None:
                 "stops": sum(state.stops.values()),
                 "ticked_s": ticked_s[-1000:],
                 "bytes": services.hub.video.newest_bytes,
-                "tokens": services.pairing.tokens if services.pairing else {},
+                "tokens": {r.value: t for r, t in pairing.tokens.items()} if pairing else {},
             }
             line.send(found)
 

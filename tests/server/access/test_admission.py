@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from server.access.admission import AdmissionControl, ConnectionLimiter, Peer, address_key
-from server.access.rules import Role, Session
 from server.config import Limits
+from server.gateway.roles import Role, Session
 from tests.kit.sizes import examples
 
 LIMITS = Limits(

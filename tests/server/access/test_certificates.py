@@ -14,8 +14,8 @@ from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
 from server.access.certificates import Certificates, make_certificates
+from server.access.config import NetworkConfig
 from server.access.network import host_names, lan_addresses, page_addresses
-from server.config import Config
 
 NOW = dt.datetime.now(dt.UTC)
 NAMES = ["localhost", "127.0.0.1", "::1", "drivelesson.local", "laptop", "laptop.local"]
@@ -41,7 +41,7 @@ def _shake_hands(made: Certificates, name: str) -> None:
 
 
 def test_the_names_of_a_robot_on_the_network_are_vouched_for(tmp_path: Path) -> None:
-    config = Config(host="0.0.0.0", lan=True, tls=True, data=tmp_path)
+    config = NetworkConfig(host="0.0.0.0", lan=True, tls=True, data=tmp_path)
     made = make_certificates(tmp_path, [*host_names(config), "192.168.1.7"], NOW)
     for name in ("drivelesson.local", "127.0.0.1", "192.168.1.7"):
         _shake_hands(made, name)
@@ -69,7 +69,7 @@ def test_a_name_that_cannot_be_vouched_for_spoils_no_other(tmp_path: Path, other
 
 @pytest.mark.parametrize("own", ["131.220.6.5", "100.64.0.1", "2600::7", "192.168.1.7", "fd00::7"])
 def test_the_address_that_a_phone_scans_is_vouched_for(tmp_path: Path, own: str) -> None:
-    config = Config(host=own, lan=True, tls=True, data=tmp_path)
+    config = NetworkConfig(host=own, lan=True, tls=True, data=tmp_path)
     made = make_certificates(tmp_path, [*host_names(config), *lan_addresses(config)], NOW)
     _shake_hands(made, urlsplit(page_addresses(config)[0]).hostname or "")
 

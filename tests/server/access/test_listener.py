@@ -15,8 +15,8 @@ from robot.errors import ConfigurationError
 from robot.testing import VirtualClock
 from server.access.admission import AdmissionControl
 from server.access.listener import AdmissionListener
-from server.access.rules import Role, Session
 from server.config import Limits
+from server.gateway.roles import Role, Session
 from server.hosting.serving import open_socket
 
 

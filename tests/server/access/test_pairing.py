@@ -7,7 +7,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from server.access.pairing import _SESSIONS, Paired, Pairing
-from server.access.rules import Refusal, Role
+from server.bodies.eye_routes import EYE
+from server.gateway.roles import Refusal, Role
 from tests.kit.sizes import crossed
 
 
@@ -62,7 +63,7 @@ def test_nobody_who_was_there_is_pushed_out_by_who_redeems_again_and_again(
     times: int, are_used: bool
 ) -> None:
     pairing = Pairing(10)
-    owner, eye = (redeem(pairing, pairing.tokens[role]) for role in (Role.PILOT, Role.EYE))
+    owner, eye = (redeem(pairing, pairing.tokens[role]) for role in (Role.PILOT, EYE))
     second, pupil = redeem(pairing, pairing.tokens[Role.PILOT]), invited(pairing)
     assert pairing.find(pupil) and pairing.find(second), "they load the page"
     for _ in range(times):

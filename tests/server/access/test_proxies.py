@@ -9,10 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.errors import ConfigurationError
+from server.access.config import NetworkConfig, PublicAddress, read_networks
+from server.access.gateway import advise
 from server.access.pairing import cookie_name
 from server.access.proxies import PREFIX, Proxies
-from server.access.rules import Access, Refusal
-from server.config import Config, PublicAddress, read_networks
+from server.gateway.roles import Refusal
+from server.gateway.rules import AccessRules
 
 PUBLIC = tuple(
     map(
@@ -165,7 +167,7 @@ def test_a_robot_without_pairing_refuses_what_a_proxy_passes_on() -> None:
 
 
 def test_without_the_setting_a_sentence_says_which_header_did_not_fit_and_what_to_set() -> None:
-    access = Access(names=frozenset({"127.0.0.1"}))
+    access = AccessRules(names=frozenset({"127.0.0.1"}), advise=advise)
     asked = {"host": "127.0.0.1:8000", "origin": "https://home.example"}
     refused = access.check_origin(asked, "http", "POST")
     assert refused is not None
@@ -204,6 +206,6 @@ def test_what_is_no_address_is_refused_with_an_example(text: str) -> None:
 
 def test_robots_behind_one_proxy_have_cookies_of_their_own() -> None:
     places = ("https://h/one", "https://h/two", "https://h:8443", "https://h", "http://h")
-    names = {cookie_name(Config(public=(PublicAddress.parse(place),))) for place in places}
+    names = {cookie_name(NetworkConfig(public=(PublicAddress.parse(place),))) for place in places}
     assert len(names) == len(places)
     assert "__Host-drivelesson-h" in names and "__Secure-drivelesson-h-one" in names

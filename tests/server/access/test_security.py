@@ -15,9 +15,10 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from server.access.certificates import make_certificates
+from server.access.config import NetworkConfig, NetworkLimits
 from server.access.pairing import Pairing, cookie_name
-from server.access.rules import Role
 from server.config import Config, Limits
+from server.gateway.roles import Role
 from tests.kit.sizes import crossed
 from tests.server.live_robot import WEB
 from tests.server.virtual_connections import Exchange, VirtualSocket
@@ -33,8 +34,8 @@ def here() -> Iterator[VirtualServer]:
 
 @pytest.fixture
 def lan(tmp_path: Path) -> Iterator[VirtualServer]:
-    limits = Limits(pairing_failures=3)
-    config = Config(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
+    limits = NetworkLimits(pairing_failures=3)
+    config = NetworkConfig(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
     pairing = Pairing(limits.pairing_failures, file=tmp_path / "paired.json")
     with VirtualServer(config, pairing=pairing) as running:
         yield running
@@ -51,7 +52,7 @@ def _socket_status(server: VirtualServer, path: str = "/ws/drive", **headers: st
 
 
 def _pairing(server: VirtualServer) -> Pairing:
-    pairing = server.services.pairing
+    pairing = server.services.gateway.pairing
     assert isinstance(pairing, Pairing)
     return pairing
 
@@ -187,7 +188,7 @@ def test_no_page_has_script_or_style_inside_but_the_first_one() -> None:
 
 def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
     limits = Limits(clients=4, clients_each=3)
-    config = Config(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
+    config = NetworkConfig(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3)) as server:
         owner, greedy, second, third = (
             _pair(server, role) for role in (Role.PILOT, *3 * [Role.VIEWER])
@@ -212,7 +213,7 @@ def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
 
 def test_uploads_that_never_end_take_the_memory_of_two(tmp_path: Path) -> None:
     """One pupil could have as many as connections, each of 64 MB, for as long as it liked."""
-    config = Config(port=0, web=WEB, lan=True, data=tmp_path)
+    config = NetworkConfig(port=0, web=WEB, lan=True, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3), data=tmp_path) as server:
         owner, *pupils = (_pair(server, Role.PILOT) for _ in range(4))
 
@@ -235,12 +236,12 @@ def test_uploads_that_never_end_take_the_memory_of_two(tmp_path: Path) -> None:
         assert not third.task.done() and again.task.done() != other.task.done()
         for exchange in (again, other, third):
             exchange.hang_up()
-        server.wait_until(lambda: server.services.admission.uploads.taken == 0)
+        server.wait_until(lambda: server.services.gateway.admission.uploads.taken == 0)
 
 
 def test_too_many_requests_are_refused(tmp_path: Path) -> None:
     limits = Limits(requests_burst=10, requests_per_second=1)
-    config = Config(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
+    config = NetworkConfig(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3)) as server, httpx.Client() as client:
         statuses = [client.get(server.address + "/healthz").status_code for _ in range(12)]
         assert statuses[:10] == [200] * 10
@@ -405,5 +406,5 @@ def test_the_authority_vouches_for_private_names_only(tmp_path: Path) -> None:
 
 def test_an_open_robot_cannot_be_put_on_the_network() -> None:
     with pytest.raises(ValueError, match="--lan"):
-        Config(host="0.0.0.0")
-    assert dataclasses.replace(Config(), host="0.0.0.0", lan=True).lan
+        NetworkConfig(host="0.0.0.0")
+    assert dataclasses.replace(NetworkConfig(), host="0.0.0.0", lan=True).lan

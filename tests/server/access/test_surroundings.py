@@ -17,16 +17,17 @@ import pytest
 from robot.testing import VirtualClock
 from server.access.announcement import Announcement
 from server.access.certificates import RenewedCertificates
+from server.access.config import NetworkConfig
+from server.access.gateway import NetworkGateway
 from server.access.network import lan_addresses, names_in_network, page_addresses
 from server.access.pairing import Pairing
-from server.access.rules import Access, Role
 from server.access.surroundings import LOOK_EVERY_S, Surroundings, Watch
 from server.access.unknown_name import explain_unknown_name
-from server.cli.serve import _follow
-from server.config import Config
+from server.gateway.roles import Role
+from server.gateway.rules import AccessRules
 from server.hosting.serving import open_sockets
 
-LAN = Config(host="::", lan=True, port=8000)
+LAN = NetworkConfig(host="::", lan=True, port=8000)
 
 
 class Network:
@@ -41,7 +42,7 @@ class Network:
         self.claimed.append(tuple(addresses))
         return self.hostname
 
-    def surroundings(self, config: Config = LAN) -> Surroundings:
+    def surroundings(self, config: NetworkConfig = LAN) -> Surroundings:
         return Surroundings(
             config,
             addresses=lambda _: list(self.there),
@@ -56,11 +57,10 @@ def test_an_address_that_comes_late_is_announced_and_shown(
     network = Network()
     around = network.surroundings()
     shown: list[str] = []
-    rig: Any = SimpleNamespace(driver=SimpleNamespace(announce=shown.append))
     pairing = Pairing(10)
-    around.listeners.append(
-        lambda before, now: _follow(around, before, now, pairing, rig, with_eye=False)
-    )
+    gateway = NetworkGateway(LAN, VirtualClock(), pairing, around)
+    gateway._show = shown.append
+    gateway.serving(list).__enter__()
     around.look()
     assert around.page_addresses == ["http://drivelesson.local:8000"]
     network.there = ["192.168.1.7"]
@@ -93,7 +93,7 @@ def test_any_history_of_addresses_is_followed_within_five_seconds() -> None:
 def test_the_watch_looks_again_and_outlives_a_network_that_fails() -> None:
     looks = 0
 
-    def look(_: Config) -> list[str]:
+    def look(_: NetworkConfig) -> list[str]:
         nonlocal looks
         looks += 1
         if looks == 3:
@@ -140,7 +140,7 @@ def test_names_that_the_network_gives_are_answered_and_no_others(
     network.names = ["rover.fritz.box", "rover.school.example", "printer.school.example"]
     around = network.surroundings()
     around.ask(0.0)
-    access = Access(names=around, addresses=lambda: around.page_addresses)
+    access = AccessRules(names=around, addresses=lambda: around.page_addresses)
     refusal = access.check_host({"host": f"{asked}:8000"})
     assert (refusal is None) is is_known
     if refusal is not None:
@@ -148,7 +148,7 @@ def test_names_that_the_network_gives_are_answered_and_no_others(
 
 
 def test_without_lan_a_bare_name_is_none_of_ours() -> None:
-    around = Surroundings(Config(also_at=("rover.test",)))
+    around = Surroundings(NetworkConfig(also_at=("rover.test",)))
     assert "rover.test" in around and "localhost" in around
     assert "robot" not in around
 
@@ -227,7 +227,7 @@ def test_of_two_robots_that_nobody_named_the_second_takes_another_name(
     if not hasattr(zeroconf, "AddressResolver"):
         pytest.skip("this zeroconf cannot ask for a host's addresses")
     one, two, named = (
-        Announcement(Config(lan=True, port=8130 + i, hostname=name), "Ada")
+        Announcement(NetworkConfig(lan=True, port=8130 + i, hostname=name), "Ada")
         for i, name in enumerate(["drivelesson", "drivelesson", "ada"])
     )
     try:
@@ -242,7 +242,7 @@ def test_of_two_robots_that_nobody_named_the_second_takes_another_name(
 
 def test_addresses_of_six_are_announced_and_served(caplog: pytest.LogCaptureFixture) -> None:
     zeroconf = pytest.importorskip("zeroconf")
-    config = Config(lan=True, host="fd99::1", port=8140)
+    config = NetworkConfig(lan=True, host="fd99::1", port=8140)
     service = Announcement(config, "Ada")._service(lan_addresses(config))
     assert service.parsed_addresses() == ["fd99::1"]
     assert page_addresses(config)[0] == "http://[fd99::1]:8140"

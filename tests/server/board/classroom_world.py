@@ -13,8 +13,9 @@ import httpx
 
 from robot.testing import FakeCamera, LinkConditions, VirtualClock
 from robot.types import Action
+from server.access.config import NetworkConfig
+from server.access.gateway import NetworkGateway
 from server.access.pairing import Paired, Pairing, cookie_name
-from server.access.rules import Role
 from server.app import create_app
 from server.board.board import Board
 from server.board.class_key import ClassKey, endpoint
@@ -23,6 +24,7 @@ from server.board.robot_link import RobotLink
 from server.board.teacher_session import Status
 from server.board.transport import HttpAnswer, RobotAddress, ServerPlace, UnreachableError
 from server.config import Config
+from server.gateway.roles import Role
 from server.services import make_services
 from tests.server.virtual import ServedWorld, Socket
 from tests.server.virtual_connections import Exchange
@@ -49,14 +51,14 @@ class Pupil(ServedWorld):
             config,
             self.rig,
             name=f"R{port}",
-            pairing=self.pairing,
+            gateway=NetworkGateway(config, self.rig.clock, self.pairing),
             options={"classroom": self.classroom},
         )
         self.hub = self.services.hub
         self.fault = "none"
         pair = self.pairing.redeem(self.pairing.tokens[Role.PILOT], clock.now_s())
         assert isinstance(pair, Paired)
-        self._cookie = f"{cookie_name(config)}={pair.secret}"
+        self._cookie = f"{cookie_name(NetworkConfig.of(config))}={pair.secret}"
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> Socket:
         """Open a websocket as the pupil's phone."""
@@ -74,7 +76,7 @@ class Pupil(ServedWorld):
             config,
             self.rig,
             name="Anew",
-            pairing=self.pairing,
+            gateway=NetworkGateway(config, self.rig.clock, self.pairing),
             options={"classroom": self.classroom},
         )
         self.services = services

@@ -115,9 +115,9 @@ def test_a_pupil_s_own_stop_confirms_none_of_the_teacher() -> None:
         await world.until_there([one])
         link = world.link(one)
         link.stop.stage = Stopping.ASKED
-        link._note_state({"emergency": True, "stopped_by_teacher": False})
+        link._note_state({"emergency": True, "stop_held_by": None})
         assert link.stop.stage is Stopping.ASKED, "the pupil may release it again"
-        link._note_state({"emergency": True, "stopped_by_teacher": True})
+        link._note_state({"emergency": True, "stop_held_by": "teacher"})
         assert link.stop.stage is Stopping.STOPPED
 
     in_class(scenario)
@@ -125,8 +125,8 @@ def test_a_pupil_s_own_stop_confirms_none_of_the_teacher() -> None:
 
 def test_what_the_line_tells_late_neither_clears_nor_confirms_a_stop() -> None:
     """The stop is confirmed by a request of its own while the line still tells what was before."""
-    free = {"emergency": False, "stopped_by_teacher": False}
-    held = {"emergency": True, "stopped_by_teacher": True}
+    free = {"emergency": False, "stop_held_by": None}
+    held = {"emergency": True, "stop_held_by": "teacher"}
 
     async def scenario(world: ClassWorld) -> None:
         one, *_ = world.pupils.values()
@@ -184,7 +184,7 @@ def test_a_stop_that_is_sent_again_on_a_new_line_is_not_cleared_by_what_was_befo
         world.board.stop()
         await world.until(lambda: link.stop.stage is Stopping.STOPPED, 1.0, "confirmed")
         await link.stop.send_again(link.stop.channel)
-        link._note_state({"emergency": False, "stopped_by_teacher": False})
+        link._note_state({"emergency": False, "stop_held_by": None})
         assert link.stop.stage is Stopping.STOPPED
 
     in_class(scenario)
@@ -257,8 +257,8 @@ def test_only_the_board_releases_what_the_board_stopped(seed: int) -> None:
                 latched = held = False
             await world.clock.pause(1.5)
             assert one.loop.state.emergency is latched, step
-            assert link.state["stopped_by_teacher"] is held, step
-        assert phone.errors() == ["teacher_stop"] * refused, "and the pupil is told why"
+            assert bool(link.state["stop_held_by"]) is held, step
+        assert phone.errors() == ["stop_held"] * refused, "and the pupil is told why"
 
     in_class(scenario, robots=1, seed=seed)
 

@@ -105,7 +105,7 @@ def test_a_release_that_a_line_keeps_waiting_holds_no_stop_up() -> None:
             await world.clock.pause(10.0)
 
         world.link(gone).stop.channel.send = hang
-        world.link(gone).state["stopped_by_teacher"] = True
+        world.link(gone).state["stop_held_by"] = "teacher"
         app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
         network = VirtualNetwork({8080: _Served(app, 8080, gone.link)}, random.Random(1))
         place = ServerPlace(RobotAddress("127.0.0.1", 8080), "")

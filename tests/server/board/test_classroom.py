@@ -11,9 +11,9 @@ import pytest
 
 from robot.errors import ConfigurationError
 from server.access.pairing import INVITATION_S, Paired, Pairing
-from server.access.rules import Refusal, Role
 from server.board.class_key import ClassKey, endpoint, keep_class_key, new_nonce, read_class_key
 from server.board.classroom import LOCKS, Classroom
+from server.gateway.roles import Refusal, Role
 from tests.kit.sizes import seeds
 
 KEY, OTHER = ClassKey("a" * 40), ClassKey("b" * 40)

@@ -20,8 +20,10 @@ from robot.devices.rig import Rig
 from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
-from server.access.rules import Access, Refusal, Role, Session
 from server.bodies.eye import encode_frame
+from server.bodies.eye_routes import EYE
+from server.gateway.roles import Refusal, Session
+from server.gateway.rules import AccessRules
 from server.protocol import parse_acknowledgement
 from tests.server.virtual_connections import VirtualSocket
 from tests.server.virtual_server import VirtualServer, connect
@@ -171,10 +173,6 @@ def test_a_robot_with_another_camera_says_so() -> None:
         assert closed.value.rcvd is not None and closed.value.rcvd.code == 4004
 
 
-def find_an_eye(secret: str) -> Session:
-    return Session(role=Role.EYE, name="eye")
-
-
 @pytest.mark.parametrize(
     ("path", "may"),
     [
@@ -194,11 +192,11 @@ def find_an_eye(secret: str) -> Session:
     ],
 )
 def test_a_phone_paired_as_the_eye_reaches_that_page_alone(path: str, may: bool) -> None:
-    access = Access(names=frozenset({"robot"}), find_session=find_an_eye, cookie="c")
+    rules, session = AccessRules(names=frozenset({"robot"})), Session(EYE, "eye")
     for accept in ("text/html", "*/*"):
         headers = {"accept": accept}
-        verdict = access.admit(path, "GET", headers, access.session_of(headers, "10.0.0.7"))
-        assert (verdict is Role.EYE) == may
+        verdict = rules.admit(path, "GET", headers, session)
+        assert (verdict is EYE) == may
         if not may:
             assert isinstance(verdict, Refusal)
             assert verdict.status == (303 if accept == "text/html" else 403)

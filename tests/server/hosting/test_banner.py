@@ -10,25 +10,24 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
 from server.access.announcement import announced
+from server.access.banner import greet_phones
+from server.access.config import NetworkConfig, PublicAddress
+from server.access.gateway import NetworkGateway
 from server.access.pairing import Paired
-from server.access.rules import Role
 from server.board.discovery import browsing
 from server.board.transport import RobotAddress
-from server.cli.serve import _open_pairing
-from server.config import Config
-from server.hosting.banner import greet_phones
+from server.gateway.roles import Role
 from server.hosting.logs import OneLine, start_logging
 from server.hosting.terminal_code import draw_qr
 
 
 def test_phones_are_greeted_with_a_code_and_addresses_for_both_rights() -> None:
     tokens = {Role.PILOT: "PPPP-PPPP", Role.VIEWER: "VVVV-VVVV"}
-    text = greet_phones(["http://192.0.2.1:8000", "http://drivelesson.local:8000"], tokens)
+    text = greet_phones(["http://192.0.2.1:8000", "http://drivelesson.local:8000"], tokens, [])
     assert "http://192.0.2.1:8000/pair#PPPP-PPPP" in text
     assert "http://192.0.2.1:8000/pair#VVVV-VVVV" in text
     assert "http://drivelesson.local:8000" in text
@@ -44,7 +43,7 @@ def test_without_zeroconf_the_extra_is_named_and_the_robot_drives(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setitem(sys.modules, "zeroconf", None)
-    with announced(Config(hostname="r", lan=True), "Ada"):
+    with announced(NetworkConfig(hostname="r", lan=True), "Ada"):
         assert "the name r.local needs drivelesson[lan]" in caplog.text
 
 
@@ -53,7 +52,7 @@ def test_what_has_no_address_of_four_numbers_starts_without_a_name(
     address: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     pytest.importorskip("zeroconf")
-    with announced(Config(host=address, lan=True), "Ada"):
+    with announced(NetworkConfig(host=address, lan=True), "Ada"):
         assert "mdns off" in caplog.text
 
 
@@ -70,8 +69,8 @@ def test_two_robots_announce_themselves_and_the_board_finds_both() -> None:
             is_complete.set()
 
     with (
-        announced(Config(port=8123, lan=True, hostname="ada-test"), "Ada"),
-        announced(Config(port=8124, lan=True, hostname="bolt-test", tls=True), "Bolt"),
+        announced(NetworkConfig(port=8123, lan=True, hostname="ada-test"), "Ada"),
+        announced(NetworkConfig(port=8124, lan=True, hostname="bolt-test", tls=True), "Bolt"),
         browsing(note, here),
         contextlib.closing(zeroconf.Zeroconf(interfaces=here)) as asker,
     ):
@@ -115,6 +114,9 @@ def test_nobody_but_the_logs_own_thread_waits_for_the_terminal(
     assert "two\\nlines" in lines[5]
 
 
+HERE = PublicAddress.parse("http://10.0.0.2:8000")
+
+
 def test_a_terminal_that_is_held_holds_up_no_end(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal, released, at_exit = io.StringIO(), threading.Event(), []
     monkeypatch.setattr(terminal, "write", lambda text: released.wait() and len(text))
@@ -140,14 +142,16 @@ def test_a_terminal_that_is_held_holds_up_no_phone_that_pairs(
     threads: list[Callable[[], None]] = []
     shown: list[str] = []
     clock = SimpleNamespace(start_thread=lambda target, _: threads.append(target))
-    rig: Any = SimpleNamespace(clock=clock, driver=SimpleNamespace(announce=shown.append))
-    pairing = _open_pairing(Config(lan=True, data=tmp_path), "http://10.0.0.2:8000", rig)
+    gateway = NetworkGateway(NetworkConfig(public=(HERE,), data=tmp_path), clock)  # type: ignore[arg-type]
+    gateway.open("Ada", shown.append)
+    pairing = gateway.pairing
+    assert pairing is not None
     assert isinstance(pairing.redeem(pairing.tokens[Role.PILOT], 0.0), Paired)
     assert not capsys.readouterr().out
     for thread in threads:
         thread()
     assert pairing.tokens[Role.PILOT] in capsys.readouterr().out
-    assert shown[0].endswith(pairing.tokens[Role.PILOT])
+    assert shown[-1].endswith(pairing.tokens[Role.PILOT])
 
 
 def test_what_a_client_sends_cannot_forge_a_line_of_the_log() -> None:

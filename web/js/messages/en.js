@@ -98,7 +98,7 @@ export default {
   'way.cut.driven': 'The network cuts live connections after seconds. Ask your school to allow WebSocket. Somebody drives it.',
   'way.cut.alone': 'The network cuts live connections after seconds. Ask your school to allow WebSocket. It drives itself.',
   emergency: 'Emergency stop. The robot stands until you release it.',
-  teacher_stop: 'Your teacher has stopped the robot, and will release it.',
+  'stopped_by.teacher': 'Your teacher has stopped the robot, and will release it.',
   fault: '{fault}',
   device_back: 'Connected to {device}, as before.',
   asks: "I don't know this view. Show me.",

@@ -97,7 +97,7 @@ export default {
   'way.cut.driven': 'La red corta las conexiones en directo a los pocos segundos. Pide a tu escuela que permita WebSocket. Alguien lo conduce.',
   'way.cut.alone': 'La red corta las conexiones en directo a los pocos segundos. Pide a tu escuela que permita WebSocket. Conduce solo.',
   emergency: 'Parada de emergencia. El robot no se mueve hasta que lo liberes.',
-  teacher_stop: 'Tu profesor ha parado el robot y él lo liberará.',
+  'stopped_by.teacher': 'Tu profesor ha parado el robot y él lo liberará.',
   fault: '{fault}',
   device_back: 'Conectado a {device}, como antes.',
   asks: 'No conozco esta vista. Enséñame.',

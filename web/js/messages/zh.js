@@ -97,7 +97,7 @@ export default {
   'way.cut.driven': '网络在几秒后就切断实时连接。请让学校允许这里使用 WebSocket。有人在驾驶它。',
   'way.cut.alone': '网络在几秒后就切断实时连接。请让学校允许这里使用 WebSocket。它在自己驾驶。',
   emergency: '已急停。解除之前机器人不会动。',
-  teacher_stop: '老师已让机器人停下，由老师解除。',
+  'stopped_by.teacher': '老师已让机器人停下，由老师解除。',
   fault: '{fault}',
   device_back: '已重新连接到 {device}，与之前相同。',
   asks: '我不认识这个画面。请教我。',

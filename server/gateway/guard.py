@@ -1,7 +1,7 @@
 """Middleware that every request and every websocket passes before it reaches a route.
 
 It checks Host, Origin, size, rate and role, refuses with a status and a sentence, and adds the
-security headers. Who only watches may read: any other method is a pilot's or the teacher's.
+security headers. A viewer may only read.
 """
 
 from __future__ import annotations
@@ -16,21 +16,17 @@ from dataclasses import dataclass
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect, HTTPConnection
-from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from robot.clock import Clock
-from server.access.admission import AdmissionControl, ConnectionLimiter, Peer, Slot, address_key
-from server.access.proxies import PEER, PREFIX, Proxies
-from server.access.rules import Access, Refusal, Role, Session, host_name
-from server.access.unknown_name import explain_unknown_name
+from server.gateway.gateway import PREFIX, SLOT, STOP_PATH, Gateway
+from server.gateway.roles import Refusal, Role, Session
+from server.gateway.rules import AccessRules
 
 log = logging.getLogger(__name__)
 
-STOP_PATH = "/api/stop"
-"""The emergency stop for a page without a websocket."""
 _PARTS = ("/js/", "/css/", "/icons/")
-_ROLE, _PERSON, _PLACE = "drivelesson.role", "drivelesson.person", "drivelesson.place"
+_ROLE, _PERSON = "drivelesson.role", "drivelesson.person"
 _UPLOADS = re.compile(r"/api/models/[^/]+/file")
 """Paths whose bodies may be as large as a model."""
 _TOO_LARGE = Refusal(413, "size", "That is too large.")
@@ -52,9 +48,8 @@ def person_of(connection: HTTPConnection) -> str:
 
 def note_use(scope: Scope, now_s: float) -> None:
     """Note that a websocket is in use; of two of one person the idle one goes first."""
-    place = scope.get(_PLACE)
-    if isinstance(place, Slot):
-        place.used_s = now_s
+    if (slot := scope.get(SLOT)) is not None:
+        slot.used_s = now_s
 
 
 @dataclass(frozen=True)
@@ -62,17 +57,16 @@ class Guard:
     """ASGI middleware around the whole application; it counts in `refused`, by reason."""
 
     app: ASGIApp
-    access: Access
+    rules: AccessRules
     refused: Counter[str]
     clock: Clock
-    admission: AdmissionControl
-    proxies: Proxies
+    gateway: Gateway
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
-        seen = self.proxies.see_through(scope)
+        seen = self.gateway.see_through(scope)
         scope = scope if isinstance(seen, Refusal) else seen
         headers = _headers(scope)
         verdict = seen if isinstance(seen, Refusal) else self._judge(scope, headers)
@@ -82,7 +76,7 @@ class Guard:
             log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
             if verdict.status == 429:  # who waits for the answer asks no more meanwhile
                 await self.clock.pause(_TOO_MANY_S)
-            await _refuse(scope, receive, send, verdict)
+            await _refuse(scope, receive, send, verdict, self.gateway)
             return
         scope[_ROLE] = verdict
         try:
@@ -91,67 +85,53 @@ class Guard:
             else:
                 await self._pass_request(scope, receive, send, headers)
         except asyncio.CancelledError:
-            if _PLACE not in scope or scope[_PLACE].is_taken:
+            if SLOT not in scope or scope[SLOT].is_taken:
                 raise
             await _close(scope, send)  # another needed the place more
         finally:
-            if _PLACE in scope:
-                self.admission.sockets.give_back(scope[_PLACE])
-                self.admission.uploads.give_back(scope[_PLACE])
+            self.gateway.leave(scope)
 
     def _judge(self, scope: Scope, headers: dict[str, str]) -> Role | Refusal:
-        access, method, now_s = self.access, scope.get("method"), self.clock.now_s()
-        address, _ = tuple(scope.get("client") or ("", 0))
-        peer = _peer(scope)
+        gateway, rules, method = self.gateway, self.rules, scope.get("method")
+        address = (scope.get("client") or ("", 0))[0]
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
         is_lasting = scope["type"] == "websocket" or scope["path"] == _LASTING
-        refusal = access.check_host(headers) or access.check_origin(headers, scheme, method)
-        session = None if refusal else access.session_of(headers, address_key(address))
-        line = session
-        if PEER in scope:  # a proxy's connections may each carry many people's requests
-            line = Session(Role.VIEWER, f"proxy {peer[0]}", is_crowd=True)
-        self.admission.asked(peer, line, now_s, lasts=is_lasting)
+        refusal = rules.check_host(headers) or rules.check_origin(headers, scheme, method)
+        session = None if refusal else gateway.session_of(headers, address)
+        gateway.note_asked(scope, session, lasts=is_lasting)
         if refusal is not None:
             return refusal
         if scope["path"] == STOP_PATH and session is not None:
             return session.role  # a stop passes before all limits
-        person = session or Session(Role.VIEWER, address_key(address))
+        person = session or gateway.anonymous(address)
         scope[_PERSON] = person.name
         refusal = self._check_limits(scope, headers, person)
-        verdict = refusal or access.admit(scope["path"], method, headers, session)
-        is_upload = method == "PUT" and _UPLOADS.fullmatch(scope["path"])
-        places = (
-            self.admission.sockets if is_lasting else self.admission.uploads if is_upload else None
-        )
-        if places is None or isinstance(verdict, Refusal):
+        verdict = refusal or rules.admit(scope["path"], method, headers, session)
+        if isinstance(verdict, Refusal):
             return verdict
-        return self._seat(places, scope, person) or verdict
+        refusal = gateway.check(scope["path"], method, verdict)
+        is_upload = method == "PUT" and bool(_UPLOADS.fullmatch(scope["path"]))
+        if refusal is None and (is_lasting or is_upload):
+            task = asyncio.current_task()
+            assert task is not None
+            refusal = gateway.take_slot(scope, person, task.cancel, is_upload=is_upload)
+        return refusal or verdict
 
     def _check_limits(
         self, scope: Scope, headers: dict[str, str], person: Session
     ) -> Refusal | None:
         if "\0" in scope["path"]:
             return Refusal(400, "path", "This address is not valid.")
-        if not self.admission.may_ask(person, self.clock.now_s()):
+        if not self.gateway.may_ask(person):
             return Refusal(429, "rate", "Too many requests; wait a little.")
         length = headers.get("content-length", "0")
         if not length.isdecimal() or int(length[:20]) > self._most_bytes(scope):
             return _TOO_LARGE
         return None
 
-    def _seat(self, places: ConnectionLimiter, scope: Scope, person: Session) -> Refusal | None:
-        """Take a place for what lasts; it ends when it has to give the place up."""
-        task = asyncio.current_task()
-        assert task is not None
-        place = places.take(person, self.clock.now_s(), task.cancel)
-        if place is None:
-            return Refusal(503, "clients", "Too many pages are open, or models on their way.")
-        scope[_PLACE] = place
-        return None
-
     def _most_bytes(self, scope: Scope) -> int:
         is_upload = scope["type"] == "http" and _UPLOADS.fullmatch(scope["path"])
-        limits = self.admission.limits
+        limits = self.gateway.config.limits
         return limits.upload_bytes if is_upload else limits.body_bytes
 
     async def _pass_request(
@@ -167,12 +147,12 @@ class Guard:
                     headers.setdefault(name, value)
             await send(message)
             if message["type"] == "http.response.body" and not message.get("more_body", False):
-                self.admission.answered(_peer(scope), self.clock.now_s())
+                self.gateway.note_answered(scope)
 
         try:
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
         except ClientDisconnect:  # gone in the middle of its body, or that was cut off
-            await _refuse(scope, receive, send, _TOO_LARGE)
+            await _refuse(scope, receive, send, _TOO_LARGE, self.gateway)
 
 
 def _limited(receive: Receive, most: int) -> Receive:
@@ -188,12 +168,6 @@ def _limited(receive: Receive, most: int) -> Receive:
         return message
 
     return receive_limited
-
-
-def _peer(scope: Scope) -> Peer:
-    """Return who is at the other end of the connection: the client, or its proxy."""
-    peer: Peer = scope.get(PEER) or tuple(scope.get("client") or ("", 0))
-    return peer
 
 
 def _headers(scope: Scope) -> dict[str, str]:
@@ -256,18 +230,9 @@ async def _close(scope: Scope, send: Send) -> None:
             await send({"type": "http.response.body", "body": b""})
 
 
-def _say(refusal: Refusal, asked: Headers, headers: dict[str, str]) -> Response:
-    """Return the answer that says why: a page where a person opened an unknown name."""
-    if refusal.reason == "host" and "text/html" in asked.get("accept", ""):
-        name = host_name(asked.get("host", ""))[:80]
-        page = explain_unknown_name(name, refusal.open_at, asked.get("accept-language", ""))
-        headers["content-security-policy"] = "default-src 'none'"
-        return HTMLResponse(page, refusal.status, headers)
-    told = {"error": refusal.reason, "detail": refusal.sentence}
-    return JSONResponse(told, refusal.status, headers)
-
-
-async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:
+async def _refuse(
+    scope: Scope, receive: Receive, send: Send, refusal: Refusal, gateway: Gateway
+) -> None:
     """Answer with a status; a websocket gets a plain 403 where the server supports no other."""
     kind = scope["type"]
     if kind == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
@@ -278,7 +243,7 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) 
     headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
     if refusal.location is not None:
         headers["location"] = scope.get(PREFIX, "") + refusal.location
-    answer = _say(refusal, Headers(scope=scope), headers)
+    answer = gateway.explain(refusal, Headers(scope=scope), headers)
     start = {"status": answer.status_code, "headers": answer.raw_headers}
     await send({"type": f"{prefix}.start", **start})
     await send({"type": f"{prefix}.body", "body": answer.body})

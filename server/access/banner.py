@@ -1,0 +1,32 @@
+"""What a person is shown of a server for a network: addresses, and QR codes for phones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from server.gateway.roles import Role
+from server.hosting.terminal_code import draw_qr
+
+
+def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Sequence[str]) -> str:
+    """Return the addresses on the network, and how a phone pairs; `more` are extensions' lines."""
+    lines = ["Drivelesson is ready. Only paired browsers are admitted.", ""]
+    pilot = pairing_address(addresses[0], tokens[Role.PILOT])
+    lines += ["To drive, scan this with the phone:", "", *draw_qr(pilot).splitlines(), ""]
+    lines += [f"  or open   {pilot}"]
+    lines += [f"  at one of {' '.join(addresses)}"] if len(addresses) > 1 else []
+    lines += [f"  To watch: {pairing_address(addresses[0], tokens[Role.VIEWER])}", "", *more]
+    lines += ["Each address works once; then a new one is shown."]
+    return "\n".join(lines) + "\n"
+
+
+def greet_next(address: str, role: Role, token: str) -> str:
+    """Return how the next browser pairs: a pilot by a code, as the first one did."""
+    there = pairing_address(address, token)
+    code = "\n" + draw_qr(there) if role is Role.PILOT else ""
+    return f"A browser was paired. The next one that is to {role.purpose}: {there}{code}"
+
+
+def pairing_address(address: str, token: str) -> str:
+    """Return the address that pairs; the part after the `#` stays in the browser."""
+    return f"{address}/pair#{token}"

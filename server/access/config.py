@@ -1,0 +1,114 @@
+"""The configuration of a server that a network can reach."""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass, field
+from typing import Self
+from urllib.parse import urlsplit
+
+from robot.errors import ConfigurationError, told_as
+from server.config import Config, Limits, is_loopback
+
+DEFAULT_HOSTNAME = "drivelesson"
+Network = ipaddress.IPv4Network | ipaddress.IPv6Network
+
+
+@dataclass(frozen=True, slots=True)
+class PublicAddress:
+    """The address at which people open the page where a proxy serves it."""
+
+    scheme: str
+    host: str
+    """Name, and the port if it is not the scheme's own: as browsers send it."""
+    prefix: str = ""
+    """The path, such as /robot; nothing for the root."""
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read `https://home.example/robot/`."""
+        try:
+            parts = urlsplit(text.strip())
+            port, name = parts.port, (parts.hostname or "").encode("idna").decode()
+        except ValueError:  # a port or a name that is none
+            port, name, parts = None, "", urlsplit("")
+        prefix = parts.path.rstrip("/")
+        is_plain = not (parts.query or parts.fragment or parts.username or parts.password)
+        if parts.scheme not in ("http", "https") or not name or not is_plain or "//" in prefix:
+            raise ConfigurationError(
+                f"--behind-proxy {text!r} is not an address that people open, "
+                "such as https://home.example/robot/"
+            )
+        host = f"[{name}]" if ":" in name else name
+        if port not in (None, {"http": 80, "https": 443}[parts.scheme]):
+            host = f"{host}:{port}"
+        return cls(parts.scheme, host, prefix)
+
+    @property
+    def name(self) -> str:
+        return urlsplit(f"//{self.host}").hostname or ""
+
+    @property
+    def origin(self) -> str:
+        """What a browser calls the page's origin."""
+        return f"{self.scheme}://{self.host}"
+
+    def __str__(self) -> str:
+        return self.origin + self.prefix
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkLimits(Limits):
+    """Limits of a server that browsers are paired with."""
+
+    pairing_failures: int = 10
+    """Wrong tokens from one address in a minute before it has to wait. The right token is
+    accepted even then."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkConfig(Config):
+    """The settings of a server for a network. Field by field in docs/reference/configuration.md."""
+
+    lan: bool = False
+    tls: bool = False
+    hostname: str = DEFAULT_HOSTNAME
+    """The robot's name on the local network, without `.local`."""
+    also_at: tuple[str, ...] = ()
+    """Further names that this machine has, in lower case."""
+    public: tuple[PublicAddress, ...] = ()
+    """Where people open the page, if proxies serve it; the first is shown."""
+    proxies: tuple[Network, ...] = ()
+    """Where connections of these proxies come from."""
+    limits: Limits = field(default_factory=NetworkLimits)
+
+    @classmethod
+    def of(cls, config: Config) -> Self:
+        """Return the configuration as one for networks."""
+        if isinstance(config, cls):
+            return config
+        return cls(**{name: getattr(config, name) for name in Config.__dataclass_fields__})
+
+    def __post_init__(self) -> None:
+        if not self.needs_pairing and not is_loopback(self.host):
+            raise ConfigurationError(
+                f"--host {self.host} can be reached from other machines; add --lan, "
+                "which admits paired browsers only, or leave --host out"
+            )
+
+    @property
+    def needs_pairing(self) -> bool:
+        """True if people on other machines can reach the server: then it admits paired browsers."""
+        return self.lan or bool(self.public)
+
+    @property
+    def is_secure(self) -> bool:
+        """True if every way to the page is https."""
+        own = [self.tls] if self.lan or not self.public else []
+        return all([*own, *(public.scheme == "https" for public in self.public)])
+
+
+def read_networks(text: str) -> tuple[Network, ...]:
+    """Read addresses and networks, with commas in between."""
+    with told_as(ConfigurationError, "--proxy-at", ValueError):
+        return tuple(ipaddress.ip_network(one.strip(), strict=False) for one in text.split(","))

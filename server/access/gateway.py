@@ -1,0 +1,319 @@
+"""The gateway of a server that a network can reach: sessions, proxies, limits and certificates."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import datetime as dt
+import logging
+import re
+import socket
+import ssl
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from starlette.datastructures import Headers
+from starlette.requests import cookie_parser
+from starlette.responses import HTMLResponse, Response
+from starlette.types import Scope
+
+from robot.clock import Clock
+from robot.errors import ConfigurationError
+from server.access.admission import AdmissionControl, Peer, address_key
+from server.access.announcement import Announcement
+from server.access.banner import greet_next, greet_phones, pairing_address
+from server.access.config import (
+    DEFAULT_HOSTNAME,
+    NetworkConfig,
+    NetworkLimits,
+    PublicAddress,
+    read_networks,
+)
+from server.access.listener import AdmissionListener, connection_capacity
+from server.access.pairing import Pairing, cookie_name
+from server.access.proxies import PEER, Proxies
+from server.access.surroundings import Place, Surroundings, Watch
+from server.access.unknown_name import explain_unknown_name
+from server.cli.parser import host_name
+from server.config import Config
+from server.gateway.gateway import SLOT, Gateway
+from server.gateway.roles import Refusal, Role, Session
+from server.gateway.rules import AccessRules
+from server.gateway.rules import host_name as opened_name
+
+if TYPE_CHECKING:
+    from server.access.certificates import RenewedCertificates
+
+log = logging.getLogger(__name__)
+_NAME_S = 1.5
+"""How long the start waits for its name on the network, in seconds."""
+_UNPAIRED = Refusal(
+    401,
+    "unpaired",
+    "This browser is not paired. Open the address that the robot's terminal shows.",
+    "/pair",
+)
+_COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
+
+
+class NetworkGateway(Gateway):
+    """Admits paired browsers where the network can reach the server, and limits what each uses.
+
+    Args:
+        pairing: The sessions of browsers; None: `open` makes it where it is needed.
+        surroundings: Addresses and names, if they are known already.
+    """
+
+    limits_type: ClassVar[type[NetworkLimits]] = NetworkLimits
+    config: NetworkConfig
+
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        pairing: Pairing | None = None,
+        surroundings: Surroundings | None = None,
+    ) -> None:
+        super().__init__(NetworkConfig.of(config), clock)
+        config = self.config
+        self.admission = AdmissionControl(config.limits, connection_capacity())
+        self.admission.keeps = self.is_kept
+        self.admission.recognise = self._recognise
+        self._cookie = cookie_name(config)
+        self.surroundings = surroundings or Surroundings(config)
+        self._announcement: Announcement | None = None
+        self._watch: Watch | None = None
+        self._renewed: RenewedCertificates | None = None
+        self._show: Callable[[str], None] = lambda address: None
+        self.pairing: Pairing | None = None
+        if pairing is not None:
+            self._use(pairing)
+
+    def _use(self, pairing: Pairing) -> None:
+        sockets, self.pairing = self.admission.sockets, pairing
+        pairing.is_in_use = lambda name: sockets.has(name) or self.has_priority(name)
+
+    @classmethod
+    def configure(cls, parser: argparse.ArgumentParser) -> None:
+        add, shown = parser.add_argument_group("network").add_argument, " (default: %(default)s)"
+        add("--lan", action="store_true", help="serve the local network, to paired browsers only")
+        text = "a proxy serves the page at this address, such as https://home.example/robot/, to "
+        text += "paired browsers only; several with commas in between"
+        add("--behind-proxy", default="", metavar="URL", help=text)
+        text = "where this proxy connects from, an address or a network (default: this machine)"
+        add("--proxy-at", default="127.0.0.0/8,::1", metavar="ADDRESS", help=text)
+        add("--tls", action="store_true", help="serve https, with a certificate of ours")
+        text = f"with --lan, answer to this name with .local behind it{shown}"
+        add("--hostname", type=host_name, default=DEFAULT_HOSTNAME, help=text)
+        text = "a further name that this machine has in its network, such as rover.fritz.box; may "
+        text += "be repeated"
+        add("--also-at", action="append", default=[], metavar="NAME", help=text)
+
+    @classmethod
+    def make_config(cls, args: argparse.Namespace, **given: Any) -> NetworkConfig:
+        return NetworkConfig(
+            host=args.host or ("::" if args.lan else "127.0.0.1"),
+            lan=args.lan,
+            tls=args.tls,
+            public=tuple(map(PublicAddress.parse, filter(None, args.behind_proxy.split(",")))),
+            proxies=read_networks(args.proxy_at),
+            hostname=args.hostname,
+            also_at=tuple(name.strip().lower().rstrip(".") for name in args.also_at),
+            **given,
+        )
+
+    def open(self, robot: str, show: Callable[[str], None]) -> None:
+        config, self._show = self.config, show
+        if config.lan:
+            self._announcement = Announcement(config, robot)
+            self.surroundings = Surroundings(config, claim=self._announcement.announce)
+            self._watch = Watch(self.surroundings, self.clock)
+            self._watch.start()
+        if config.tls:
+            from server.access.certificates import RenewedCertificates
+
+            now = dt.datetime.now(dt.UTC)
+            renewed = RenewedCertificates(config.data / "tls", self.surroundings.certified, now)
+            self.certificates = str(renewed.files.key), str(renewed.files.chain)
+            self._renewed = renewed
+        if config.needs_pairing:
+            failures = getattr(config.limits, "pairing_failures", 10)
+            self._use(Pairing(failures, config.data / "paired.json", self._tell_soon))
+        if self._watch is not None:
+            self._watch.wait_for_the_first(_NAME_S)
+        show(self.address_for(Role.PILOT))
+
+    def _tell_soon(self, role: Role, token: str) -> None:
+        """Leave it to a thread: a terminal that is held (Ctrl+S) must hold up no STOP."""
+        self.clock.start_thread(lambda: self._tell(role, token), "next code")
+
+    def _tell(self, role: Role, token: str) -> None:
+        """Draw the next phone's code where the one before it was drawn."""
+        address = self.addresses()[0]
+        print(greet_next(address, role, token), flush=True)
+        if role is Role.PILOT:
+            self._show(pairing_address(address, token))
+
+    @contextlib.contextmanager
+    def serving(self, more: Callable[[], list[str]]) -> Iterator[None]:
+        self.surroundings.listeners.append(lambda before, now: self._follow(before, now, more))
+        if self._renewed is not None:
+            self.surroundings.ticks.append(self._renew)
+        try:
+            yield
+        finally:
+            if self._watch is not None:
+                self._watch.stop()
+            if self._announcement is not None:
+                self._announcement.close()
+
+    def use_tls(self, context: ssl.SSLContext) -> None:
+        if self._renewed is not None:
+            self._renewed.use(context)
+
+    def _follow(self, before: Place, now: Place, more: Callable[[], list[str]]) -> None:
+        """Show the new addresses, with codes that work there: cookies are the old address's."""
+        if (before.addresses, before.hostname) == (now.addresses, now.hostname):
+            return
+        log.warning("the robot is now at %s", " ".join(self.addresses()))
+        if now.hostname != before.hostname:
+            print(f"{before.hostname}.local is another robot's: this one is {now.hostname}.local.")
+        if self.pairing is not None:
+            print(f"The network has changed.\n{self.greet(more())}", flush=True)
+            self._show(self.address_for(Role.PILOT))
+
+    def _renew(self, _: Place) -> None:
+        """Renew the certificate if the clock was set, or names have changed."""
+        assert self._renewed is not None
+        try:
+            now = dt.datetime.fromtimestamp(self.clock.wall_s(), dt.UTC)
+            why = self._renewed.renew(self.surroundings.certified, now)
+        except (ConfigurationError, OSError, OverflowError) as error:
+            log.warning("the certificate is not renewed: %s", error)
+            return
+        if why is not None:
+            log.info("certificate renewed: %s", why)
+
+    @property
+    def admits_all(self) -> bool:
+        return self.pairing is None
+
+    @property
+    def is_secure(self) -> bool:
+        return self.config.is_secure or not self.config.needs_pairing
+
+    def addresses(self) -> list[str]:
+        return self.surroundings.page_addresses
+
+    def address_for(self, role: Role) -> str:
+        if self.pairing is None:
+            return super().address_for(role)
+        return pairing_address(self.addresses()[0], self.pairing.tokens[role])
+
+    def greet(self, more: Sequence[str]) -> str:
+        if self.pairing is None:
+            return super().greet(more)
+        return greet_phones(self.addresses(), self.pairing.tokens, more)
+
+    def rules(self, public: frozenset[str], open: frozenset[str]) -> AccessRules:
+        config = self.config
+        return AccessRules(
+            names=self.surroundings,
+            addresses=lambda: self.surroundings.page_addresses,
+            advise=advise,
+            unknown=_UNPAIRED,
+            allows_addresses=config.needs_pairing,
+            origins=tuple(public.origin for public in config.public),
+            public=public,
+            open=open,
+        )
+
+    @property
+    def _proxies(self) -> Proxies:
+        config = self.config
+        return Proxies(config.public, config.proxies, admits_all=self.admits_all)
+
+    def explain(self, refusal: Refusal, asked: Headers, headers: dict[str, str]) -> Response:
+        """Answer with a page where a person opened an unknown name."""
+        if refusal.reason != "host" or "text/html" not in asked.get("accept", ""):
+            return super().explain(refusal, asked, headers)
+        name = opened_name(asked.get("host", ""))[:80]
+        page = explain_unknown_name(name, refusal.open_at, asked.get("accept-language", ""))
+        headers["content-security-policy"] = "default-src 'none'"
+        return HTMLResponse(page, refusal.status, headers)
+
+    def see_through(self, scope: Scope) -> Scope | Refusal:
+        return self._proxies.see_through(scope)
+
+    def find_session(self, headers: Mapping[str, str], address: str) -> Session | None:
+        if self.pairing is None:
+            return super().find_session(headers, address_key(address))
+        return self.pairing.find(cookie_parser(headers.get("cookie", "")).get(self._cookie, ""))
+
+    def _recognise(self, head: bytes, address: str) -> Session | None:
+        """Return the session in the first bytes of a request; None if none is to be seen there."""
+        found = _COOKIES.search(head)
+        is_proxy = self.config.public and self._proxies.is_proxy(address)
+        if self.pairing is None or found is None or is_proxy:
+            return None
+        return self.pairing.find(cookie_parser(found[1].decode("latin-1")).get(self._cookie, ""))
+
+    def anonymous(self, address: str) -> Session:
+        return Session(Role.VIEWER, address_key(address))
+
+    def is_kept(self, person: str) -> bool:
+        is_owner = self.pairing is not None and self.pairing.is_owner(person)
+        return is_owner or super().is_kept(person)
+
+    @property
+    def is_full(self) -> bool:
+        return self.admission.sockets.is_full
+
+    def limit(self, listener: socket.socket) -> socket.socket:
+        return AdmissionListener(self.admission, self.clock, listener)
+
+    def may_ask(self, person: Session) -> bool:
+        return self.admission.may_ask(person, self.clock.now_s())
+
+    def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> None:
+        peer, line = _peer(scope), session
+        if PEER in scope:  # a proxy's connections may each carry many people's requests
+            line = Session(Role.VIEWER, f"proxy {peer[0]}", is_crowd=True)
+        self.admission.asked(peer, line, self.clock.now_s(), lasts=lasts)
+
+    def note_answered(self, scope: Scope) -> None:
+        self.admission.answered(_peer(scope), self.clock.now_s())
+
+    def take_slot(
+        self, scope: Scope, person: Session, end: Callable[[], object], *, is_upload: bool
+    ) -> Refusal | None:
+        limiter = self.admission.uploads if is_upload else self.admission.sockets
+        slot = limiter.take(person, self.clock.now_s(), end)
+        if slot is None:
+            return Refusal(503, "clients", "Too many pages are open, or models on their way.")
+        scope[SLOT] = slot
+        return None
+
+    def leave(self, scope: Scope) -> None:
+        if (slot := scope.get(SLOT)) is not None:
+            self.admission.sockets.give_back(slot)
+            self.admission.uploads.give_back(slot)
+
+    def expire(self) -> None:
+        self.admission.expire(self.clock.now_s())
+
+    def close_connections(self) -> None:
+        for slot in list(self.admission.connections.values()):
+            slot.close()
+
+
+def advise(name: str | None, address: str) -> str:
+    """Return what to do where a client came by another name or address than the robot's own."""
+    known = f" If this is its name, start it with --also-at {name}." if name is not None else ""
+    return f"{known} If a proxy has passed this on, start the robot with --behind-proxy {address}"
+
+
+def _peer(scope: Scope) -> Peer:
+    """Return who is at the other end of the connection: the client, or its proxy."""
+    peer: Peer = scope.get(PEER) or tuple(scope.get("client") or ("", 0))
+    return peer

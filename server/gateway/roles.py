@@ -1,0 +1,76 @@
+"""What clients may do. An extension adds a role by an entry point of `drivelesson.roles`."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from typing import ClassVar
+
+ROLES = "drivelesson.roles"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Role:
+    """What a client may do.
+
+    Attributes:
+        value: Its name, in messages and files.
+        may_change: It may do more than read, and more than stop the robot.
+        may_drive: It may have the wheel.
+        holds_stop: A robot that it stops is released by this role only.
+        paths: All that it may request besides what is public; None: whatever else allows.
+        start: The page that it is sent to.
+        refusal: What it is told of a request that it may not make.
+        purpose: What a browser does in it, after "to"; empty for a role that no browser gets.
+    """
+
+    value: str
+    may_change: bool = False
+    may_drive: bool = False
+    holds_stop: bool = False
+    paths: re.Pattern[str] | None = None
+    start: str | None = None
+    refusal: str = "This browser may watch; only a pilot may change things."
+    purpose: str = ""
+
+    VIEWER: ClassVar[Role]
+    PILOT: ClassVar[Role]
+
+
+Role.VIEWER = Role(value="viewer", purpose="watch")
+Role.PILOT = Role(value="pilot", may_change=True, may_drive=True, purpose="drive")
+
+
+@cache
+def browser_roles() -> tuple[Role, ...]:
+    """Return the roles that a browser can get, those of extensions last."""
+    points = sorted(entry_points(group=ROLES), key=lambda point: point.name)
+    return Role.VIEWER, Role.PILOT, *(role for p in points if (role := p.load()).purpose)
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """The answer to a refused request."""
+
+    status: int
+    reason: str
+    """Short name for logs and metrics."""
+    sentence: str
+    """Text for the person."""
+    location: str | None = None
+    """Address to redirect to."""
+    open_at: tuple[str, ...] = ()
+    """Addresses of the page, for who came by a name that is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """A client: what it may do, and what it is counted by."""
+
+    role: Role
+    name: str
+    """Of a browser that has proved who it is that of its session, and else the address."""
+    is_crowd: bool = False
+    """Many people may be behind it: it is only an address."""

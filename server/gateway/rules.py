@@ -1,0 +1,119 @@
+"""Access rules: Host, Origin and role of a request.
+
+Host and Origin are checked even on loopback: a page of another site, open in the same browser, must
+not reach the robot by cross-site websockets or by DNS rebinding.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import dataclass, replace
+from urllib.parse import urlsplit
+
+from server.config import as_address
+from server.gateway.roles import Refusal, Role, Session
+
+PUBLIC_PATHS = frozenset({"/healthz", "/favicon.ico", "/manifest.webmanifest"})
+"""What anybody may request; none of it tells anything about the robot. Extensions add theirs."""
+NOT_ADMITTED = Refusal(401, "session", "This browser is not admitted.")
+READING = ("GET", "HEAD", None)
+"""Methods that change nothing; None is a websocket's, which checks for itself."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AccessRules:
+    """The rules of one server.
+
+    Args:
+        names: Names that the robot answers to; they may change while it serves.
+        addresses: Returns where people open the page now, for who came by another name.
+        advise: Returns what to do where a client came by this name, if it did, or address.
+        allows_addresses: Accept any IP address as Host too: DNS rebinding needs a name.
+        origins: Other origins of its page, where a proxy serves it.
+        public: Paths that need no session.
+        open: Paths on which a viewer may do more than read.
+        unknown: What a client without a session is told.
+    """
+
+    names: Container[str]
+    addresses: Callable[[], Sequence[str]] = tuple
+    advise: Callable[[str | None, str], str] = lambda name, address: ""
+    allows_addresses: bool = False
+    origins: tuple[str, ...] = ()
+    public: frozenset[str] = PUBLIC_PATHS
+    open: frozenset[str] = frozenset()
+    unknown: Refusal = NOT_ADMITTED
+
+    def check_host(self, headers: Mapping[str, str]) -> Refusal | None:
+        """Refuse a request whose Host is another name: DNS rebinding."""
+        host = headers.get("host", "")
+        name = host_name(host)
+        if name in self.names or (self.allows_addresses and as_address(name) is not None):
+            return None
+        open_at = list(self.addresses())
+        where = f" Open it by its address: {open_at[0]}." if open_at else ""
+        advice = self.advise(short(name), short(f"http://{host}"))
+        sentence = f"This robot does not answer to {short(host)}.{where}{advice}"
+        return Refusal(421, "host", sentence, open_at=tuple(open_at))
+
+    def check_origin(
+        self, headers: Mapping[str, str], scheme: str, method: str | None
+    ) -> Refusal | None:
+        """Refuse a request that a page of another site has sent.
+
+        A page cannot forge these headers; programs that are no browsers send neither, and could
+        send anything. `method` is the request's, None for a websocket.
+        """
+        origin, host = headers.get("origin"), headers.get("host", "")
+        if origin is not None:
+            if origin in (f"{scheme}://{host}", *self.origins):
+                return None
+            told = f"Origin is {short(origin)}, but it was asked as {short(f'{scheme}://{host}')}"
+            return _cross_site(f"{told}.{self.advise(None, short(origin))}")
+        site = headers.get("sec-fetch-site", "none")
+        # A person followed a link: that may open the page, but not frame it.
+        is_link = method in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate"
+        if site in ("none", "same-origin") or is_link:
+            return None
+        return _cross_site(f"Sec-Fetch-Site is {short(site)}.")
+
+    def admit(
+        self, path: str, method: str | None, headers: Mapping[str, str], session: Session | None
+    ) -> Role | Refusal:
+        """Return the role in which a request is admitted, or why it is not."""
+        is_public = path.partition("#")[0] in self.public  # some apps encode the mark
+        role = session.role if session else Role.VIEWER
+        refusal: Refusal | None = None
+        if not session and not is_public:
+            refusal = self.unknown
+        elif role.paths is not None and not (is_public or role.paths.fullmatch(path)):
+            refusal = Refusal(403, "role", role.refusal, role.start)
+        elif not role.may_change and not self._may_any(role, path, method):
+            refusal = Refusal(403, "role", role.refusal)
+        if refusal is None:
+            return role
+        if refusal.location and "text/html" in headers.get("accept", ""):
+            return replace(refusal, status=303)
+        return replace(refusal, location=None)
+
+    def _may_any(self, role: Role, path: str, method: str | None) -> bool:
+        is_open = path in self.public or path in self.open
+        return method in READING or is_open or role.paths is not None
+
+
+def host_name(host: str) -> str:
+    """Return the name in a Host header: without port, in lower case; empty if not valid."""
+    try:
+        return (urlsplit(f"//{host}").hostname or "").rstrip(".")
+    except ValueError:
+        return ""
+
+
+def _cross_site(why: str) -> Refusal:
+    return Refusal(403, "origin", f"A page of another site has sent this request: {why}")
+
+
+def short(text: str) -> str:
+    """Return what a client has sent as one word to be shown."""
+    return re.sub(r"[^!-~]", "?", text)[:80]

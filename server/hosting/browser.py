@@ -1,0 +1,23 @@
+"""Opens the page for a person who starts the robot at a computer with a screen."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import webbrowser
+from collections.abc import Mapping
+
+
+def has_screen(system: str, environment: Mapping[str, str]) -> bool:
+    """True where a browser has a window: elsewhere one of text would take the terminal."""
+    if "SSH_CONNECTION" in environment:  # the screen is another machine's
+        return False
+    has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+    return system in ("win32", "darwin") or has_display
+
+
+def show_page(address: str) -> None:
+    """Open the address in the browser, which nobody waits for."""
+    if has_screen(sys.platform, os.environ):
+        threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()
