@@ -31,7 +31,7 @@ test: lint $(NPM) ## Check and test everything (JOBS=1 for one after the other)
 	@$(MAKE) --no-print-directory --jobs 2 types suite
 
 suite: $(VENV)/.dev
-	$(BIN)/python -m pytest --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
+	$(BIN)/python -m pytest -p tests.progress --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 test-brick: $(VENV)/.dev ## Teach and drive a server on an emulated EV3 (needs root; says what it lacks)
 	DRIVELESSON_BRICK=1 $(BIN)/python -m pytest tests/robot/bodies/ev3/test_server_on_brick.py $(ARGS)
