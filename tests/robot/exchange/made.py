@@ -346,3 +346,118 @@ MAKERS: dict[str, Callable[[random.Random, Path], Made]] = {
         tub_of_version_1,
     )
 }
+
+
+def ros_bag(dice: random.Random, home: Path) -> Made:
+    """A bag of ROS 1 or 2, written by `rosbags`: pictures as they come, velocities that hold."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
+    is_first, truth = dice.random() < 0.4, {}
+    store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
+    types = store.types
+    raw, is_stamped = dice.choice(["", "", "rgb8", "bgr8", "mono8"]), dice.random() < 0.4
+
+    def header(at_ns: int) -> Any:
+        stamp = types["builtin_interfaces/msg/Time"](sec=at_ns // 10**9, nanosec=at_ns % 10**9)
+        more = {"seq": 0} if is_first else {}
+        return types["std_msgs/msg/Header"](stamp=stamp, frame_id="camera", **more)
+
+    def image(number: int, at_ns: int) -> tuple[str, Any]:
+        if not raw:
+            kind = "sensor_msgs/msg/CompressedImage"
+            data = np.frombuffer(picture(number), np.uint8)
+            return kind, types[kind](header=header(at_ns), format="jpeg", data=data)
+        pixels = cv2.imdecode(np.frombuffer(picture(number, ".png"), np.uint8), cv2.IMREAD_COLOR)
+        pixels = pixels[:, :, 0] if raw == "mono8" else pixels[:, :, :: -1 if raw == "rgb8" else 1]
+        kind, channels = "sensor_msgs/msg/Image", 1 if raw == "mono8" else 3
+        return kind, types[kind](
+            header=header(at_ns),
+            height=8,
+            width=72,
+            encoding=raw,
+            is_bigendian=0,
+            step=72 * channels,
+            data=np.ascontiguousarray(pixels).reshape(-1),
+        )
+
+    def order(label: Action, at_ns: int) -> tuple[str, Any]:
+        vector = types["geometry_msgs/msg/Vector3"]
+        turn = -0.7 * angle_of(dice, label)
+        linear = vector(x=dice.uniform(0.1, 0.6), y=0.0, z=0.0)
+        twist = types["geometry_msgs/msg/Twist"](
+            linear=linear, angular=vector(x=0.0, y=0.0, z=turn)
+        )
+        if not is_stamped:
+            return "geometry_msgs/msg/Twist", twist
+        kind = "geometry_msgs/msg/TwistStamped"
+        return kind, types[kind](header=header(at_ns), twist=twist)
+
+    at_ns, last, messages = 1_700_000_000 * 10**9, None, []
+    for number, label in drive(dice):
+        at_ns += dice.randint(30, 90) * 10**6
+        if number == 0 and dice.random() < 0.3:
+            truth[500] = None  # nobody has said anything yet
+            messages.append(("/camera/image", at_ns - 2 * 10**6, *image(500, at_ns)))
+        if label is not last or dice.random() < 0.5:
+            messages.append(("/cmd_vel", at_ns - 10**6, *order(label, at_ns)))
+        messages.append(("/camera/image", at_ns, *image(number, at_ns)))
+        truth[number], last = label, label
+    path = home / ("drive.bag" if is_first else "drive")
+    plugin = dice.choice([StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+    writer: Any = Writer1(path) if is_first else Writer2(path, version=9, storage_plugin=plugin)
+    with writer:
+        connections = {
+            topic: writer.add_connection(topic, kind, typestore=store)
+            for topic, kind in {topic: kind for topic, _, kind, _ in messages}.items()
+        }
+        for topic, at, kind, message in messages:
+            write = store.serialize_ros1 if is_first else store.serialize_cdr
+            writer.write(connections[topic], at, write(message, kind))
+    if not is_first and dice.random() < 0.5:
+        path = next(each for each in path.iterdir() if each.suffix in (".db3", ".mcap"))
+    return Made(path, truth)
+
+
+def lerobot_rover(dice: random.Random, home: Path) -> Made:
+    """A dataset as LeKiwi, EarthRover or a gamepad's car has its action, and a camera of depth."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    folder, truth, rows = home / "set", {}, []
+    body = dice.choice(["lekiwi", "earthrover", "car"])
+    names: Any = {
+        "lekiwi": ["arm_gripper.pos", "x.vel", "y.vel", "theta.vel"],
+        "earthrover": ["linear_velocity", "angular_velocity"],
+        "car": {"throttle": 1, "steering": 0},
+    }[body]
+    for number, label in drive(dice):
+        angle = angle_of(dice, label)
+        stands = dice.random() < 0.1
+        action = {
+            "lekiwi": [50.0, 0.0 if stands else 0.2, 0.0, 0.0 if stands else -60 * angle],
+            "earthrover": [0.0 if stands else 1.0, 0.0 if stands else -angle],
+            "car": [angle, 0.0 if stands else 0.4],
+        }[body]
+        truth[number] = None if stands else label
+        near, far = ({"bytes": picture(n), "path": None} for n in (number, 300 + number))
+        row = {"action": action, "timestamp": number / 10, "frame_index": number}
+        rows.append({**row, "episode_index": 0, "front_depth": far, "wrist": near})
+    shape = {"dtype": "image", "shape": [8, 72, 3], "names": ["height", "width", "channels"]}
+    flag = dice.choice(["is_depth_map", "video.is_depth_map"])
+    features = {
+        "front_depth": {**shape, "info": {flag: True}},
+        "wrist": shape,
+        "action": {"dtype": "float32", "shape": [len(names)], "names": names},
+    }
+    info = {"codebase_version": "v3.0", "fps": 10, "robot_type": body, "features": features}
+    for path in (folder / "meta", folder / "data/chunk-000"):
+        path.mkdir(parents=True)
+    (folder / "meta/info.json").write_text(json.dumps(info))
+    pq.write_table(pa.Table.from_pylist(rows), folder / "data/chunk-000/file-000.parquet")
+    return Made(folder, truth)
+
+
+MAKERS |= {"ros_bag": ros_bag, "lerobot_rover": lerobot_rover}

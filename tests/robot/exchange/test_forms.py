@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import shutil
@@ -9,13 +10,16 @@ from pathlib import Path
 
 import pytest
 
+from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives, unpacked
 from robot.recordings.episode import open_episode
+from robot.types import Action
 
-from .labels import taught_labels
-from .made import MAKERS, Made, number_of
+from .labels import drive_at, taught_labels
+from .made import MAKERS, Made, number_of, put
+from .sim_drive import drive_in_simulator
 
 VARIANTS = int(os.environ.get("DRIVELESSON_FORMS", "6"))
 
@@ -48,3 +52,100 @@ def test_each_variant_of_a_form_comes_in_right(form: str, tmp_path: Path) -> Non
         shutil.rmtree(home)
     print(f"{form}: {VARIANTS} variants, {len(wrong)} wrong")
     assert not wrong
+
+
+def table_of(folder: Path, text: str, *names: str) -> Path:
+    for number, name in enumerate(names or ("a.jpg", "b.jpg", "c.jpg")):
+        put(folder, name, number)
+    (folder / "log.csv").write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("a.jpg,0.5,0.3\nb.jpg,0.1,0.3\n", "columns 2 and 3 may each be the steering"),
+        ("a.jpg,b.jpg,0.5\n", "2 columns name pictures"),
+        ("file,angle,steering\na.jpg,0.5,0.1\n", "'angle' and 'steering' may both be"),
+        ("file,label\na.jpg,3\n", "'3' is not a move; --moves"),
+        ("file,angle\na.jpg,17.5\n", "not a number from -1 to 1"),
+        ("file,speed\na.jpg,1\n", "no column label or angle.*its columns: file, speed"),
+    ],
+)
+def test_where_the_columns_are_in_doubt_it_is_asked(
+    tmp_path: Path, text: str, complaint: str
+) -> None:
+    with pytest.raises(RecordingError, match=complaint):
+        drive_at(table_of(tmp_path / "set", text))
+
+
+def test_what_a_person_says_of_columns_decides(tmp_path: Path) -> None:
+    folder = table_of(tmp_path / "set", "a.jpg,0.9,-0.3\nb.jpg,0.9,0.3\nc.jpg,0.9,0\n")
+    drive = drive_at(folder, columns={"steering": "3"})
+    assert [shot.label for shot in drive.shots] == [Action.LEFT, Action.RIGHT, Action.FORWARD]
+
+
+@pytest.mark.parametrize(
+    ("names", "complaint"),
+    [
+        (["free/1.jpg", "blocked/2.jpg"], r"--moves .*blocked=forward,free=forward"),
+        (["left/1.jpg", "other/2.jpg"], r"pictures of other \(1 pictures\), which is not a move"),
+        (["photos/1.jpg"], "which is not a move"),
+        (["keras_model.h5", "labels.txt"], "a model that was trained elsewhere"),
+        (["drive.mp4"], "a film without labels"),
+        (["left.zip"], "archives within"),
+        (["a.xyz"], "it holds 1 of .xyz, none of a known form"),
+        (["000001-0.50.jpg", "000002-0.10.jpg"], "it may be a minus, or only divide"),
+        (["sensor_data/rgbFrames.txt"], "OpenBot without sensor_data/ctrlLog.txt"),
+        (["drive.bag"], "the ROS bag .* cannot be read"),
+        (["drive.mcap"], "the ROS bag .* cannot be read"),
+    ],
+)
+def test_a_refusal_says_what_was_recognised_and_why(
+    tmp_path: Path, names: list[str], complaint: str
+) -> None:
+    for number, name in enumerate(names):
+        put(tmp_path / "set", name, number)
+    with pytest.raises(RecordingError, match=complaint):
+        [source] = find_drives(tmp_path / "set")
+        source.read(Reading(), ImportReport())
+
+
+def test_a_dataset_that_was_never_finalized_is_called_so(tmp_path: Path) -> None:
+    info = {"codebase_version": "v3.0", "fps": 10, "features": {}}
+    for path in ("meta", "data/chunk-000"):
+        (tmp_path / "set" / path).mkdir(parents=True)
+    (tmp_path / "set/meta/info.json").write_text(json.dumps(info))
+    (tmp_path / "set/data/chunk-000/file-000.parquet").write_bytes(b"PAR1 and no end")
+    [source] = find_drives(tmp_path / "set")
+    with pytest.raises(RecordingError, match="never finalized"):
+        source.read(Reading(), ImportReport())
+
+
+def test_a_car_whose_straight_on_is_not_zero_is_hinted_at_and_trimmed(tmp_path: Path) -> None:
+    names = [f"{n}.jpg" for n in range(12)]
+    angles = [-0.9, -0.13, -0.13, 0.1] * 3
+    rows = "".join(f"{n},{a}\n" for n, a in zip(names, angles, strict=True))
+    folder, report = table_of(tmp_path / "set", f"file,angle\n{rows}", *names), ImportReport()
+    write_episode(drive_at(folder, report), tmp_path / "a.mcap")
+    [hint] = [line for line in report.lines() if "no example of right" in line]
+    assert "--trim -0.13" in hint and report.labels == {Action.FORWARD: 9, Action.LEFT: 3}
+    report = ImportReport()
+    write_episode(drive_at(folder, report, trim=-0.13), tmp_path / "b.mcap")
+    assert report.labels == {Action.FORWARD: 6, Action.LEFT: 3, Action.RIGHT: 3}
+
+
+def test_a_recording_of_another_robot_is_the_same_and_an_import(tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    path = drive_in_simulator(tmp_path / "other", "default-8", steps=40).path
+    report, target = ImportReport(), tmp_path / "mine.mcap"
+    [source] = find_drives(path)
+    assert source.copy is not None
+    given = open_episode(path)
+    assert source.copy(target, report) == len(given.frames)
+    back = open_episode(target)
+    assert back.run == {**given.run, "source": "recording of another robot"}
+    assert back.messages == given.messages and back.events == given.events
+    assert back.attachments == given.attachments and not back.damage
+    assert all(back.frame(i) == given.frame(i) for i in given.frames)
+    assert sum(report.labels.values()) == len(taught_labels(given)) > 0
