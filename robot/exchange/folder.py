@@ -13,6 +13,8 @@ from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
 
 TABLE, MOVES = "frames.csv", "moves.json"
+METADATA = "metadata.csv"
+"""The same labels as Hugging Face's `imagefolder` looks for them."""
 COLUMNS = (
     *("file", "frame", "time_s", "label", "angle", "throttle", "degrees"),
     *("predicted", "confidence", "driven_by", "sent", "correction"),
@@ -22,15 +24,20 @@ COLUMNS = (
 def write_folder(episode: Episode, notes: Notes, folder: Path) -> int:
     """Write an episode as pictures and `frames.csv`; return how many pictures there are.
 
-    `moves.json` has the driver's declared moves, so that its own labels are recognised.
+    `metadata.csv` has the labels once more, under the names that `imagefolder` of Hugging Face
+    looks for. `moves.json` has the driver's declared moves, so that its own labels are recognised.
     """
     folder.mkdir(parents=True)
     declared = describe(episode.moves, episode.declared_moves)
     (folder / MOVES).write_text(to_text(declared), encoding="utf-8")
     rows = 0
-    with (folder / TABLE).open("x", encoding="utf-8", newline="") as file:
-        table = csv.writer(file)
+    with (
+        (folder / TABLE).open("x", encoding="utf-8", newline="") as file,
+        (folder / METADATA).open("x", encoding="utf-8", newline="") as brief,
+    ):
+        table, metadata = csv.writer(file), csv.writer(brief)
         table.writerow(COLUMNS)
+        metadata.writerow(("file_name", "label"))
         for moment in moments(episode, notes):
             if moment.is_deleted:
                 continue
@@ -52,5 +59,6 @@ def write_folder(episode: Episode, notes: Notes, folder: Path) -> int:
                     "yes" if moment.is_intervention else "",
                 )
             )
+            metadata.writerow((f"images/{name}", moment.label or ""))
             rows += 1
     return rows

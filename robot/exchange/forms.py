@@ -23,6 +23,7 @@ from robot.exchange.classes import (
 )
 from robot.exchange.drive import Drive, ImportReport
 from robot.exchange.files import PICTURES, files_ending, folders_in
+from robot.exchange.folder import TABLE
 from robot.exchange.lerobot_reader import LerobotDataset
 from robot.exchange.npz import load_recording
 from robot.exchange.openbot import is_openbot, read_openbot
@@ -111,6 +112,8 @@ def _find_tables(path: Path) -> list[Source] | None:
         is_table = path.suffix.lower() in ENDINGS
         return [Source(path.name, partial(read_table, path))] if is_table else None
     tables = files_ending(path, *ENDINGS)
+    if path / TABLE in tables:  # a folder of ours: what else lies there says the same
+        tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):
         tables = [table for table in tables if names_pictures(table)]
     several = len(tables) > 1

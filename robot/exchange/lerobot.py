@@ -22,12 +22,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robot.driver import point_of
 from robot.errors import RecordingError, need
 from robot.exchange.film import AV, of_size, write_film
 from robot.exchange.lerobot_tables import (
     DEGREES,
     PILOT,
     PYARROW,
+    ROBOT,
     Columns,
     write_data,
     write_episodes,
@@ -40,7 +42,7 @@ from robot.recordings.editing import EpisodeFrame, moments
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
 from robot.recordings.messages import Topic
-from robot.types import Action
+from robot.types import Action, Point
 
 CAMERA = "observation.images.front"
 TASK = "Drive as the pilot taught."
@@ -48,9 +50,26 @@ _FILES_A_CHUNK = 1000
 _FILMS = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 _KEY_EVERY = 2
 """A loader asks for frames in any order: it should have few to decode before each."""
-_STEERED = ("angle", "throttle")
+_STEERED = ("steering.pos", "throttle.vel")
+"""As the package for LeRobot calls them (docs/examples/lerobot)."""
+FPS = 20
+"""Pictures a second of a dataset, unless a person says otherwise: sets of one robot then merge."""
+SENSORS = "sensors"
 _SENSORS = ("distance_m", "bumped", "battery")
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
+_OWN = ("intervention", PILOT, DEGREES, SENSORS)
+"""Columns that only this program writes."""
+_STANDS = Point(0.0, 0.0)
+_CARD = """---
+task_categories: [robotics]
+tags: [LeRobot, drivelesson]
+configs:
+- config_name: default
+  data_files: data/*/*.parquet
+---
+
+A LeRobot dataset, written by Drivelesson. `meta/info.json` says what is in it.
+"""
 Stats = dict[str, dict[str, list[Any]]]
 """Least, most, mean, deviation, quantiles and count, by feature."""
 
@@ -62,22 +81,26 @@ def write_lerobot(
     episodes: Sequence[tuple[Episode, Notes]],
     folder: Path,
     *,
-    fps: int | None = None,
+    fps: int = FPS,
     task: str = TASK,
+    plain: bool = False,
 ) -> int:
     """Write recordings as one dataset; return how many LeRobot episodes it has.
 
-    With so many pictures a second (None: as the first recording has), and the task that the robot
-    was doing, as a text. RecordingError if there are no pictures.
+    `fps` pictures a second, and the task that the robot was doing, as a text. What a dataset has
+    follows from the robot's moves only, so lessons of one robot merge. A `plain` one has what
+    LeRobot's own command records of our robots, and only what was taught: it merges with those.
+    RecordingError if there are no pictures.
     """
     need(*PYARROW)
     need(*AV)
-    first, notes = episodes[0]
-    rate = fps or make_timeline([moment.at_s for moment in moments(first, notes)]).fps
-    parts = [part for episode, notes in episodes for part in _split(episode, notes, rate)]
+    rate = fps
+    parts = [part for episode, notes in episodes for part in _split(episode, notes, rate, plain)]
     if not parts:
         raise RecordingError("there are no pictures to export")
     columns, features = _table(parts, rate)
+    for name in _OWN if plain else ():
+        columns.pop(name), features.pop(name)
     folder.mkdir(parents=True)
     rows, seen = [], np.zeros((3, 256), np.int64)
     shown = parts[0][0].frame(parts[0][1][0].frame_id)
@@ -97,7 +120,7 @@ def write_lerobot(
     write_tasks(folder, task)
     info = {
         "codebase_version": "v3.0",
-        "robot_type": first.run.get("robot") or "drivelesson",
+        "robot_type": ROBOT,
         "total_episodes": len(rows),
         "total_frames": len(columns["index"]),
         "total_tasks": 1,
@@ -112,11 +135,16 @@ def write_lerobot(
     }
     for name, value in {"info": info, "stats": _stats(columns, seen)}.items():
         (folder / f"meta/{name}.json").write_text(json.dumps(value, indent=4), encoding="utf-8")
+    (folder / "README.md").write_text(_CARD, encoding="utf-8")
     return len(parts)
 
 
-def _split(episode: Episode, notes: Notes, fps: int) -> list[Part]:
-    kept = [moment for moment in moments(episode, notes) if not moment.is_deleted]
+def _split(episode: Episode, notes: Notes, fps: int, taught_only: bool) -> list[Part]:
+    kept = [
+        moment
+        for moment in moments(episode, notes)
+        if not moment.is_deleted and (moment.label is not None or not taught_only)
+    ]
     stretches = make_timeline([moment.at_s for moment in kept]).evenly(fps)
     return [(episode, [kept[i] for i in stretch]) for stretch in stretches]
 
@@ -134,46 +162,68 @@ def _pictures(part: Part, size: tuple[int, int], counts: NDArray[np.int64]) -> I
 def _table(parts: list[Part], fps: int) -> tuple[Columns, dict[str, Any]]:
     """Return the values of all frames, and what each column is.
 
-    The action is angle and throttle, or else a number for each move; all zero: it stands.
+    The action is steering and throttle; of a robot with a move that has none, a number for each of
+    its moves. All zero: it stands.
     """
     frames = [(of, moment) for of, taken in parts for moment in taken]
     lengths = [len(taken) for _, taken in parts]
     within = np.concatenate([np.arange(length, dtype=np.int64) for length in lengths])
-    moves = sorted({str(moment.label) for _, moment in frames if moment.label is not None})
+    moves = _moves(parts)
+    is_steered = all(
+        point_of(Action(move), of.declared_moves) is not None for of, _ in parts for move in moves
+    )
+    names = [*_STEERED] if is_steered else moves
+
+    def numbers(action: Action, point: Point | None) -> Sequence[float]:
+        return (point or _STANDS) if is_steered else [action == name for name in names]
+
     done = [done_at(moment, of.declared_moves) for of, moment in frames]
-    is_steered = all(point is not None for _, point in done)
-    actions = [*_STEERED]
-    if not is_steered:
-        actions = sorted({str(action) for action, _ in done if action is not Action.STOP})
-    steered = [point if is_steered else [a == name for name in actions] for a, point in done]
+    does = [_does(of, moment) for of, moment in frames]
     columns: Columns = {
-        "action": np.array(steered, np.float32),
+        "action": np.array([numbers(*each) for each in done], np.float32),
+        "observation.state": np.array([numbers(*each) for each in does], np.float32),
         "intervention": np.array([m.is_intervention for _, m in frames], bool),
         PILOT: np.array([moves.index(m.label) if m.label else -1 for _, m in frames], np.int64),
+        DEGREES: np.array([is_steered and m.point is not None for _, m in frames], bool),
+        SENSORS: np.concatenate([_all_sensed(part) for part in parts]).astype(np.float32),
         "timestamp": (within / fps).astype(np.float32),
         "frame_index": within,
         "episode_index": np.repeat(np.arange(len(parts), dtype=np.int64), lengths),
         "index": np.arange(len(frames), dtype=np.int64),
         "task_index": np.zeros(len(frames), np.int64),
     }
-    by_degrees = [moment.point is not None for _, moment in frames]
-    if is_steered and any(by_degrees):
-        columns[DEGREES] = np.array(by_degrees, bool)
-    sensors = [n for n in _SENSORS if any(len(_readings(of, n)) for of, _ in parts)]
-    if sensors:
-        sensed = [np.concatenate([_sensed(part, name) for part in parts]) for name in sensors]
-        columns["observation.state"] = np.stack(sensed, axis=1).astype(np.float32)
-    names = {"action": actions, "observation.state": sensors}
+    named = {"action": names, "observation.state": names, SENSORS: list(_SENSORS)}
     features: dict[str, Any] = {
         name: {
             "dtype": values.dtype.name,
             "shape": [*values.shape[1:]] or [1],
-            "names": names.get(name),
+            "names": named.get(name),
         }
         for name, values in columns.items()
     }
     features[PILOT]["info"] = {"moves": moves}
     return columns, features
+
+
+def _moves(parts: list[Part]) -> list[str]:
+    """Return all moves of the robots, whether a lesson has them or not, and any other label."""
+    declared = {str(move.name) for of, _ in parts for move in of.declared_moves}
+    known = declared | {str(move) for of, _ in parts for move in of.moves}
+    taught = {str(moment.label) for _, taken in parts for moment in taken if moment.label}
+    return sorted((known | taught) - {str(Action.STOP)})
+
+
+def _does(episode: Episode, moment: EpisodeFrame) -> tuple[Action, Point | None]:
+    """Return what the robot did at a picture, as far as it was recorded; else what was right."""
+    if moment.sent is None:
+        return done_at(moment, episode.declared_moves)
+    action = Action(moment.sent)
+    return action, moment.sent_point or point_of(action, episode.declared_moves)
+
+
+def _all_sensed(part: Part) -> NDArray[np.float64]:
+    """Return each sensor's last value at each picture, shape (pictures, sensors)."""
+    return np.stack([_sensed(part, name) for name in _SENSORS], axis=1)
 
 
 def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
@@ -263,7 +313,7 @@ def _film_feature(size: tuple[int, int], fps: int) -> dict[str, Any]:
         "video.width": shape[1],
         "video.codec": "h264",
         "video.pix_fmt": "yuv420p",
-        "video.is_depth_map": False,
+        "is_depth_map": False,
         "video.fps": fps,
         "video.channels": 3,
         "has_audio": False,

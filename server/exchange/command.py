@@ -16,7 +16,7 @@ from robot.exchange.columns import NAMES as MEANINGS
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import check_suffix, write_look
 from robot.exchange.folder import write_folder
-from robot.exchange.lerobot import write_lerobot
+from robot.exchange.lerobot import FPS, write_lerobot
 from robot.exchange.npz import is_example, write_npz
 from robot.exchange.own import SOURCE as OWN
 from robot.exchange.reading import DEFAULT_THRESHOLD, Reading, parse_columns, parse_moves
@@ -31,13 +31,13 @@ from server.recordings.selection import EPISODE_HELP, EpisodeVerb, find_episodes
 
 EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "tub": (write_tub, "records", ("taught_only",)),
-    "lerobot": (write_lerobot, "LeRobot episodes", ("fps", "task")),
+    "lerobot": (write_lerobot, "LeRobot episodes", ("fps", "task", "plain")),
     "folder": (write_folder, "pictures", ()),
     "npz": (write_npz, "examples", ()),
     "film": (write_look, "pictures", ("fps",)),
 }
 """By its name what writes a form, what it counts, and its options."""
-FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task"}
+FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task", "plain": "--plain"}
 TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "film": lambda _: True,
     "lerobot": lambda moment: not moment.is_deleted,
@@ -51,10 +51,12 @@ def configure_export(parser: argparse.ArgumentParser) -> None:
     add("episodes", nargs="+", metavar="EPISODE", help=EPISODE_HELP)
     add("--as", dest="form", required=True, choices=EXPORTS)
     add("--out", type=Path, help="new folder or file")
-    add("--fps", type=whole(1, 240), help="pictures a second, of films")
+    add("--fps", type=whole(1, 240), help="pictures a second: of films, and of datasets (20)")
     text = "tub: also pictures nobody taught"
     add("--all", dest="taught_only", action="store_const", const=False, help=text)
     add("--task", help="lerobot: what the robot does, as a sentence")
+    text = "lerobot: only what LeRobot itself records of the robot, so that both merge"
+    add("--plain", action="store_const", const=True, help=text)
 
 
 def configure_import(parser: argparse.ArgumentParser) -> None:
@@ -172,8 +174,11 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
         print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
     for episode, notes in episodes if args.form in TIMED else ():
         times_s = [m.at_s for m in moments(episode, notes) if TIMED[args.form](m)]
-        if remark := make_timeline(times_s).remark:
-            print(f"  {episode.id}: {remark}")
+        line = make_timeline(times_s)
+        if line.remark:
+            print(f"  {episode.id}: {line.remark}")
+        if args.form == "lerobot" and line.fps != (rate := args.fps or FPS):
+            print(f"  {episode.id}: {line.fps} pictures a second became {rate}; --fps says another")
 
 
 @contextlib.contextmanager

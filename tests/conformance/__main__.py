@@ -44,8 +44,10 @@ def check_lerobot(home: Path, samples: Samples) -> Iterator[Result]:
     """Load, edit, merge and train three steps on an export; import a dataset of its own."""
     python = _environment(home, ["lerobot[dataset,training]"], "lerobot")
     out = _fresh(home / "out")
-    yield from _run(home.name, [python, HERE / "in_lerobot.py", samples.lerobot, out])
-    yield _import(home.name, out / "own")
+    given = samples.lerobot, samples.other, samples.plain
+    yield from _run(home.name, [python, HERE / "in_lerobot.py", *given, out])
+    for name in ("own", "both", "driven"):
+        yield _import(home.name, out / name)
 
 
 def check_donkeycar(home: Path, samples: Samples) -> Iterator[Result]:

@@ -11,8 +11,9 @@ import numpy as np
 import torch
 from lerobot.datasets.dataset_tools import delete_episodes, merge_datasets, split_dataset
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
+from lerobot.utils.feature_utils import hw_to_dataset_features
 
-export, out = map(Path, sys.argv[1:])
+export, other, plain, out = map(Path, sys.argv[1:])
 CAMERA = "observation.images.front"
 print("VERSION", lerobot.__version__)
 
@@ -40,26 +41,40 @@ parts = split_dataset(opened(export), {"train": [0], "val": [1]}, output_dir=out
 assert sum(len(part) for part in parts.values()) == len(given)
 print("PASSED")
 
-print("TRY merges")
-both = merge_datasets([opened(export), kept], "me/both", output_dir=out / "both")
-assert both.meta.total_episodes == 3 and len(both) == len(given) + len(kept)
+print("TRY merges two different lessons")
+lessons = [opened(export), opened(other)]
+both = merge_datasets(lessons, "me/both", output_dir=out / "both")
+assert len(both) == sum(map(len, lessons)) and both.meta.total_episodes > 2
 assert both[len(both) - 1][CAMERA].shape == (3, 120, 160)
 print("PASSED", f": {len(both)} frames")
 
-print("TRY records a dataset of its own")
+print("TRY records the robot of the docs")
+floats = ("steering.pos", "throttle.vel")
 features = {
-    CAMERA: {"dtype": "video", "shape": (96, 128, 3), "names": ["height", "width", "channels"]},
-    "action": {"dtype": "float32", "shape": (2,), "names": ["steering", "throttle"]},
+    **hw_to_dataset_features(dict.fromkeys(floats, float), "action"),
+    **hw_to_dataset_features(
+        {"front": (120, 160, 3), **dict.fromkeys(floats, float)}, "observation"
+    ),
 }
-own = LeRobotDataset.create("me/own", fps=10, features=features, root=out / "own")
+own = LeRobotDataset.create(
+    "me/own", fps=20, features=features, root=out / "own", robot_type="drivelesson"
+)
 for episode in range(2):
     for n in range(20):
-        picture = np.full((96, 128, 3), 10 * n, np.uint8)
-        action = np.array([(-0.8, 0.0, 0.8)[n % 3], 0.5], np.float32)
-        own.add_frame({CAMERA: picture, "action": action, "task": f"drive {episode}"})
+        picture = np.full((120, 160, 3), 10 * n, np.uint8)
+        action = np.array([(-1.0, 0.0, 1.0)[n % 3], 0.5], np.float32)
+        shown = {CAMERA: picture, "observation.state": action}
+        own.add_frame({**shown, "action": action, "task": f"drive {episode}"})
     own.save_episode()
 own.finalize()
 print("PASSED")
+
+print("TRY merges a plain export with that recording")
+given = [opened(plain), opened(out / "own", "me/own")]
+driven = merge_datasets(given, "me/driven", output_dir=out / "driven")
+assert len(driven) == sum(map(len, given))
+assert driven[len(driven) - 1][CAMERA].shape == (3, 120, 160)
+print("PASSED", f": {len(driven)} frames")
 
 print("TRY trains three steps (ACT)")
 program = Path(sys.executable).with_name("lerobot-train")
@@ -75,8 +90,8 @@ words = [
     "--policy.dim_feedforward=64",
     "--policy.n_encoder_layers=1",
     "--policy.use_vae=false",
-    "--dataset.repo_id=me/robot",
-    f"--dataset.root={export}",
+    "--dataset.repo_id=me/driven",
+    f"--dataset.root={out / 'driven'}",
     "--dataset.video_backend=pyav",
     f"--output_dir={out / 'trained'}",
     "--steps=3",

@@ -21,11 +21,14 @@ from tests.server.virtual import ServedWorld, virtually
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
-    """One drive as a recording, a tub, a dataset of two episodes and a film; and `/metrics`."""
+    """One drive as a recording, a tub, a dataset of two episodes and a film; a second, other lesson
+    as a dataset, and as a plain one; and `/metrics`."""
 
     recording: Path
     tub: Path
     lerobot: Path
+    other: Path
+    plain: Path
     film: Path
     metrics: str
 
@@ -38,12 +41,19 @@ def make_samples(folder: Path) -> Samples:
         recording=recording,
         tub=folder / "tub",
         lerobot=folder / "lerobot",
+        other=folder / "other",
+        plain=folder / "plain",
         film=folder / "film.mp4",
         metrics=metrics_of_a_robot(),
     )
     write_tub(episode, notes, made.tub)
     write_lerobot([(episode, notes), (episode, notes)], made.lerobot)
     write_look(episode, notes, made.film)
+    home = folder / "second"
+    home.mkdir()
+    lesson = open_episode(drive_in_simulator(home, "default-8", steps=60).path)
+    write_lerobot([(lesson, notes)], made.other)
+    write_lerobot([(lesson, notes)], made.plain, plain=True)
     return made
 
 

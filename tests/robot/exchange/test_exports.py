@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from robot.devices.pictures import Picture
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import to_jpeg, write_film, write_look
+from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.npz import write_npz
 from robot.exchange.reading import Reading
@@ -99,8 +101,54 @@ def test_actions_say_what_was_done_and_what_was_corrected(episode: Episode, tmp_
     assert {tuple(action) for action in data["action"]} <= {(0.0, 0.5), (-1.0, 0.5), (0.0, 0.0)}
     corrected = [event.example.is_intervention for _, event in episode.events]  # type: ignore[union-attr]
     assert sum(data["intervention"]) == sum(corrected) == len(taught_frames(episode)) - 99
-    state = np.array(data["observation.state"])
-    assert state.shape[1] == 2 and 0 < state[:, 0].mean() < 2.55
+    state, sensors = np.array(data["observation.state"]), np.array(data["sensors"])
+    assert {tuple(did) for did in state} <= {(0.0, 0.5), (-1.0, 0.5), (0.0, 0.0)}
+    assert sensors.shape[1] == 3 and 0 < sensors[:, 0].mean() < 2.55
+
+
+def test_what_a_dataset_has_follows_from_the_robot_and_not_from_the_lesson(
+    episode: Episode, tmp_path: Path
+) -> None:
+    ids = list(episode.frames)
+    brief = Notes(edits=(Edit(verb="delete", ranges=((ids[20], ids[-1]),)),))
+    infos = []
+    for name, notes in (("whole", Notes()), ("brief", brief)):
+        write_lerobot([(episode, notes)], tmp_path / name)
+        infos.append(json.loads((tmp_path / name / "meta/info.json").read_text()))
+    same = ("fps", "robot_type", "features")
+    assert [infos[0][key] for key in same] == [infos[1][key] for key in same]
+    assert infos[0]["features"]["pilot"]["info"]["moves"] == ["forward", "left", "right"]
+    assert (infos[0]["fps"], infos[0]["robot_type"]) == (20, "drivelesson")
+
+
+def test_a_plain_dataset_has_what_lerobot_records_of_the_robot_and_only_what_was_taught(
+    episode: Episode, tmp_path: Path
+) -> None:
+    write_lerobot([(episode, Notes())], tmp_path / "plain", plain=True)
+    info = json.loads((tmp_path / "plain/meta/info.json").read_text())
+    own = {"timestamp", "frame_index", "episode_index", "index", "task_index"}
+    assert set(info["features"]) - own == {CAMERA, "action", "observation.state"}
+    for name in ("action", "observation.state"):
+        assert info["features"][name]["names"] == ["steering.pos", "throttle.vel"]
+    frames = examples = 0
+    for source in find_drives(tmp_path / "plain"):
+        path = tmp_path / f"{source.name}.mcap"
+        frames += write_episode(source.read(Reading(), ImportReport()), path)
+        examples += len(taught_frames(open_episode(path)))
+    assert frames == examples == info["total_frames"] >= len(taught_frames(episode))
+
+
+def test_a_folder_has_its_labels_where_imagefolder_looks_for_them(
+    episode: Episode, tmp_path: Path
+) -> None:
+    write_folder(episode, Notes(), tmp_path / "folder")
+    with (tmp_path / "folder/metadata.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(episode.frames)
+    assert all((tmp_path / "folder" / row["file_name"]).is_file() for row in rows)
+    taught = [str(example.label) for example in taught_frames(episode).values()]
+    assert [row["label"] for row in rows if row["label"]] == taught
+    assert len(find_drives(tmp_path / "folder")) == 1
 
 
 def test_deleted_ranges_split_a_dataset(episode: Episode, tmp_path: Path) -> None:

@@ -143,7 +143,7 @@ def test_lerobot_has_numbers_or_one_place_a_move(
     assert len(rows) == len(labels) and feature["shape"] == [len(feature["names"])]
     for label, row in zip(labels, rows, strict=True):
         if declared is STEERED:
-            assert feature["names"] == ["angle", "throttle"]
+            assert feature["names"] == ["steering.pos", "throttle.vel"]
             point = point_of(label or Action.STOP, declared)
             assert tuple(row) == pytest.approx(point)
         else:
