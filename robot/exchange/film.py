@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from itertools import chain, groupby
@@ -24,6 +25,8 @@ _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56
 SUFFIXES = (".mp4", ".mov", ".mkv")
 """How a film's name may end: containers that hold H.264."""
+H264, AV1 = "libx264", "libsvtav1"
+"""Codecs, as FFmpeg calls their encoders."""
 AV = ("av", "writing films", "export")
 """The library, what it is for, and the extra that has it."""
 
@@ -36,15 +39,17 @@ def write_film(
     crf: int = 18,
     preset: str = "medium",
     key_every: int | None = None,
+    codec: str = H264,
 ) -> int:
     """Write pictures of one size, evenly spaced in time; return how many.
 
-    H.264 with 4:2:0 colour, which every player supports; it needs even sides, so an odd last row or
-    column is left out. A key frame each second, or every so many pictures, makes seeking fast.
+    With 4:2:0 colour, which every player supports; it needs even sides: an odd last row or column
+    is left out. A key frame each second, or every `key_every` pictures, makes seeking fast.
     RecordingError if there are none, or of several sizes, or of one row or column.
     """
     av = need(*AV)
     count, stream = 0, None
+    os.environ.setdefault("SVT_LOG", "1")  # AV1's encoder tells the terminal all it does
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
         for picture in pictures:
@@ -53,7 +58,7 @@ def write_film(
                 raise RecordingError("a film needs pictures of two pixels a side at least")
             if stream is None:
                 stream = container.add_stream(
-                    "libx264", rate=fps, options={"crf": str(crf), "preset": preset}
+                    codec, rate=fps, options={"crf": str(crf), "preset": preset}
                 )
                 stream.height, stream.width = even.shape[:2]
                 stream.pix_fmt = "yuv420p"

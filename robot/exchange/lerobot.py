@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from robot.driver import point_of
 from robot.errors import RecordingError, need
-from robot.exchange.film import AV, of_size, write_film
+from robot.exchange.film import AV, AV1, of_size, write_film
 from robot.exchange.lerobot_tables import (
     DEGREES,
     PILOT,
@@ -50,6 +50,8 @@ _FILES_A_CHUNK = 1000
 _FILMS = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 _KEY_EVERY = 2
 """A loader asks for frames in any order: it should have few to decode before each."""
+_AS_LEROBOT: dict[str, Any] = {"codec": AV1, "crf": 30, "preset": "12"}
+"""How LeRobot 0.6 encodes: only films of one codec merge, as their bytes are copied."""
 _STEERED = ("steering.pos", "throttle.vel")
 """As the package for LeRobot calls them (docs/examples/lerobot)."""
 FPS = 20
@@ -110,7 +112,9 @@ def write_lerobot(
         name = _FILMS.format(video_key=CAMERA, chunk_index=chunk, file_index=file)
         counts = np.zeros_like(seen)
         pictures = _pictures(part, size, counts)
-        write_film(pictures, folder / name, rate, key_every=_KEY_EVERY)
+        write_film(
+            pictures, folder / name, rate, key_every=_KEY_EVERY, **(_AS_LEROBOT if plain else {})
+        )
         seen += counts
         own = columns["episode_index"] == index
         part_columns = {name: values[own] for name, values in columns.items()}
@@ -131,7 +135,7 @@ def write_lerobot(
         "splits": {"train": f"0:{len(rows)}"},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
         "video_path": _FILMS,
-        "features": {CAMERA: _film_feature(size, rate), **features},
+        "features": {CAMERA: _film_feature(size, rate, "av1" if plain else "h264"), **features},
     }
     for name, value in {"info": info, "stats": _stats(columns, seen)}.items():
         (folder / f"meta/{name}.json").write_text(json.dumps(value, indent=4), encoding="utf-8")
@@ -306,12 +310,12 @@ def _episode_row(
     }
 
 
-def _film_feature(size: tuple[int, int], fps: int) -> dict[str, Any]:
+def _film_feature(size: tuple[int, int], fps: int, codec: str) -> dict[str, Any]:
     shape = [size[1] // 2 * 2, size[0] // 2 * 2, 3]  # as `write_film` leaves them
     video = {
         "video.height": shape[0],
         "video.width": shape[1],
-        "video.codec": "h264",
+        "video.codec": codec,
         "video.pix_fmt": "yuv420p",
         "is_depth_map": False,
         "video.fps": fps,

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -20,7 +21,7 @@ import pytest
 
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
-from robot.exchange.film import to_jpeg, write_film
+from robot.exchange.film import FilmReader, to_jpeg, write_film
 from robot.exchange.lerobot import write_lerobot
 from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives, unpacked
@@ -379,3 +380,24 @@ def test_a_dataset_of_an_arm_says_why_it_teaches_nothing(tmp_path: Path) -> None
     made.write(tmp_path / "set")
     [(_, report), *_] = imported(tmp_path / "set", tmp_path)
     assert "neither steering nor moves (shoulder_pan, gripper)" in report.lines()[1]
+
+
+def test_the_last_episode_of_a_film_is_read_from_where_it_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, decoded = tmp_path / "film.mp4", 0
+    write_film([drawn(n) for n in range(200)], path, 10, key_every=10)
+    decode = FilmReader._decode
+
+    def counted(reader: FilmReader, from_s: float) -> Iterator[Any]:
+        nonlocal decoded
+        for frame in decode(reader, from_s):
+            decoded += 1
+            yield frame
+
+    monkeypatch.setattr(FilmReader, "_decode", counted)
+    for number in (0, 195, 37):
+        shown = FilmReader(path, 10).at(number / 10)
+        pixels = cv2.imdecode(np.frombuffer(shown.data, np.uint8), cv2.IMREAD_COLOR)
+        assert number_in(pixels) == number
+    assert decoded <= 30
