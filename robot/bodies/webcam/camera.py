@@ -6,8 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from robot.clock import Clock
 from robot.devices.freshness import REOPEN_S
 from robot.devices.options import Options, option
+from robot.devices.usb_camera import identity_of, number_of
 from robot.devices.watched_camera import WatchedCamera
 from robot.errors import CameraError, need
 from robot.types import Encoding
@@ -35,6 +37,11 @@ class OpencvCamera(WatchedCamera):
     name: ClassVar[str] = "opencv"
     options_type: ClassVar[type[Any]] = OpencvOptions
 
+    def __init__(self, options: OpencvOptions, clock: Clock) -> None:
+        super().__init__(options, clock)
+        self._identity: str | None = None
+        """Of the camera that was opened first: afterwards no other is opened."""
+
     @property
     def _is_film(self) -> bool:
         return Path(self.options.source).is_file()
@@ -52,13 +59,18 @@ class OpencvCamera(WatchedCamera):
     def _open(self) -> Any:
         cv2, source = self._cv2, self.options.source
         if source.isdigit():
-            capture = cv2.VideoCapture(int(source))
+            number = int(source) if self._identity is None else number_of(self._identity)
+            if number is None:
+                return None
+            capture = cv2.VideoCapture(number)
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, self.options.width)
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self.options.height)
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         else:
             capture = cv2.VideoCapture(source)
         if capture.isOpened():
+            if source.isdigit() and self._identity is None:
+                self._identity = identity_of(int(source))
             return capture
         capture.release()
         return None
@@ -95,4 +107,9 @@ class OpencvCamera(WatchedCamera):
         )
 
     def _name_fault(self, wrong: str) -> str:
+        if self._identity is not None and number_of(self._identity) is None:
+            return (
+                f"The camera {self.options.source} is unplugged, and no other is taken in its "
+                "place; plug it into the socket where it was."
+            )
         return f"The camera {self.options.source} {wrong}; check its cable."
