@@ -51,7 +51,7 @@ async function start() {
   listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });
   const way = new WayFinder({
     askState: () => ask('GET', 'api/state', undefined, WHY_MS),
-    isOnline: () => navigator.onLine !== false,
+    isOnline: () => store.state.isLocal || navigator.onLine !== false, // a computer's own page needs no network
     nowMs: () => performance.now(),
     tell: (found) => store.set({ way: found }),
   });
