@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# MicroPython 1.25.0 (npm: @micropython/micropython-webassembly-pyscript): what json.dumps makes of an array.
+#
+# Guess before the run: `json.dumps` of a reading in an `array` (as ADC buffers are) raises TypeError, as in CPython.
+# Outcome: wrong. It writes the array's repr, `array('H', [512, 7])`, into the text and raises nothing; the same holds
+# for a `range`. The message is sent, and no JSON reader takes it. MicroPython's own `json.loads` refuses it, too.
+set -euo pipefail
+folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
+cd "$folder"
+npm install --silent --no-audit --no-fund @micropython/micropython-webassembly-pyscript@1.25.0
+cat > run.mjs <<'JS'
+import { loadMicroPython } from './node_modules/@micropython/micropython-webassembly-pyscript/micropython.mjs';
+const lines = [];
+const python = await loadMicroPython({ stdout: (line) => lines.push(line), linebuffer: true });
+python.runPython(`
+import json, sys
+from array import array
+print(sys.version)
+for value in ({"adc": array("H", [512, 7])}, {"steps": range(3)}):
+    text = json.dumps(value)
+    try:
+        json.loads(text)
+        back = "read"
+    except ValueError:
+        back = "refused by its own loads"
+    print(text, "->", back)
+`);
+console.log(lines.join('\n'));
+const expected = ['{"adc": array(\'H\', [512, 7])} -> refused by its own loads', '{"steps": range(0, 3)} -> refused by its own loads'];
+process.exit(JSON.stringify(lines.slice(1)) === JSON.stringify(expected) ? 0 : 1);
+JS
+node run.mjs

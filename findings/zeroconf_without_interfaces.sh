@@ -1,0 +1,33 @@
+#!/usr/bin/env bash
+# zeroconf 0.154.0 (PyPI): a machine without a network announces to nobody, and is told that it went well.
+#
+# Guess before the run: `Zeroconf(interfaces=[])`, as a program gets it that passes on the addresses of a
+# computer whose Wi-Fi is not up yet, raises, as `InterfaceChoice.All` does with "No interfaces to listen on".
+# Outcome: wrong. It is made without a socket to send on, `register_service` probes, announces and returns
+# without an error, and the service is nowhere: not even a second Zeroconf in the same process finds it. An
+# address that comes later changes nothing, because interfaces are looked at only once.
+set -euo pipefail
+folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install --quiet --disable-pip-version-check zeroconf==0.154.0
+"$folder/venv/bin/python" - <<'PY'
+from zeroconf import ServiceInfo, Zeroconf, __version__
+
+KIND = "_http._tcp.local."
+about = {"port": 80, "parsed_addresses": ["127.0.0.1"], "server": "rover.local."}
+asker = Zeroconf(interfaces=["127.0.0.1"])
+
+def is_found(name):
+    return asker.get_service_info(KIND, f"{name}.{KIND}", 2000) is not None
+
+usual = Zeroconf(interfaces=["127.0.0.1"])
+usual.register_service(ServiceInfo(KIND, f"usual.{KIND}", **about))
+silent = Zeroconf(interfaces=[])
+silent.register_service(ServiceInfo(KIND, f"silent.{KIND}", **about))
+senders = len(silent.engine.senders)
+seen = (senders, is_found("usual"), is_found("silent"))
+for one in (asker, usual, silent):
+    one.close()
+print(f"zeroconf {__version__}: sockets to send on {seen[0]}, usual found {seen[1]}, silent found {seen[2]}")
+raise SystemExit(seen != (0, True, False))
+PY
