@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from . import worlds
 from .driving import tries
 from .samples import Samples, imports_of, make_samples
 
@@ -135,7 +136,7 @@ def check_pythons(home: Path, samples: Samples) -> Iterator[Result]:
     dist = _fresh(home / "dist")
     build = _environment(home / "build", ["build", "hatchling"], "build")
     _get([build, "-m", "build", "--quiet", "--wheel", "--outdir", dist, ROOT])
-    for python in _pythons():
+    for python in pythons():
         version = _said([python, "-c", "import platform; print(platform.python_version())"])
         words = [python, ROOT / "tests/docs/try_wheel.py", dist]
         done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=home)
@@ -162,8 +163,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.conformance", description=__doc__)
     parser.add_argument("--folder", type=Path, default=ROOT / "var" / "conformance")
     parser.add_argument("--only", nargs="+", choices=CHECKS, default=list(CHECKS))
+    parser.add_argument(
+        "--worlds",
+        nargs="*",
+        metavar="PACKAGE",
+        help="drive environments of other packages instead",
+    )
     args = parser.parse_args()
     folder = args.folder.resolve()
+    if args.worlds is not None:
+        return _drive_worlds(folder / "worlds", args.worlds)
     samples = make_samples(_fresh(folder / "samples"))
     results = [r for name in args.only for r in _results(name, folder / name, samples)]
     widths = [max(len(getattr(r, n)) for r in results) for n in ("peer", "version", "check")]
@@ -172,6 +181,20 @@ def main() -> int:
         cells = (result.peer, result.version, result.check)
         print("  ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)), result.outcome)
     return any(result.outcome.startswith("FAILED") for result in results)
+
+
+def _drive_worlds(folder: Path, only: list[str]) -> int:
+    """Drive worlds, and write the how-to's table if all were tried; returns 1 if one was wrong."""
+    results = []
+    for result in worlds.drive_all(folder, only):
+        print(worlds.describe(result), flush=True)
+        results.append(result)
+    right = [result for result in results if worlds.is_right(result)]
+    packages = {result["package"] for result in right}
+    print(f"\n{len(right)} of {len(results)} environments of {len(packages)} packages are right")
+    if not only:
+        worlds.write_table(results)
+    return len(right) < len(results)
 
 
 def _results(name: str, home: Path, samples: Samples) -> Iterator[Result]:
@@ -184,7 +207,7 @@ def _results(name: str, home: Path, samples: Samples) -> Iterator[Result]:
         yield Result(peer=name, version="", check="", outcome=outcome)
 
 
-def _pythons() -> list[Path]:
+def pythons() -> list[Path]:
     """Return the Pythons of this machine that the package is for, the newest first."""
     found = {}
     names = [f"python3.{minor}" for minor in range(11, 20)]
@@ -206,7 +229,7 @@ def _pythons() -> list[Path]:
 def _environment(home: Path, packages: list[str], module: str) -> Path:
     """Install the newest of some packages, with the newest Python of those for which it is."""
     why, newest = "no Python", dict[Path, tuple[int, ...]]()
-    for python in _pythons():
+    for python in pythons():
         try:
             newest[python] = _newest(home, python, packages[0].partition("[")[0])
         except NotToBeHadError as error:
