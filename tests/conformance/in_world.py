@@ -154,7 +154,7 @@ def drive(name: str, options: str, steps: int, folder: Path) -> dict[str, Any]:
 
 
 def _equals(picture: Any, given: list[Any]) -> bool | None:
-    """Return whether a picture is among what came; None where nothing came that is one by itself."""
+    """Return whether a picture is among what came; None where that is in no plain form."""
     found: list[Any] = []
 
     def look(part: Any) -> None:

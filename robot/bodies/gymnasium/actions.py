@@ -93,6 +93,12 @@ class Form:
         self.is_one_choice = _kind_of(space) == "Discrete"
         self.is_buttons = _kind_of(space) == "MultiBinary"
 
+    @property
+    def n_choices(self) -> int:
+        """How many numbered actions there are to choose from; 0 if an action is more than one."""
+        number = self.numbers[0]
+        return int(number.most - number.least) + 1 if self.is_one_choice else 0
+
     def action(self, values: Sequence[float]) -> Any:
         """Return the action of these numbers, as the environment takes it."""
         return _action_of(self._space, iter(values))
@@ -121,8 +127,8 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
         chosen = list(_named(env, form))
         if len(chosen) > _MOST_MOVES:
             raise ConfigurationError(
-                f"{name} has {len(chosen)} moves, more than the {_MOST_MOVES} of a model; "
-                f"{_help(form)}"
+                f"{name} has {form.n_choices or len(chosen)} moves, more than the {_MOST_MOVES} of "
+                f"a model; {_help(form)}"
             )
     if len(chosen) < 2:
         raise ConfigurationError(f"{name} needs two moves or more; {_help(form)}")
