@@ -56,11 +56,15 @@ def read_picture(data: bytes, name: str) -> Picture:
         )
     if not _has_end(data):
         raise RecordingError(f"{name} is a damaged picture: its end is missing")
+    if data.startswith(_JPEG):
+        # In grey at an eighth: all bytes are read, and a fifth of the time goes.
+        small = decode(data, is_reduced=True)
+        if small is None or small.shape != (-(-height // 8), -(-width // 8)):
+            raise RecordingError(f"{name} is a damaged picture")
+        return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)
     pixels = decode(data)
     if pixels is None or pixels.shape != (height, width, 3):
         raise RecordingError(f"{name} is a damaged picture")
-    if data.startswith(_JPEG):
-        return Picture(encoding=Encoding.JPEG, width=width, height=height, data=data)
     rgb = swap_red_and_blue(pixels)
     return Picture(encoding=Encoding.RGB, width=width, height=height, data=rgb.tobytes())
 
