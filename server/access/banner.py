@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from server.access.terminal_code import draw_qr
 from server.gateway.roles import Role
-from server.hosting.terminal_code import draw_qr
 
 
 def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Sequence[str]) -> str:

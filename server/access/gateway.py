@@ -33,6 +33,7 @@ from server.access.listener import AdmissionListener, connection_capacity
 from server.access.pairing import Pairing, cookie_name
 from server.access.proxies import PEER, Proxies
 from server.access.surroundings import Place, Surroundings, Watch
+from server.access.terminal_code import draw_qr
 from server.access.unknown_name import explain_unknown_name
 from server.cli.parser import host_name
 from server.config import Config
@@ -209,6 +210,9 @@ class NetworkGateway(Gateway):
         if self.pairing is None:
             return super().address_for(role)
         return pairing_address(self.addresses()[0], self.pairing.tokens[role])
+
+    def draw(self, address: str) -> list[str]:
+        return draw_qr(address).splitlines()
 
     def greet(self, more: Sequence[str]) -> str:
         if self.pairing is None:

@@ -19,7 +19,6 @@ from server.clients.rate_limit import RateLimit
 from server.clients.telemetry import describe_state
 from server.gateway.guard import role_of
 from server.gateway.roles import Role
-from server.hosting.terminal_code import draw_qr
 from server.protocol import ProtocolError, encode_acknowledgement, encode_message
 from server.routes.sockets import converse, end_with_either
 from server.services import Extension, Services, services_of
@@ -158,5 +157,5 @@ class EyeExtension(Extension):
         address = self._gateway.address_for(EYE)
         if self._gateway.admits_all:
             return [f"The robot's eye: open {address}"]
-        lines = ["The phone on the robot, its eye, scans this:", "", *draw_qr(address).splitlines()]
+        lines = ["The phone on the robot, its eye, scans this:", "", *self._gateway.draw(address)]
         return [*lines, "", f"  or opens  {address}", ""]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
 import logging
 import os
@@ -98,7 +97,6 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     from robot.devices.rig import build_rig
-    from robot.store.early_ends import EarlyEnds
     from server.app import create_app
     from server.clients.hub import Hub
     from server.hosting.serving import end_by_signals, open_sockets, serve
@@ -134,10 +132,6 @@ def run(args: argparse.Namespace) -> int:
         settings=vars(args),
     )
     _report_problems(moved, storage.fault, hub)
-    ends = EarlyEnds(config.data / "drive-began.json", lambda: hub.announce("battery_bears"))
-    if ends.is_weak:
-        log.warning("ended %d times as the robot began to drive: check the battery", ends.count)
-        hub.announce("check_battery", detail=str(ends.count))
     services = make_services(
         config,
         rig,
@@ -153,10 +147,7 @@ def run(args: argparse.Namespace) -> int:
 
     gateway.open(identity.now.name, rig.driver.announce)
     end_by_signals()
-    with rig, persistence, gateway.serving(greet_more), contextlib.ExitStack() as stack:
-        ends.start(rig.clock)
-        stack.callback(ends.close)
-        stack.callback(rig.loop.subscribe(ends.note))
+    with rig, persistence, gateway.serving(greet_more):
         _choose_model(persistence.autosave, args, learner)
         print(gateway.greet(greet_more()), flush=True)
         if gateway.admits_all and not args.no_page and sys.stdout.isatty():

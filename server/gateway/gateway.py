@@ -94,6 +94,10 @@ class Gateway:
         """Return where a browser gets this role: once, if it has to prove who it is."""
         return self.addresses()[0] + (role.start or "")
 
+    def draw(self, address: str) -> list[str]:
+        """Return an address as lines that a phone can scan, if it can be reached by one."""
+        return []
+
     def greet(self, more: Sequence[str]) -> str:
         """Return what a person is shown when the robot is ready; `more` are extensions' lines."""
         return "\n".join([f"Drivelesson is ready: open {self.addresses()[0]}", *more, ""])

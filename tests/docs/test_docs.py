@@ -35,7 +35,8 @@ def test_every_word_of_the_wire_is_written_down() -> None:
 
 
 def test_every_refusal_of_the_guard_is_written_down() -> None:
-    sources = [file.read_text("utf-8") for file in ROOT.glob("server/access/*.py")]
+    files = [*ROOT.glob("server/access/*.py"), *ROOT.glob("server/gateway/*.py")]
+    sources = [file.read_text("utf-8") for file in files]
     refused = {pair for text in sources for pair in re.findall(r'\b(4\d\d|5\d\d), "(\w+)"', text)}
     page = (ROOT / "docs/reference/http.md").read_text("utf-8")
     rows = re.findall(r"^\| ([\d, ]+) \| (`[\w`, ]+`) \|", page, re.M)

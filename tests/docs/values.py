@@ -23,7 +23,7 @@ from robot.control.camera_timing import CameraTimingConfig
 from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.policy.registry import DEFAULT_NODES
-from server.config import Limits
+from server.access.config import NetworkLimits
 
 ROOT = Path(__file__).parents[2]
 _MARK = re.compile(r"(<!--= ([\w.]+)(?: (ms|bare))? -->)(.*?)(<!--/-->)")
@@ -34,7 +34,7 @@ SOURCES: Mapping[str, object] = {
     "gate": GateConfig(),
     "governor": LinkGovernorConfig(),
     "patience": CameraTimingConfig(),
-    "limits": Limits(),
+    "limits": NetworkLimits(),
     "learner": SimpleNamespace(default=f"default-{DEFAULT_NODES}", nodes=DEFAULT_NODES),
     "ros": import_module("robot.bodies.ros.bridge"),
     "remote": import_module("robot.bodies.remote.driver"),

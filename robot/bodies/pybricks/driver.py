@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 from robot.bodies.pybricks.hub_line import HubLine
 from robot.bodies.remote.driver import MessageLine, ReportingDriver
 from robot.bodies.remote.orders import moves_option, parse_moves
+from robot.bodies.remote.same_device import SameDevice
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.devices.same_device import SameDevice
 from robot.errors import need
 
 

@@ -11,10 +11,10 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
+from robot.bodies.remote.bluetooth import name_trouble
 from robot.bodies.remote.reconnecting import ReconnectingLink
+from robot.bodies.remote.same_device import Found, SameDevice
 from robot.clock import Clock
-from robot.devices.bluetooth import name_trouble
-from robot.devices.same_device import Found, SameDevice
 
 SERVICE = "c5f50001-8280-46da-89f4-6d8051e4aeef"
 COMMAND_EVENT = "c5f50002-8280-46da-89f4-6d8051e4aeef"

@@ -18,11 +18,11 @@ from server.access.banner import greet_phones
 from server.access.config import NetworkConfig, PublicAddress
 from server.access.gateway import NetworkGateway
 from server.access.pairing import Paired
+from server.access.terminal_code import draw_qr
 from server.board.discovery import browsing
 from server.board.transport import RobotAddress
 from server.gateway.roles import Role
 from server.hosting.logs import OneLine, start_logging
-from server.hosting.terminal_code import draw_qr
 
 
 def test_phones_are_greeted_with_a_code_and_addresses_for_both_rights() -> None:

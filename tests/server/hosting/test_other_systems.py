@@ -18,10 +18,10 @@ from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action
 from server.__main__ import main
 from server.access.listener import connection_capacity
+from server.access.terminal_code import draw_qr
 from server.hosting import serving
 from server.hosting.browser import has_screen
 from server.hosting.static_files import CompressedFiles
-from server.hosting.terminal_code import draw_qr
 from tests.server.virtual_server import WEB, VirtualServer
 
 _WITHOUT_LINUX = """

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from server.hosting.terminal_code import Terminal, draw_qr
+from server.access.terminal_code import Terminal, draw_qr
 
 ADDRESS = "http://192.168.178.123:8000/pair#ABCD-EFGH-JKMN-PQRS"
 COLOURED = Terminal(100, has_colours=True, has_blocks=True)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from robot.bodies.pybricks.hub_line import SERVICE, find_hub
-from robot.devices.same_device import Found, SameDevice
+from robot.bodies.remote.same_device import Found, SameDevice
 from robot.testing import VirtualClock
 from tests.kit.sizes import size
 

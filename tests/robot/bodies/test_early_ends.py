@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from robot.bodies.early_ends import SOON_S, EarlyEnds
 from robot.control.state import Tick
-from robot.store.early_ends import SOON_S, EarlyEnds
 from robot.types import Action, Decision, DrivenBy, Mode
 
 

@@ -1,0 +1,39 @@
+"""Tells people to check a battery that ends the program as the robot begins to drive."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from robot.bodies.early_ends import EarlyEnds
+from server.services import Extension, Services
+
+log = logging.getLogger(__name__)
+FILE = "drive-began.json"
+
+
+class BatteryExtension(Extension):
+    """Watches for such ends where the data folder can be written."""
+
+    def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
+        self._services = services
+        self._ends: EarlyEnds | None = None
+        self._unsubscribe: Callable[[], None] = lambda: None
+
+    def start(self) -> None:
+        kept, robot, hub = self._services.persistence, self._services.robot, self._services.hub
+        if kept is None:
+            return
+        ends = EarlyEnds(kept.storage.root / FILE, lambda: hub.announce("battery_bears"))
+        if ends.is_weak:
+            log.warning("ended %d times as the robot began to drive: check the battery", ends.count)
+            hub.announce("check_battery", detail=str(ends.count))
+        self._ends = ends
+        ends.start(robot.clock)
+        self._unsubscribe = robot.loop.subscribe(ends.note)
+
+    def stop(self) -> None:
+        self._unsubscribe()
+        if self._ends is not None:
+            self._ends.close()
