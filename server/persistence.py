@@ -143,6 +143,7 @@ class Persistence(StartStop):
             self.announce("model_not_saved", detail=str(error))
 
     def _recover(self) -> None:
+        self.models.retry_damaged()
         if self.models.set_failed_aside():
             return  # what failed would only come back
         recovered = recover(self.storage.journal, self.models, self._loop.history.declared)

@@ -238,6 +238,20 @@ def sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
+def make_private(folder: Path) -> None:
+    """Make a folder that only its owner can enter, or take others' rights to one that is there.
+
+    It holds pictures of a classroom, and secrets. A folder of another owner, or on a file system
+    without owners, stays as it is.
+    """
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if hasattr(os, "getuid"):
+        status = folder.stat()
+        if status.st_uid == os.getuid() and status.st_mode & 0o077:
+            with contextlib.suppress(OSError):
+                folder.chmod(status.st_mode & 0o7700)
+
+
 class Storage:
     """The data folder. Making one makes the folder and what belongs in it.
 
@@ -253,6 +267,7 @@ class Storage:
         self.journal = self.root / "journal"
         self.fault: str | None = None
         try:
+            make_private(self.root)
             for folder in self.kept():
                 folder.mkdir(parents=True, exist_ok=True)
             if not (self.root / "README.txt").exists():

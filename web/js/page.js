@@ -15,7 +15,7 @@ const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow 
 const SLOW_STATE_MS = 300;
 const SESSION_MS = 1000;
 /** @type {Record<string, string>} events that are a sentence */
-const TOLD = { model_not_saved: 'not_saved', set_aside: 'set_aside', nothing_kept: 'nothing_kept', kept_again: 'kept_again', recording_off: 'recording_off', check_battery: 'check_battery' };
+const TOLD = { model_not_saved: 'not_saved', set_aside: 'set_aside', put_back: 'put_back', nothing_kept: 'nothing_kept', kept_again: 'kept_again', recording_off: 'recording_off', check_battery: 'check_battery' };
 const SHOWING = ['drive', 'gallery', 'why']; // screens with the robot's picture
 
 /** @typedef {import('./protocol.js').Mode} Mode */

@@ -44,9 +44,12 @@ log = logging.getLogger(__name__)
 
 KEEP_VERSIONS = 3
 """How many versions of a model are kept: the newest may be damaged."""
-_DAMAGED = ".damaged"
+_DAMAGED, _BROKEN = ".damaged", ".failed"
+"""Endings of versions that were set aside: they could not be read, or failed when they drove."""
 _FAILED = "failed.txt"
 _VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
+_ASIDE = re.compile(r"\.(damaged|failed)(-\d+)?$", re.ASCII)
+_DAMAGED_VERSION = re.compile(r"\d{1,9}\.npz\.damaged(-\d+)?", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +94,7 @@ class ModelStore:
                 summary=next(self._sound(name, decode_summary), None),
                 bytes=sum(map(size_of, self._versions(name)[-1:])),
                 is_current=name == current,
-                damaged=tuple(p.name for p in self._files(name) if p.name.endswith(_DAMAGED)),
+                damaged=tuple(p.name for p in self._files(name) if _ASIDE.search(p.name)),
             )
             for name in self.names()
         ]
@@ -138,10 +141,47 @@ class ModelStore:
             f"{self._storage.models / name}"
         )
 
-    def _set_aside(self, name: str, version: Path, why: str) -> None:
-        aside = set_aside(version, _DAMAGED)
+    def _set_aside(self, name: str, version: Path, why: str, ending: str = _DAMAGED) -> None:
+        aside = set_aside(version, ending)
         log.warning("model %s: %s set aside as %s: %s", name, version.name, aside, why)
         self._announce("set_aside", detail=f"{name}/{version.name}: {why}"[:300])
+
+    def retry_damaged(self) -> None:
+        """Put back versions that were set aside as damaged and that this program can read.
+
+        An older program sets aside what a newer one wrote. A version comes back, as the newest,
+        where no sound one of its model was saved later; the model is then used next where it was
+        saved later than the one in use.
+        """
+        for name in self.names():
+            for model, file in self._readable_again(name):
+                if model.summary.saved_at_s <= self._newest_s(name):
+                    continue
+                numbers = [int(version.stem) for version in self._versions(name)]
+                number = max([int(file.name.partition(".")[0]), *(n + 1 for n in numbers[-1:])])
+                in_use = self.current
+                is_newest = in_use is None or model.summary.saved_at_s > self._newest_s(in_use)
+                with contextlib.suppress(OSError):
+                    file.rename(file.with_name(f"{number:05d}.npz"))
+                    log.info("model %s: %s can be read again as %05d.npz", name, file.name, number)
+                    self._announce("put_back", detail=f"{name}/{number:05d}.npz")
+                    if is_newest:
+                        self.current = name
+
+    def _readable_again(self, name: str) -> list[tuple[Model, Path]]:
+        """Read the versions that were set aside as damaged; those that can be, the oldest first."""
+        found = []
+        for file in self._files(name):
+            if _DAMAGED_VERSION.fullmatch(file.name):
+                with contextlib.suppress(RecordingError, OSError):
+                    model = decode_model(_read(file))
+                    try_model(model)
+                    found.append((model, file))
+        return sorted(found, key=lambda one: one[0].summary.saved_at_s)
+
+    def _newest_s(self, name: str) -> float:
+        """Return when the newest readable version of a model was saved, -1 if there is none."""
+        return max((one.saved_at_s for one in self._sound(name, decode_summary)), default=-1.0)
 
     def note_failure(self, name: str, why: str) -> None:
         """Write down that the model in use failed: its newest version is set aside at a start."""
@@ -156,7 +196,7 @@ class ModelStore:
                 why = read_regular(mark, 4096).decode(errors="replace")
                 mark.unlink()
             for version in self._versions(name)[-1:]:
-                self._set_aside(name, version, why)
+                self._set_aside(name, version, why, _BROKEN)
         return failed
 
     def sound_versions(self, name: str) -> Iterator[Model]:

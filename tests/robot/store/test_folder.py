@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import sys
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
@@ -89,3 +90,14 @@ def test_a_folder_whose_parts_alone_take_files_is_a_fault(tmp_path: Path) -> Non
     (tmp_path / f"..probe.{get_native_id()}.part").mkdir()  # nothing can be written there
     fault = Storage(tmp_path, must_be_usable=False).fault
     assert fault is not None and str(tmp_path) in fault
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such rights")
+@pytest.mark.parametrize("before", [None, 0o755, 0o777, 0o750])
+def test_nobody_else_can_enter_the_data_folder(tmp_path: Path, before: int | None) -> None:
+    root = tmp_path / "data"
+    if before is not None:
+        root.mkdir()
+        root.chmod(before)
+    Storage(root)
+    assert stat.S_IMODE(root.stat().st_mode) == 0o700

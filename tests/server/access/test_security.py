@@ -6,12 +6,14 @@ import contextlib
 import dataclasses
 import datetime as dt
 import itertools
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from fastapi.routing import APIRoute
 from websockets.exceptions import InvalidStatus
 
 from server.access.certificates import make_certificates
@@ -19,6 +21,7 @@ from server.access.config import NetworkConfig, NetworkLimits
 from server.access.pairing import Pairing, cookie_name
 from server.config import Config, Limits
 from server.gateway.roles import Role
+from server.routes import routers
 from tests.kit.sizes import crossed
 from tests.server.live_robot import WEB
 from tests.server.virtual_connections import Exchange, VirtualSocket
@@ -49,6 +52,18 @@ def _socket_status(server: VirtualServer, path: str = "/ws/drive", **headers: st
             return 101
     except InvalidStatus as refused:
         return refused.response.status_code
+
+
+def _routes(server: VirtualServer) -> set[tuple[str, str]]:
+    """Return the method and path of every route, of extensions, too."""
+    added = (router for each in server.services.extensions.values() for router in each.routers)
+    return {
+        (method, route.path)
+        for router in (*routers(), *added)
+        for route in router.routes
+        if isinstance(route, APIRoute)
+        for method in route.methods
+    }
 
 
 def _pairing(server: VirtualServer) -> Pairing:
@@ -263,11 +278,37 @@ def test_too_many_words_are_refused_and_then_shown_out() -> None:
 # On the local network --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "path", ["/", "/api/unpair", "/openapi.json", "/index.html", "/js/main.js", "/metrics"]
-)
-def test_an_unpaired_client_gets_nothing(lan: VirtualServer, path: str) -> None:
-    assert httpx.get(lan.address + path).status_code == 401
+ANSWERED = {
+    ("GET", "/healthz"): (200, {"status"}),
+    ("GET", "/pair"): (200, None),
+    ("GET", "/pair#{token}"): (303, None),
+    ("POST", "/api/pair"): (403, {"error", "detail"}),
+    ("GET", "/ca.crt"): (404, {"detail"}),
+    ("POST", "/api/class/hello"): (400, {"detail"}),
+    ("POST", "/api/class/join"): (400, {"detail"}),
+    ("GET", "/js/pair.js"): (200, None),
+    ("GET", "/css/pair.css"): (200, None),
+    ("GET", "/favicon.ico"): (404, {"detail"}),
+    ("GET", "/manifest.webmanifest"): (200, None),
+}
+"""What an unpaired client gets, and the names in it; on every other address it gets 401."""
+
+
+def test_an_unpaired_client_gets_nothing_else(lan: VirtualServer) -> None:
+    routes = _routes(lan)
+    routes |= {("GET", path) for path in ("/", "/index.html", "/js/main.js", "/openapi.json")}
+    unlike = {}
+    for method, path in sorted(routes | ANSWERED.keys()):
+        address = re.sub(r"{[^}]*}", "x", path).replace("#", "%23")
+        answer = httpx.request(method, lan.address + address, json={"token": "wrong"})
+        is_json = "json" in answer.headers.get("content-type", "").partition(";")[0]
+        names = set(answer.json()) if is_json and answer.status_code != 200 else None
+        names = set(answer.json()) if path == "/healthz" else names
+        wanted = ANSWERED.get((method, path), (401, {"error", "detail"}))
+        if (answer.status_code, names) != wanted:
+            unlike[method, path] = (answer.status_code, names)
+    assert len(routes) > 60
+    assert unlike == {}
 
 
 @pytest.mark.parametrize("path", ["/ws/drive", "/ws/video"])

@@ -149,6 +149,7 @@ export default {
   not_saved: 'The model could not be saved: {detail}',
   set_aside: 'Damaged files were set aside: {detail}',
   check_battery: 'The robot has ended {detail} times just as it began to drive. Check its battery: the motors may draw more than it gives.',
+  put_back: 'These versions can be read again and were put back: {detail}',
   nothing_kept: 'Nothing can be saved or recorded: {detail}',
   kept_again: 'The data folder is back: everything is saved again.',
   recording_off: '{detail}',

@@ -148,6 +148,7 @@ export default {
   not_saved: 'No se pudo guardar el modelo: {detail}',
   set_aside: 'Se apartaron archivos dañados: {detail}',
   check_battery: 'El robot se ha apagado {detail} veces justo al empezar a conducir. Revisa la batería: quizá los motores piden más de lo que da.',
+  put_back: 'Estas versiones se pueden leer de nuevo y se han recuperado: {detail}',
   nothing_kept: 'No se puede guardar ni grabar nada: {detail}',
   kept_again: 'La carpeta de datos ha vuelto: todo se guarda de nuevo.',
   recording_off: 'Ya no se graba: {detail}',

@@ -148,6 +148,7 @@ export default {
   not_saved: '模型无法保存：{detail}',
   set_aside: '已移开损坏的文件：{detail}',
   check_battery: '机器人刚开始行驶就中断了 {detail} 次。请检查电池：电机可能需要比它更多的电。',
+  put_back: '这些版本又可以读取，已放回原处：{detail}',
   nothing_kept: '无法保存或录制：{detail}',
   kept_again: '数据文件夹已恢复，一切重新开始保存。',
   recording_off: '录制已停止：{detail}',

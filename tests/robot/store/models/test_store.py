@@ -10,7 +10,7 @@ import pytest
 
 from robot.errors import ConfigurationError, NotFoundError, RecordingError
 from robot.store.folder import Storage
-from robot.store.models.model import encode_model, stamp
+from robot.store.models.model import Model, encode_model, stamp
 from robot.store.models.store import KEEP_VERSIONS, ModelStore
 from tests.kit.sizes import crossed
 
@@ -220,6 +220,73 @@ def test_a_model_that_failed_when_it_drove_is_set_aside_at_the_next_start(tmp_pa
     assert store.set_failed_aside() == ["kitchen"]
     assert told == ["kitchen/00002.npz: it divides by zero"]
     names = [path.name for path in versions(store, tmp_path, "kitchen")]
-    assert names == ["00001.npz", "00002.npz.damaged"]
+    assert names == ["00001.npz", "00002.npz.failed"]
     assert store.load("kitchen").summary.n_examples == 40
     assert store.set_failed_aside() == [], "once"
+
+
+def model_of(number: int) -> Model:
+    """Return a model that is told from others by its place."""
+    return stamp(some_model(), place=str(number))
+
+
+def aside(store: ModelStore, tmp_path: Path, name: str) -> None:
+    """Do to a model what an older program does that cannot read it."""
+    for version in (tmp_path / "models" / name).glob("*.npz"):
+        version.rename(version.with_name(f"{version.name}.damaged"))
+
+
+def test_versions_that_an_older_program_set_aside_come_back(tmp_path: Path) -> None:
+    wall, told = [100.0], []
+    store = ModelStore(
+        Storage(tmp_path), lambda: wall[0], lambda name, **fields: told.append((name, fields))
+    )
+    for count in (50, 52, 54):
+        wall[0] += 1
+        store.save("robot", model_of(count))
+    store.current = "robot"
+    aside(store, tmp_path, "robot")
+    (tmp_path / "models/robot/00009.npz.damaged").write_bytes(b"broken")
+    wall[0] += 1
+    store.save("robot (2)", model_of(3))
+    store.current = "robot (2)"
+    store.retry_damaged()
+    assert store.load("robot").summary.place == "54"
+    assert len(list(store.sound_versions("robot"))) == 3
+    assert store.current == "robot (2)", "what was saved last stays in use"
+    assert [name for name, _ in told] == ["put_back"] * 3
+    assert (tmp_path / "models/robot/00009.npz.damaged").read_bytes() == b"broken"
+
+
+def test_a_version_that_comes_back_is_used_where_the_one_in_use_is_older(tmp_path: Path) -> None:
+    wall = [100.0]
+    store = ModelStore(Storage(tmp_path), lambda: wall[0])
+    store.save("old", model_of(3))
+    wall[0] += 1
+    store.save("robot", model_of(54))
+    aside(store, tmp_path, "robot")
+    store.current = "old"
+    store.retry_damaged()
+    assert (store.current, store.load("robot").summary.place) == ("robot", "54")
+
+
+def test_a_version_older_than_what_was_saved_since_stays_aside(tmp_path: Path) -> None:
+    wall = [100.0]
+    store = ModelStore(Storage(tmp_path), lambda: wall[0])
+    store.save("robot", model_of(5))
+    aside(store, tmp_path, "robot")
+    wall[0] += 1
+    store.save("robot", model_of(9))
+    store.retry_damaged()
+    assert [model.summary.place for model in store.sound_versions("robot")] == ["9"]
+    assert (tmp_path / "models/robot/00001.npz.damaged").exists()
+
+
+def test_a_version_that_failed_when_it_drove_does_not_come_back(tmp_path: Path) -> None:
+    store = ModelStore(Storage(tmp_path))
+    store.save("robot", model_of(5))
+    store.note_failure("robot", "it raised")
+    store.set_failed_aside()
+    store.retry_damaged()
+    assert list(store.sound_versions("robot")) == []
+    assert [one.damaged for one in store.saved()] == [("00001.npz.failed",)]
