@@ -27,6 +27,7 @@ from server.identity import NAMES, IdentityFile
 
 log = logging.getLogger(__name__)
 _ASK_S, _ASKS = 0.2, 150
+_ANSWER_S = 5.0
 _GOLDEN_DEG = 137.508
 """Hues so far apart are distinct, however many there are."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
@@ -73,8 +74,7 @@ class SimulatedRobot:
         for _ in range(_ASKS):
             if self._ending.wait(_ASK_S) or self._has_ended.is_set():
                 return
-            with contextlib.suppress(OSError):
-                socket.create_connection((here, self.port), _ASK_S).close()
+            if _serves(here, self.port):
                 return
 
     def _spawn(self, words: list[str]) -> None:
@@ -112,6 +112,18 @@ class SimulatedRobot:
         self._has_ended.wait()
         if not self._ending.is_set():
             log.error("robot %d has ended: see %s", self.number, self.folder / "log.txt")
+
+
+def _serves(host: str, port: int) -> bool:
+    """Return whether a robot answers, and not only that it is still starting."""
+    with (
+        contextlib.suppress(OSError),
+        socket.create_connection((host, port), _ANSWER_S) as line,
+    ):
+        line.sendall(b"GET /healthz HTTP/1.0\r\nHost: 127.0.0.1\r\n\r\n")
+        head = line.recv(64)
+        return bool(head) and b" 503 " not in head
+    return False
 
 
 @contextlib.contextmanager

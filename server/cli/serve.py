@@ -100,6 +100,7 @@ def run(args: argparse.Namespace) -> int:
     from server.app import create_app
     from server.clients.hub import Hub
     from server.hosting.serving import end_by_signals, open_sockets, serve
+    from server.hosting.starting_page import Part, StartingPage
     from server.identity import IdentityFile
     from server.persistence import Persistence
 
@@ -147,8 +148,11 @@ def run(args: argparse.Namespace) -> int:
 
     gateway.open(identity.now.name, rig.driver.announce)
     end_by_signals()
-    with rig, persistence, gateway.serving(greet_more):
+    starting = StartingPage([] if gateway.certificates else listeners, rig.clock)
+    with starting, rig, persistence, gateway.serving(greet_more):
+        starting.part = Part.MODEL
         _choose_model(persistence.autosave, args, learner)
+        starting.stop()
         print(gateway.greet(greet_more()), flush=True)
         if gateway.admits_all and not args.no_page and sys.stdout.isatty():
             show_page(gateway.addresses()[0])

@@ -1,0 +1,43 @@
+"""The page while the robot starts names what is missing, and leaves the sockets to the server."""
+
+from __future__ import annotations
+
+import socket
+
+import pytest
+
+from robot.clock import RealClock
+from server.hosting.serving import open_socket
+from server.hosting.starting_page import Part, StartingPage
+
+pytestmark = pytest.mark.realtime
+
+
+def ask(listener: socket.socket, request: bytes = b"GET / HTTP/1.1\r\n\r\n") -> bytes:
+    with socket.create_connection(listener.getsockname()) as line:
+        line.sendall(request)
+        answer = b""
+        while piece := line.recv(4096):
+            answer += piece
+        return answer
+
+
+def test_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> None:
+    listener = open_socket("127.0.0.1", 0)
+    with listener, StartingPage([listener], RealClock()) as page:
+        assert ask(listener).startswith(b"HTTP/1.1 503 ")
+        assert b"the robot and its camera" in ask(listener)
+        page.part = Part.MODEL
+        assert b"what it has learned" in ask(listener)
+        with socket.create_connection(listener.getsockname()):
+            pass  # one that leaves at once holds up nobody
+        assert b"Retry-After" in ask(listener, b"\x16\x03\x01 no HTTP at all")
+
+        page.stop()
+
+        with socket.create_connection(listener.getsockname()) as line:
+            listener.setblocking(True)
+            accepted, _ = listener.accept()
+            with accepted:
+                accepted.sendall(b"served")
+                assert line.recv(6) == b"served"
