@@ -56,6 +56,8 @@ class Slot:
     is_taken: bool = True
     is_known: bool = False
     """True of a pending connection whose session is known: it gives way, but has no time limit."""
+    unread: Callable[[], int] = lambda: 0
+    """Returns how many bytes were sent that the client has not read, as far as known."""
 
     def rank(self) -> tuple[float, ...]:
         """Return who gives way first: who is idle; a websocket last of all."""
@@ -182,8 +184,17 @@ class AdmissionControl:
         first = min(self.pending, key=Slot.rank)
         return first.idle_s < math.inf or self._read_until_s - first.came_s >= _READ_S
 
-    def arrive(self, peer: Peer, now_s: float, close: Callable[[], None]) -> None:
-        """Add a new connection as pending; `close` ends it, maybe before `left` is called."""
+    def arrive(
+        self,
+        peer: Peer,
+        now_s: float,
+        close: Callable[[], None],
+        unread: Callable[[], int] = lambda: 0,
+    ) -> None:
+        """Add a new connection as pending; `close` ends it, maybe before `left` is called.
+
+        `unread` returns how many bytes were sent that the client has not read, as far as known.
+        """
         self.expire(now_s)
         if before := self.connections.get(peer):  # which has ended: its port is used again
             self.left(peer)
@@ -192,7 +203,7 @@ class AdmissionControl:
         stranger = Session(Role.VIEWER, f"stranger {address_key(peer[0])}")
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
         assert place is not None, "a newcomer always finds a place"
-        place.came_s = self._read_until_s
+        place.came_s, place.unread = self._read_until_s, unread
         self.connections[peer] = place
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
@@ -222,6 +233,7 @@ class AdmissionControl:
                 return
             if admitted is not None:
                 self.pending.give_back(place)
+                admitted.unread = place.unread
                 self.connections[peer] = place = admitted
             else:  # nobody can give way: the connection is answered all the same
                 place.is_known = True

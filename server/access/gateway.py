@@ -262,6 +262,10 @@ class NetworkGateway(Gateway):
             return None
         return self.pairing.find(cookie_parser(found[1].decode("latin-1")).get(self._cookie, ""))
 
+    def unread(self, scope: Scope) -> int:
+        slot = self.admission.connections.get(_peer(scope))
+        return slot.unread() if slot is not None else 0
+
     def anonymous(self, address: str) -> Session:
         return Session(Role.VIEWER, address_key(address))
 

@@ -11,6 +11,7 @@ import errno
 import os
 import socket
 import struct
+import sys
 from collections import deque
 from typing import Any
 
@@ -27,6 +28,8 @@ _MOST_CONNECTIONS = 1024
 _MOST_IN_SELECT = 512
 """So many sockets can be waited for on Windows."""
 _HEAD = 4096
+_WINDOW_AT = 228
+"""Where `struct tcp_info` of Linux has `tcpi_snd_wnd` (5.4 and newer)."""
 STOP = b"POST /api/stop "
 """How a STOP of a page without a websocket begins."""
 _RESET = struct.pack("ii", 1, 0)
@@ -92,7 +95,7 @@ class AdmissionListener(socket.socket):
                 connection.close()
                 continue
             connection.admission = self.admission
-            self.admission.arrive(connection.peer, now_s, connection.abort)
+            self.admission.arrive(connection.peer, now_s, connection.abort, connection.unread)
             (self._waiting.appendleft if is_stop else self._waiting.append)(connection)
 
     def close(self) -> None:
@@ -118,6 +121,33 @@ class _Connection(socket.socket):
 
     admission: AdmissionControl | None = None
     peer: Peer = ("", 0)
+    _widest = 0
+    """The largest window that the client has offered."""
+
+    def unread(self) -> int:
+        """Return how many bytes the client has not read yet: those on their way, and those that its
+        system has taken for it, by which its window is smaller than it was. Linux; elsewhere 0."""
+        try:
+            import fcntl
+            import termios
+
+            size = bytearray(4)
+            fcntl.ioctl(self.fileno(), termios.TIOCOUTQ, size)
+            info = self.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _WINDOW_AT + 4)
+            [window] = struct.unpack_from("I", info, _WINDOW_AT)
+        except (ImportError, AttributeError, OSError, struct.error):
+            return 0
+        if not self._widest:
+            self._ask_for_windows()
+        self._widest = max(self._widest, window)
+        return int(int.from_bytes(size, sys.byteorder) + self._widest - window)
+
+    def _ask_for_windows(self) -> None:
+        """Have the client's system say its window each second while nothing is sent: it does not
+        always say by itself that the client has read on."""
+        self.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        self.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1)
+        self.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1)
 
     def peek(self) -> bytes | None:
         """Return what waits to be read: empty if the client has left, None if nothing waits."""

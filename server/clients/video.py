@@ -19,6 +19,8 @@ from server.protocol import encode_picture
 
 _REMEMBERED_FRAMES = 256
 """How many frames' capture times are remembered."""
+_ROOM_EVERY_S = 0.01
+"""How often a viewer that cannot acknowledge is looked at while it has not read its frames."""
 _FREQUENT_S = 0.06
 """Frames that come less often are all acknowledged: a pilot who sees nothing is noticed soon."""
 
@@ -220,21 +222,30 @@ class VideoHub:
         own = (viewer for viewer in self._viewers if viewer.person == person)
         return max((one.drawn_id for one in own if one.drawn_id is not None), default=None)
 
-    async def stream(self) -> AsyncGenerator[bytes, None]:
-        """Yield the newest frames as JPEG, for viewers that cannot acknowledge."""
-        last_id = 0
+    async def stream(
+        self, has_room: Callable[[int], bool] = lambda n_bytes: True
+    ) -> AsyncGenerator[bytes, None]:
+        """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
+
+        `has_room` tells whether the viewer is to be sent another frame, by the size of the last:
+        one that does not read is sent the newest as soon as it reads again, and none between.
+        """
+        last_id = n_bytes = 0
         self._streams += 1
         self._on_viewers()
         try:
             while True:
                 if self.newest is None or self.newest.frame_id == last_id:
                     await self._shown.wait()
-                    continue
-                last_id = self.newest.frame_id
-                if self._jpeg is None:
-                    self._jpeg = self.encoder.encode_jpeg(self.newest)
-                self.frames_sent += 1
-                yield self._jpeg
+                elif not has_room(n_bytes):
+                    await self._clock.pause(_ROOM_EVERY_S)
+                else:
+                    last_id = self.newest.frame_id
+                    if self._jpeg is None:
+                        self._jpeg = self.encoder.encode_jpeg(self.newest)
+                    self.frames_sent += 1
+                    n_bytes = len(self._jpeg)
+                    yield self._jpeg
         finally:
             self._streams -= 1
             self._on_viewers()

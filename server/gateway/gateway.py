@@ -126,6 +126,10 @@ class Gateway:
         """Return the session of a browser."""
         return Session(Role.PILOT, address, is_crowd=True)
 
+    def unread(self, scope: Scope) -> int:
+        """Return how many bytes the client has been sent and not read yet, as far as known."""
+        return 0
+
     def anonymous(self, address: str) -> Session:
         """Return what a client without a session is counted by."""
         return Session(Role.VIEWER, address)

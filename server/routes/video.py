@@ -1,7 +1,7 @@
 """The video, a thin shell around its hub.
 
 `/ws/video` sends frames and receives acknowledgements. `/video.mjpg` is for VLC, dashboards and an
-`<img>`: such a stream cannot acknowledge, so behind a slow link it lags.
+`<img>`: such a stream cannot acknowledge, so the server looks at what its connection has not read.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import itertools
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 
 from fastapi import APIRouter, HTTPException, Request, WebSocket
 from fastapi.responses import Response, StreamingResponse
@@ -25,7 +25,11 @@ from server.services import services_of
 
 router = APIRouter(route_class=Route)
 _SELDOM_MS = 60_000
-_BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\n\r\n"
+_LEAST_ROOM = 2048
+"""Bytes that may be unread of any connection: a window is known by the kilobyte."""
+_LOOKS = 2000
+"""A viewer that seems not to read is sent a frame after so many looks, of 10 ms each."""
+_BOUNDARY, _END_OF_HEADER = b"--frame\r\nContent-Type: image/jpeg\r\n", b"\r\n"
 _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
 
@@ -79,7 +83,17 @@ async def mjpeg(request: Request) -> StreamingResponse:
     frame = hub.robot.camera.latest()
     if frame is not None:
         hub.video.encoder.encode_jpeg(frame)  # 501 where that needs OpenCV
-    return StreamingResponse(_parts(hub), media_type=_MEDIA_TYPE)
+    gateway, looks = services_of(request).gateway, itertools.count(1)
+
+    def has_room(n_bytes: int) -> bool:
+        """One frame may be unread, and half of it on its way; now and then one is sent all the
+        same, as a system may give a connection a smaller window than it had."""
+        unread = gateway.unread(request.scope)
+        return unread <= max(1.5 * n_bytes, _LEAST_ROOM) or next(looks) % _LOOKS == 0
+
+    form = _for_browsers if _is_browser(request) else _for_players
+    headers = {"x-accel-buffering": "no"}  # by a proxy: it would keep old frames
+    return StreamingResponse(form(hub, has_room), media_type=_MEDIA_TYPE, headers=headers)
 
 
 @router.get("/picture.jpg", include_in_schema=False)
@@ -93,14 +107,32 @@ def picture(request: Request) -> Response:
     return Response(hub.video.encoder.encode_jpeg(frame), media_type="image/jpeg", headers=headers)
 
 
-async def _parts(hub: Hub) -> AsyncIterator[bytes]:
+def _is_browser(request: Request) -> bool:
+    """Browsers ask for pages or for pictures; players ask for anything."""
+    accept = request.headers.get("accept", "")
+    return "sec-fetch-mode" in request.headers or "image/" in accept or "text/html" in accept
+
+
+async def _for_browsers(hub: Hub, has_room: Callable[[int], bool]) -> AsyncIterator[bytes]:
     """Yield frames, each with the next part's header behind it.
 
     Browsers show a part only when the header of the next one has arrived; sending it with the
     frame saves one frame's time.
     """
-    yield _BOUNDARY
+    yield _BOUNDARY + _END_OF_HEADER
     hub.show_newest()
-    async with contextlib.aclosing(hub.video.stream()) as frames:
+    async with contextlib.aclosing(hub.video.stream(has_room)) as frames:
         async for jpeg in frames:
-            yield jpeg + b"\r\n" + _BOUNDARY
+            yield jpeg + b"\r\n" + _BOUNDARY + _END_OF_HEADER
+
+
+async def _for_players(hub: Hub, has_room: Callable[[int], bool]) -> AsyncIterator[bytes]:
+    """Yield frames, each with its length: players show it as soon as it is complete.
+
+    Without the length the FFmpeg family looks for the next part's header, and for the one after.
+    """
+    hub.show_newest()
+    async with contextlib.aclosing(hub.video.stream(has_room)) as frames:
+        async for jpeg in frames:
+            length = b"Content-Length: %d\r\n" % len(jpeg)
+            yield _BOUNDARY + length + _END_OF_HEADER + jpeg + b"\r\n"
