@@ -21,7 +21,7 @@ from .labels import drive_at, taught_labels
 from .made import MAKERS, Made, number_of, put
 from .sim_drive import drive_in_simulator
 
-VARIANTS = int(os.environ.get("DRIVELESSON_FORMS", "6"))
+VARIANTS = int(os.environ.get("DRIVELESSON_FORMS", 30 if "DRIVELESSON_FULL" in os.environ else 3))
 
 
 def came_in(made: Made, home: Path, report: ImportReport) -> dict[int, str | None]:
