@@ -315,11 +315,12 @@ class Storage:
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
-    def sweep(self) -> None:
-        """Remove what a power cut left half done a minute ago or more.
+    def half_done(self) -> list[Path]:
+        """List what a kill or a power cut left unfinished a minute ago or more.
 
-        For the one program that writes here: another's half may be on its way just now.
+        What is younger may be on its way just now, by another program.
         """
+        found: list[Path] = []
         with contextlib.suppress(OSError):
             kinds = folder_kinds()
             places = (self.root, *self.models.glob("*/"), *(self.root / k.name for k in kinds))
@@ -330,7 +331,14 @@ class Storage:
             for path in parts:
                 with contextlib.suppress(OSError):
                     if time.time() - path.lstat().st_mtime > _HALF_DONE_S:
-                        path.unlink()
+                        found.append(path)
+        return found
+
+    def sweep(self) -> None:
+        """Remove what is `half_done`."""
+        for path in self.half_done():
+            with contextlib.suppress(OSError):
+                path.unlink()
 
     def usage(self) -> dict[str, int]:
         """Return the bytes of what is kept and of the trash, and what the disk has left: `free`."""

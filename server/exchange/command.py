@@ -91,6 +91,7 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
     )
     if args.name:
         check_name(args.name)
+    storage.sweep()  # an import that was killed left what it had
     whole = ImportReport(is_strict=args.strict)
     made: list[Path] = []
     try:

@@ -16,7 +16,7 @@ from robot.recordings.episode import Episode
 from robot.recordings.folder import NAME
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import EpisodeSummary
-from robot.store.folder import Storage, default_root
+from robot.store.folder import Storage, default_root, size_of
 from server.cli.parser import number
 from server.recordings.selection import EPISODE_HELP, EpisodeVerb, add_data, find_episodes, find_id
 
@@ -89,6 +89,7 @@ def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
 
 def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     summaries = store.summaries()
+    _print_half_done(storage)
     if not summaries:
         print(f"no episodes in {storage.folder(NAME)}")
         return
@@ -100,6 +101,15 @@ def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storag
         print(
             f"{summary.id:27} {began:16} {summary.duration_s:7.1f}s {summary.frames:6} "
             f"{sum(summary.taught.values()):6} {summary.bytes / 1e6:7.1f}  {_remarks(summary)}"
+        )
+
+
+def _print_half_done(storage: Storage) -> None:
+    for path in storage.half_done():
+        what = path.relative_to(storage.root).as_posix()
+        print(
+            f"unfinished: {what}, {size_of(path) / 1e6:.1f} MB: what wrote it was ended; the next "
+            "start of the robot, or the next import, removes it"
         )
 
 

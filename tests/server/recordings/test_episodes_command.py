@@ -54,7 +54,7 @@ def test_a_name_is_found_however_its_accents_are_written(
 def test_before_anything_is_recorded_that_is_said(
     data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert "nothing is recorded yet" in say("episodes show last", capsys, status=1)
+    assert "nothing is recorded yet" in say("episodes show last", capsys, status=2)
 
 
 def test_mend_and_undo(episode_id: str, data: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -80,7 +80,7 @@ def test_delete_restore_and_the_trash(
     assert f"{episode_id} is back" in say("episodes restore", capsys)
     say("episodes delete last", capsys)
     say("episodes empty-trash", capsys)
-    say("episodes restore", capsys, status=1)
+    say("episodes restore", capsys, status=2)
 
 
 def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
@@ -98,7 +98,7 @@ def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
     path.rename(by_hand / path.name)
     assert say("episodes restore", capsys) == "second is back\n"
     assert say("episodes restore", capsys) == "first is back\n"
-    assert "no longer in the trash" in say("episodes restore", capsys, status=1)
+    assert "no longer in the trash" in say("episodes restore", capsys, status=2)
 
 
 def test_the_budget_offers_and_deletes_nothing(
@@ -124,7 +124,7 @@ def test_the_budget_offers_and_deletes_nothing(
 def test_what_cannot_be_done_is_one_clear_line(
     episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = say(words, capsys, status=1)
+    told = say(words, capsys, status=2)
     assert complaint in told.splitlines()[-1]
 
 
@@ -162,3 +162,22 @@ def test_a_full_disk_can_be_made_room_on(
     assert "trash" in say("episodes budget", capsys)
     say("episodes empty-trash", capsys)
     assert not any((data / "trash").iterdir())
+
+
+def test_what_a_killed_import_left_is_listed_and_removed_by_the_next(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = Storage(tmp_path / "data")
+    left = data.root / "episodes"
+    for name, size in (("tub.mcap", 0), (".tub.mcap.4711.part", 69_000)):
+        (left / name).write_bytes(bytes(size))
+        os.utime(left / name, (1.0, 1.0))
+    (left / ".new.mcap.4712.part").write_bytes(b"on its way")
+    words = ["--data", str(data.root)]
+    assert main(["episodes", "list", *words]) == 0
+    said = capsys.readouterr().out
+    assert "unfinished: episodes/tub.mcap, 0.0 MB" in said
+    assert "unfinished: episodes/.tub.mcap.4711.part, 0.1 MB" in said
+    assert "4712" not in said
+    assert main(["episodes", "import", str(tmp_path / "nothing"), *words]) == 2
+    assert [path.name for path in left.iterdir()] == [".new.mcap.4712.part"]
