@@ -105,6 +105,7 @@ class _Run:
         self._left = len(tasks)
         self._ours = identity.identify_all()
         self._alone_since_s = time.monotonic()
+        self._said_s = self._alone_since_s
         self._had_workers = False
 
     def outcomes(self) -> Iterator[tuple[str, Outcome, str]]:
@@ -171,11 +172,15 @@ class _Run:
     def _end_if_alone(self, now_s: float) -> None:
         if any(worker.is_used or worker.future for worker in self._workers.values()):
             self._alone_since_s, self._had_workers = now_s, True
+            self._said_s = now_s
             return
         if self._refused:
             raise ConfigurationError(
                 "no worker can be used: " + "; ".join(dict.fromkeys(self._refused.values()))
             )
+        if now_s - self._said_s > _SILENT_S:
+            self._said_s = now_s
+            self._say(f"no worker for {now_s - self._alone_since_s:.0f} s; waiting for one")
         patience_s = _NO_WORKER_S if self._had_workers else _FIRST_WORKER_S
         if now_s - self._alone_since_s > patience_s:
             raise ConfigurationError(
