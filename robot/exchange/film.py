@@ -164,17 +164,18 @@ def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = 
     moment, the nearest one stays; longer gaps are cut. All are brought to the first one's size.
     Returns how many pictures the film has.
     """
-    found = moments(episode, notes)
-    line = make_timeline([moment.at_s for moment in found])
+    found = enumerate(moments(episode, notes))
+    line = make_timeline((episode.frames.captured_s - episode.start_s).tolist())
     rate = fps or line.fps
 
     def pictures() -> Iterable[Pixels]:
         size: tuple[int, int] | None = None
         for index, same in groupby(chain.from_iterable(line.evenly(rate))):
-            if not found[index].is_deleted:
-                frame = episode.frame(found[index].frame_id)
+            moment = next(moment for place, moment in found if place == index)
+            if not moment.is_deleted:
+                frame = episode.frame(moment.frame_id)
                 size = size or (frame.width, frame.height)
-                picture = _caption(of_size(frame, size), found[index])
+                picture = _caption(of_size(frame, size), moment)
                 for _ in same:
                     yield picture
 

@@ -234,7 +234,7 @@ def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
     """Return when a sensor said what, shape (n, 2)."""
     said = [
         (now_s - episode.start_s, float(words[name]))
-        for now_s, words in episode.messages.get(Topic.SENSORS, [])
+        for now_s, words in episode.messages(Topic.SENSORS)
         if words.get(name) is not None
     ]
     return np.array(said).reshape(-1, 2)

@@ -9,9 +9,14 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
+import tempfile
+import zipfile
+from array import array
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +36,7 @@ SIZE = 160, 120
 _STEERED = "angle", "throttle"
 _MEAN = "angle_mean"
 _UNKNOWN = Point(math.nan, math.nan)
+_COPIED_BYTES = 1 << 20
 MAX_BYTES = 512 * 2**20
 """A recording that unpacks to more is refused."""
 
@@ -59,29 +65,52 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
     A JPEG of 160x120 keeps its bytes; any other picture is scaled. The form has three labels, so
     pictures that were taught another move are left out; RecordingError if none is left.
     """
-    files, labels, times_s, points = [], [], [], []
-    for moment in moments(episode, notes):
-        if is_example(moment):
-            frame = episode.frame(moment.frame_id)
-            is_kept = frame.encoding is Encoding.JPEG and (frame.width, frame.height) == SIZE
-            files.append(frame.data if is_kept else to_jpeg(of_size(frame, SIZE)).data)
-            labels.append(DEFAULT_MOVES.index(moment.label))
-            times_s.append(moment.at_s)
-            points.append(moment.point or _UNKNOWN)
-    if not files:
-        raise RecordingError("there are no pictures to export: none was taught one of the 3 moves")
-    steered = np.array(points, np.float32).T
-    with path.open("xb") as file:
-        np.savez(
-            file,
-            **{} if np.isnan(steered).all() else dict(zip(_STEERED, steered, strict=True)),
-            jpeg=np.frombuffer(b"".join(files), np.uint8),
-            offsets=np.cumsum([0, *map(len, files)], dtype=np.int64),
-            labels=np.array(labels, np.uint8),
-            t=np.array(make_timeline(times_s).times_s, np.float32),
-            meta=np.array(json.dumps({"source": "drivelesson", "episode": episode.id})),
+    labels, ends, times_s = array("B"), array("q", [0]), array("d")
+    points = array("f"), array("f")
+    # The pictures are more than fits into memory, and their array begins with their number.
+    with tempfile.TemporaryFile(dir=path.parent) as pictures:
+        for moment in moments(episode, notes):
+            if is_example(moment):
+                frame = episode.frame(moment.frame_id)
+                is_kept = frame.encoding is Encoding.JPEG and (frame.width, frame.height) == SIZE
+                data = frame.data if is_kept else to_jpeg(of_size(frame, SIZE)).data
+                pictures.write(data)
+                ends.append(ends[-1] + len(data))
+                labels.append(DEFAULT_MOVES.index(moment.label))
+                times_s.append(moment.at_s)
+                for shares, share in zip(points, moment.point or _UNKNOWN, strict=True):
+                    shares.append(share)
+        if not labels:
+            raise RecordingError(
+                "there are no pictures to export: none was taught one of the 3 moves"
+            )
+        steered = dict(
+            zip(_STEERED, (np.array(shares, np.float32) for shares in points), strict=True)
         )
-    return len(files)
+        columns: dict[str, NDArray[Any]] = {
+            **({} if np.isnan([*steered.values()]).all() else steered),
+            "offsets": np.array(ends, np.int64),
+            "labels": np.array(labels, np.uint8),
+            "t": np.array(make_timeline(times_s).times_s, np.float32),
+            "meta": np.array(json.dumps({"source": "drivelesson", "episode": episode.id})),
+        }
+        _write_npz(path, columns, pictures, ends[-1])
+    return len(labels)
+
+
+def _write_npz(
+    path: Path, columns: Mapping[str, NDArray[Any]], pictures: IO[bytes], size: int
+) -> None:
+    """Write what `np.savez` would, but for one array from a file."""
+    header = {"descr": "|u1", "fortran_order": False, "shape": (size,)}
+    with zipfile.ZipFile(path, "x") as archive:
+        with archive.open("jpeg.npy", "w", force_zip64=True) as member:
+            np.lib.format.write_array_header_1_0(member, header)
+            pictures.seek(0)
+            shutil.copyfileobj(pictures, member, _COPIED_BYTES)
+        for name, values in columns.items():
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, values)
 
 
 def _checked(path: Path, arrays: dict[str, NDArray[Any]], report: ImportReport) -> Drive:

@@ -83,10 +83,11 @@ def _load_episode(path: Path) -> list[Footage]:
 
     with told_as(RecordingError, f"there is no episode {path}"):
         episode, notes = open_episode(path), read_notes(path)
-    kept = [each for each in episode.frames.values() if not notes.is_deleted(each.frame_id)]
-    if not kept:
+    is_kept = ~notes.deleted(episode.frames.ids)
+    if not is_kept.any():
         raise RecordingError(f"the episode {path} has no pictures")
-    return [[(each.captured_s, partial(episode.frame, each.frame_id)) for each in kept]]
+    ids, times_s = episode.frames.ids[is_kept].tolist(), episode.frames.captured_s[is_kept]
+    return [[(s, partial(episode.frame, i)) for s, i in zip(times_s.tolist(), ids, strict=True)]]
 
 
 def _load_recordings(path: Path) -> list[Footage]:

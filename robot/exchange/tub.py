@@ -9,10 +9,13 @@ with one JSON record a line, a `.catalog_manifest` with the lengths of these lin
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from robot.driver import point_of
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
@@ -148,12 +151,37 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
     is in `pilot/angle` and `pilot/throttle`. `taught_only` leaves out what nobody taught.
     """
     folder.mkdir(parents=True)
-    origin_ms = episode.origin_ns // 10**6
-    records: list[Record] = []
+    with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:
+        seen = _write_records(episode, notes, folder, lines, taught_only=taught_only)
+        lines.seek(0)
+        _write_catalogs(folder, lines, episode, seen)
+    return seen.count
+
+
+@dataclass(slots=True)
+class _Seen:
+    """What the records of a tub have: how many there are, which columns any has, and the labels."""
+
+    count: int = 0
+    columns: set[str] = field(default_factory=set)
+    labels: set[str] = field(default_factory=set)
+    all_steered: bool = True
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        there = self.columns if self.all_steered else self.columns - {*_STEERED, _DEGREES}
+        return {name: of for name, of in _INPUTS.items() if name in there}
+
+
+def _write_records(
+    episode: Episode, notes: Notes, folder: Path, lines: TextIO, *, taught_only: bool
+) -> _Seen:
+    """Write pictures, and a line of JSON for each record."""
+    seen, origin_ms = _Seen(), episode.origin_ns // 10**6
     for moment in moments(episode, notes):
         if moment.is_deleted or (taught_only and moment.label is None):
             continue
-        frame, index = episode.frame(moment.frame_id), len(records)
+        frame, index = episode.frame(moment.frame_id), seen.count
         record: Record = {
             IMAGE: write_picture(frame, folder / "images", f"{index}_cam_image_array_"),
             _MODE: "user" if moment.label else "local",
@@ -173,24 +201,26 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
             proposed = point_of(Action(moment.predicted), episode.declared_moves)
         if proposed:
             record.update(zip(_PILOT, proposed, strict=True))
-        records.append(record)
-    there = set[str]().union(*records)
-    if any(_ANGLE not in record for record in records):
-        there -= {*_STEERED, _DEGREES}
-        records = [{n: v for n, v in r.items() if n in there} for r in records]
-    _write_catalogs(folder, records, episode, {n: of for n, of in _INPUTS.items() if n in there})
-    return len(records)
+        lines.write(_as_line(record))
+        seen.count += 1
+        seen.columns |= record.keys()
+        seen.labels |= {record[_LABEL]} - {""}
+        seen.all_steered &= _ANGLE in record
+    return seen
 
 
-def _write_catalogs(
-    folder: Path, records: list[Record], episode: Episode, inputs: dict[str, str]
-) -> None:
-    created_s, names = episode.started_at_s, []
-    moves = sorted({record[_LABEL] for record in records} - {""})
-    for start in range(0, max(len(records), 1), _CATALOG_RECORDS):
+def _as_line(record: Record) -> str:
+    return json.dumps(record, allow_nan=False, sort_keys=True) + "\n"
+
+
+def _write_catalogs(folder: Path, records: Iterable[str], episode: Episode, seen: _Seen) -> None:
+    created_s, names, inputs = episode.started_at_s, [], seen.inputs
+    moves, rest = sorted(seen.labels), iter(records)
+    for start in range(0, max(seen.count, 1), _CATALOG_RECORDS):
         stem = f"catalog_{start // _CATALOG_RECORDS}"
-        part = records[start : start + _CATALOG_RECORDS]
-        lines = [json.dumps(record, allow_nan=False, sort_keys=True) + "\n" for record in part]
+        lines = list(islice(rest, _CATALOG_RECORDS))
+        if not seen.all_steered:
+            lines = [_as_line(_without_steering(json.loads(line))) for line in lines]
         (folder / f"{stem}.catalog").write_text("".join(lines), encoding="ascii", newline="\n")
         described = {
             "path": f"{stem}.catalog_manifest",
@@ -207,7 +237,7 @@ def _write_catalogs(
     }
     catalogs = {
         "paths": names,
-        "current_index": len(records),
+        "current_index": seen.count,
         "max_len": _CATALOG_RECORDS,
         "deleted_indexes": [],
     }
@@ -221,6 +251,10 @@ def _write_catalogs(
             catalogs,
         ],
     )
+
+
+def _without_steering(record: Record) -> Record:
+    return {name: value for name, value in record.items() if name not in (*_STEERED, _DEGREES)}
 
 
 def _write_lines(path: Path, values: list[Any]) -> None:

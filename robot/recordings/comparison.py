@@ -7,7 +7,8 @@ labels. The edited labels are the ground truth.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from robot.policy.history import Edited, Taught
@@ -89,20 +90,28 @@ def compare(
 
 
 def _held_out(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, Example]] | None:
-    labelled = [
-        (episode, event.example)
-        for episode, event in plan(episodes)
-        if isinstance(event, Taught) and event.example.frame_id in episode.frames
-    ]
-    if len(labelled) < FEWEST_FRAMES:
+    counts = Counter(id(episode) for episode, _ in _labelled(episodes))
+    if counts.total() < FEWEST_FRAMES:
         return None
+    ranks: Counter[int] = Counter()
     found: list[tuple[Episode, Example]] = []
-    for episode, _ in episodes:
-        own = [one for one in labelled if one[0] is episode]
-        for number in _HELD_OUT:
-            ends = [len(own) * n // _STRETCHES for n in (number, number + 1)]
-            found += own[ends[0] : ends[1]]
+    for episode, example in _labelled(episodes):
+        own = id(episode)
+        if _stretch_of(ranks[own], counts[own]) in _HELD_OUT:
+            found.append((episode, example))
+        ranks[own] += 1
     return found
+
+
+def _labelled(episodes: Sequence[EditedEpisode]) -> Iterator[tuple[Episode, Example]]:
+    for episode, event in plan(episodes):
+        if isinstance(event, Taught) and event.example.frame_id in episode.frames:
+            yield episode, event.example
+
+
+def _stretch_of(rank: int, count: int) -> int:
+    """Return in which of the stretches, which begin at `count * n // _STRETCHES`, a frame is."""
+    return ((rank + 1) * _STRETCHES - 1) // count
 
 
 def _spread(found: list[JudgedFrame]) -> tuple[JudgedFrame, ...]:

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from operator import itemgetter
+from itertools import chain, groupby, islice
 from typing import BinaryIO
 
+import numpy as np
+
 from robot.driver import CLASSIC
-from robot.errors import ConfigurationError
+from robot.errors import UNREADABLE, ConfigurationError
 from robot.policy.history import Edited, Taught, Undone
+from robot.recordings.columns import Labels, read_fields
 from robot.recordings.edits import Edit, Notes, Range, trim
 from robot.recordings.episode import Episode, taught_frames
 from robot.recordings.messages import EDITED, MODEL_BEFORE, Fields, Topic
-from robot.recordings.reader import Message, scan
+from robot.recordings.reader import Block, Message, scan
 from robot.recordings.teaching import plan, surviving
 from robot.recordings.writer import FORMAT, EpisodeWriter
 from robot.store.models.events import describe_event, read_point
@@ -22,6 +26,10 @@ from robot.types import Action, Point
 
 _SOON_S = 0.5
 """What comes later than this after a picture is not about it: the robot stood in between."""
+_LATE_S = 2.0
+"""A slow computer proposes a move for a picture this much later at most."""
+_MOST_WAITING = 20_000
+_ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,51 +61,154 @@ class EpisodeFrame:
     """True if the pose was reckoned from the wheels; in simulation it is the truth."""
 
 
-def moments(episode: Episode, notes: Notes) -> list[EpisodeFrame]:
-    """List the recording's pictures in order, each with label, prediction and driver."""
-    examples = taught_frames(episode)
-    predictions = {
-        fields["frame"]: fields for _, fields in episode.messages.get(Topic.PREDICTION, [])
-    }
-    decisions = episode.messages.get(Topic.DECISION, [])
-    sensed = episode.messages.get(Topic.SENSORS, [])
-    start_s, found = episode.start_s, []
-    for entry in episode.frames.values():
-        decision = _next_of(decisions, entry.captured_s)
-        senses = _next_of(sensed, entry.captured_s)
-        pose = senses.get("pose")
-        proposed = predictions.get(entry.frame_id, {})
-        relabel, example = notes.relabel(entry.frame_id), examples.get(entry.frame_id)
-        label = relabel or (example.label if example else None)
-        found.append(
-            EpisodeFrame(
-                frame_id=entry.frame_id,
-                at_s=entry.captured_s - start_s,
-                label=label,
-                point=example.point if example and example.label is label else None,
-                is_relabelled=relabel is not None,
-                is_deleted=notes.is_deleted(entry.frame_id),
-                is_intervention=example is not None and example.is_intervention,
-                predicted=proposed.get("action"),
-                predicted_point=read_point(proposed),
-                confidence=proposed.get("confidence"),
-                driven_by=decision.get("driven_by"),
-                sent=decision.get("sent"),
-                sent_point=read_point(decision),
-                asks_pilot=bool(decision.get("asks_pilot")),
-                distance_m=senses.get("distance_m"),
-                bumped=bool(senses.get("bumped")),
-                pose=pose and (pose["x_m"], pose["y_m"], pose["heading_rad"]),
-                is_pose_estimate=bool(pose and pose.get("is_estimate")),
-            )
-        )
+def moments(episode: Episode, notes: Notes) -> Iterator[EpisodeFrame]:
+    """Yield the recording's pictures in order, each with label, prediction and driver.
+
+    The recording is read chunk by chunk; two or three are in memory.
+    """
+    table, labels = episode.frames, taught_frames(episode)
+    in_file = _told(episode, notes, labels, episode.blocks(), range(len(table)))
+    if table.is_ordered:
+        return in_file
+    return iter(sorted(in_file, key=lambda moment: moment.frame_id))
+
+
+def sample(
+    episode: Episode,
+    notes: Notes,
+    count: int,
+    between: Range | None = None,
+) -> list[EpisodeFrame]:
+    """Return at most `count` moments at even distances, of all pictures or of a range of frames;
+    only their chunks are read."""
+    table, labels = episode.frames, taught_frames(episode)
+    ranks = range(len(table))
+    if between is not None:
+        first, last = (max(0, min(frame_id, 2**32 - 1)) for frame_id in between)
+        ranks = range(*np.searchsorted(table.ids, [first, last + 1]).tolist())
+    chosen = [int(ranks[i]) for i in even(len(ranks), count)]
+    found: list[EpisodeFrame] = []
+    for offset, same in groupby(chosen, key=lambda rank: table.table["chunk"][rank]):
+        blocks = islice(episode.blocks(int(offset)), 2)
+        found += _told(episode, notes, labels, blocks, list(same))
     return found
 
 
-def _next_of(messages: Sequence[tuple[float, Fields]], at_s: float) -> Fields:
-    """Return the first message that is not older; an empty one if none follows soon."""
-    index = bisect_left(messages, at_s, key=itemgetter(0))
-    return next((fields for s, fields in messages[index : index + 1] if s - at_s < _SOON_S), {})
+def even(total: int, count: int) -> list[int]:
+    """Choose at most `count` of 0 to `total` - 1 at even distances."""
+    if total <= count:
+        return list(range(total))
+    return [round(i * (total - 1) / max(count - 1, 1)) for i in range(count)]
+
+
+def labels(episode: Episode, notes: Notes) -> Iterator[Action]:
+    """Yield the label of each picture that has one and is not deleted."""
+    taught, ids = taught_frames(episode), episode.frames.ids
+    for frame_id in ids[~notes.deleted(ids)].tolist():
+        if label := notes.relabel(frame_id):
+            yield label
+        elif example := taught.get(frame_id):
+            yield example.label
+
+
+class _Said:
+    """Messages of one topic about the pictures that are under way; each is parsed when needed."""
+
+    def __init__(self) -> None:
+        self._times_s: list[float] = []
+        self._messages: list[bytes | Fields] = []
+
+    def add(self, block: Block, topic: Topic, origin_ns: int) -> None:
+        rows = block.of(topic)
+        self._times_s += ((rows["log_ns"].astype("<i8") - origin_ns) / 1e9).tolist()
+        self._messages += block.texts(rows)
+
+    def after(self, at_s: float, within_s: float) -> Iterator[Fields]:
+        """Yield those that are not older, for so long."""
+        for index in range(bisect_left(self._times_s, at_s), len(self._times_s)):
+            if self._times_s[index] - at_s >= within_s:
+                return
+            message = self._messages[index]
+            if isinstance(message, bytes):
+                message = self._messages[index] = _fields_in(message)
+            yield message
+
+    def forget(self, before_s: float) -> None:
+        count = bisect_left(self._times_s, before_s)
+        del self._times_s[:count], self._messages[:count]
+
+
+def _fields_in(message: bytes) -> Fields:
+    """Read a message; one that is damaged says nothing."""
+    try:
+        return read_fields([message])[0]
+    except UNREADABLE:
+        return {}
+
+
+def _told(
+    episode: Episode,
+    notes: Notes,
+    labels: Labels,
+    blocks: Iterable[Block],
+    ranks: Sequence[int],
+) -> Iterator[EpisodeFrame]:
+    """Yield the pictures of these ranks as their chunks come by."""
+    table, start_s, origin_ns = episode.frames.table, episode.start_s, episode.origin_ns
+    decisions, sensed, proposed = said = (_Said(), _Said(), _Said())
+    waiting: deque[int] = deque()
+    left = len(ranks)
+    by_place = sorted(ranks, key=lambda rank: (table["chunk"][rank], table["start"][rank]))
+    chunks = table["chunk"][by_place]
+
+    def tell(rank: int) -> EpisodeFrame:
+        frame_id = int(table["id"][rank])
+        at_s = (int(table["log_ns"][rank]) - origin_ns) / 1e9
+        decision = next(decisions.after(at_s, _SOON_S), {})
+        senses = next(sensed.after(at_s, _SOON_S), {})
+        told = (each for each in proposed.after(at_s, _LATE_S) if each.get("frame") == frame_id)
+        prediction = next(told, {})
+        pose = senses.get("pose")
+        relabel, example = notes.relabel(frame_id), labels.get(frame_id)
+        label = relabel or (example.label if example else None)
+        return EpisodeFrame(
+            frame_id=frame_id,
+            at_s=at_s - start_s,
+            label=label,
+            point=example.point if example and example.label is label else None,
+            is_relabelled=relabel is not None,
+            is_deleted=notes.is_deleted(frame_id),
+            is_intervention=example is not None and example.is_intervention,
+            predicted=prediction.get("action"),
+            predicted_point=read_point(prediction),
+            confidence=prediction.get("confidence"),
+            driven_by=decision.get("driven_by"),
+            sent=decision.get("sent"),
+            sent_point=read_point(decision),
+            asks_pilot=bool(decision.get("asks_pilot")),
+            distance_m=senses.get("distance_m"),
+            bumped=bool(senses.get("bumped")),
+            pose=pose and (pose["x_m"], pose["y_m"], pose["heading_rad"]),
+            is_pose_estimate=bool(pose and pose.get("is_estimate")),
+        )
+
+    for block in blocks:
+        for messages, topic in zip(said, _ABOUT, strict=True):
+            messages.add(block, topic, origin_ns)
+        first, last = np.searchsorted(chunks, [block.offset, block.offset + 1]).tolist()
+        waiting.extend(by_place[first:last])
+        if not len(block.rows):
+            continue
+        known_ns = int(block.rows["log_ns"].max()) - round(_LATE_S * 1e9)
+        while waiting and (len(waiting) > _MOST_WAITING or table["log_ns"][waiting[0]] < known_ns):
+            yield tell(waiting.popleft())
+            left -= 1
+        if not left:
+            return
+        needed_ns = int(table["log_ns"][waiting[0]]) if waiting else known_ns
+        for messages in said:
+            messages.forget((needed_ns - origin_ns) / 1e9)
+    yield from map(tell, waiting)
 
 
 def edit_of(verb: str, between: Range, episode: Episode, label: str | None = None) -> Edit:
@@ -113,13 +224,6 @@ def edit_of(verb: str, between: Range, episode: Episode, label: str | None = Non
     return Edit(verb=verb, ranges=(between,), label=move)
 
 
-def choose(found: Sequence[EpisodeFrame], count: int) -> list[EpisodeFrame]:
-    """Choose `count` moments at even distances, for a strip."""
-    if len(found) <= count:
-        return list(found)
-    return [found[round(i * (len(found) - 1) / max(count - 1, 1))] for i in range(count)]
-
-
 def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: bool = False) -> None:
     """Write a copy of the recording with the edits applied.
 
@@ -129,9 +233,10 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))
-    kept_s = [each.captured_s for i, each in episode.frames.items() if not notes.is_deleted(i)]
-    ends_s = kept_s or [episode.start_s, episode.start_s + episode.duration_s]
-    first_s, last_s = min(ends_s), max(ends_s)
+    kept_s = episode.frames.captured_s[~notes.deleted(episode.frames.ids)]
+    first_s, last_s = episode.start_s, episode.start_s + episode.duration_s
+    if len(kept_s):
+        first_s, last_s = float(kept_s.min()), float(kept_s.max())
     for record in scan(episode.path):
         if not isinstance(record, Message) or record.topic == Topic.LESSON:
             continue
@@ -147,8 +252,10 @@ def _write_events(
     writer: EpisodeWriter, episode: Episode, notes: Notes, now_s: float, is_part: bool
 ) -> None:
     """Write what was undone of an earlier recording, and what is to be learned."""
-    undone = [event for _, event in surviving([(episode, notes)]) if isinstance(event, Undone)]
-    for event in (*undone, *(step.event for step in plan([(episode, notes)]))):
+    events = episode.events
+    [rows] = surviving([(episode, notes)])
+    undone = map(events.event, np.intersect1d(events.rows_of(Undone), rows).tolist())
+    for event in chain(undone, (step.event for step in plan([(episode, notes)]))):
         if is_part and (isinstance(event, Edited) or event == Undone(frame_ids=())):
             continue
         if isinstance(event, Taught) and event.example.frame_id in episode.frames:

@@ -8,6 +8,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot.errors import UNREADABLE, ConfigurationError, RecordingError
 from robot.store.folder import write_whole
 from robot.store.records import read_regular
@@ -63,6 +66,13 @@ class Notes:
     def is_deleted(self, frame_id: int) -> bool:
         return any(edit.verb == "delete" and edit.covers(frame_id) for edit in self.edits)
 
+    def deleted(self, ids: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """Return for each frame whether it is deleted."""
+        found = np.zeros(len(ids), bool)
+        for first, last in (r for edit in self.edits if edit.verb == "delete" for r in edit.ranges):
+            found |= (ids >= first) & (ids <= last)
+        return found
+
     def relabel(self, frame_id: int) -> Action | None:
         """Return the label that a person gave this frame last; None if nobody did."""
         given = [e.label for e in self.edits if e.verb == "relabel" and e.covers(frame_id)]
@@ -71,12 +81,11 @@ class Notes:
 
 def trim(frame_ids: Iterable[int], first: int, last: int) -> Edit:
     """Return the edit that keeps only the frames from `first` to `last`."""
-    ids = sorted(frame_ids)
     if first > last:
         raise ConfigurationError("a range of frames must not end before it begins")
-    before = [i for i in ids if i < first]
-    after = [i for i in ids if i > last]
-    ranges = tuple((part[0], part[-1]) for part in (before, after) if part)
+    ids = np.sort(np.fromiter(frame_ids, np.int64))
+    parts = ids[ids < first], ids[ids > last]
+    ranges = tuple((int(part[0]), int(part[-1])) for part in parts if len(part))
     return Edit(verb="delete", ranges=ranges)
 
 

@@ -1,23 +1,31 @@
-"""One recording, opened: an index in memory, pictures read from the file when asked for."""
+"""One recording, opened: compact columns in memory; pictures and messages are read from the file
+when they are asked for."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
 from robot.driver import Move, from_text
 from robot.errors import UNREADABLE, RecordingError
-from robot.policy.history import HistoryEvent
-from robot.recordings.images import FrameEntry, decode_image
+from robot.recordings.columns import FrameTable, Labels, LessonTable, Span, read_fields
+from robot.recordings.images import decode_image
 from robot.recordings.messages import MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY, Fields, Topic
-from robot.recordings.reader import Attachment, Cut, Message, Metadata, read_chunk, scan
-from robot.recordings.writer import FORMAT, note_taught
-from robot.store.models.events import read_event
+from robot.recordings.reader import (
+    Attachment,
+    Block,
+    Cut,
+    MessageChannel,
+    Metadata,
+    blocks_from,
+    read_chunk,
+    walk,
+)
+from robot.recordings.writer import FORMAT
 from robot.store.models.model import Model, decode_model
-from robot.types import Action, Example, Frame
+from robot.types import Action, Frame
 
 _CHUNKS_KEPT = 4
 _LATEST_S = 2.5e11  # the year 9892: later ones have no date
@@ -33,13 +41,14 @@ class Episode:
 
     path: Path
     run: dict[str, str] = field(default_factory=dict)
-    frames: dict[int, FrameEntry] = field(default_factory=dict)
-    events: list[tuple[float, HistoryEvent]] = field(default_factory=list)
-    messages: dict[str, list[tuple[float, Fields]]] = field(default_factory=dict)
+    frames: FrameTable = field(default_factory=FrameTable)
+    events: LessonTable = field(default_factory=LessonTable)
+    span: Span = field(default_factory=Span)
+    channels: Mapping[int, MessageChannel] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
     on_read: Callable[[], None] = lambda: None
-    _read_chunk: Callable[[Path, int], list[bytes]] = field(
+    _read_chunk: Callable[[Path, int], bytes] = field(
         default_factory=lambda: lru_cache(_CHUNKS_KEPT)(read_chunk)
     )
 
@@ -77,19 +86,35 @@ class Episode:
         return max(self._ends(), default=0.0) - self.start_s
 
     def _ends(self) -> Iterator[float]:
-        entries = list(self.frames.values())
-        yield from (entry.captured_s for entry in entries[:1] + entries[-1:])
-        for received in self.messages.values():
-            yield from (now_s for now_s, _ in received[:1] + received[-1:])
-        yield from (now_s for now_s, _ in self.events[:1] + self.events[-1:])
+        if len(self.frames):
+            yield from self.frames.captured_s[[0, -1]].tolist()
+        yield from ((end_ns - self.origin_ns) / 1e9 for end_ns in self.span.ends_ns)
 
     def frame(self, frame_id: int) -> Frame:
         entry = self.frames.get(frame_id)
         if entry is None:
             raise RecordingError(f"the recording {self.id} has no frame {frame_id}")
         self.on_read()
-        offset, index = entry.place
-        return decode_image(entry, self._read_chunk(self.path, offset)[index])
+        offset, start, stop = entry.place
+        return decode_image(entry, self._read_chunk(self.path, offset)[start:stop])
+
+    def blocks(self, offset: int = 0) -> Iterator[Block]:
+        """Yield the recording chunk by chunk: from the beginning, or from the chunk on that begins
+        at an offset."""
+        if offset:
+            yield from blocks_from(self.path, offset, self.channels)
+        else:
+            yield from (part for part in walk(self.path) if isinstance(part, Block))
+
+    def messages(self, topic: Topic) -> Iterator[tuple[float, Fields]]:
+        """Yield the messages of a topic with their times, in the order of the file."""
+        for block in self.blocks():
+            rows = block.of(topic)
+            yield from zip(
+                ((rows["log_ns"].astype("<i8") - self.origin_ns) / 1e9).tolist(),
+                read_fields(block.texts(rows)),
+                strict=True,
+            )
 
     def model_before(self) -> Model | None:
         return self._model(MODEL_BEFORE)
@@ -103,14 +128,14 @@ class Episode:
 
 
 def open_episode(path: Path) -> Episode:
-    """Read a recording's messages and the positions of its pictures; a cut file up to its end.
+    """Read what a recording teaches and the positions of its pictures; a cut file up to its end.
 
     RecordingError if it is not a recording of this program, or of a newer format.
     """
     episode = Episode(path=path)
-    for record in scan(path):
+    for part in walk(path):
         try:
-            _take(episode, record)
+            _take(episode, part)
         except UNREADABLE as error:
             if not episode.run:
                 raise RecordingError(f"{path.name} cannot be read: {error}") from error
@@ -118,22 +143,31 @@ def open_episode(path: Path) -> Episode:
             break
     if not episode.run:
         raise RecordingError(f"{path.name} is not a recording of this program, or is empty")
-    episode.frames = dict(sorted(episode.frames.items()))
     return episode
 
 
-def _take(episode: Episode, record: Message | Metadata | Attachment | Cut) -> None:
-    if isinstance(record, Message):
+def _take(episode: Episode, part: Block | Metadata | Attachment | Cut) -> None:
+    if isinstance(part, Block):
         if episode.run:
-            _take_message(episode, record)
-    elif isinstance(record, Attachment):
-        episode.attachments[record.name] = record.data
-    elif isinstance(record, Cut):
-        episode.damage = record.reason
-    elif record.name == RUN:
-        episode.run = check_run(record.values)
-    elif record.name == SUMMARY:
-        episode.damage = record.values.get("damage")
+            _take_block(episode, part)
+    elif isinstance(part, Attachment):
+        episode.attachments[part.name] = part.data
+    elif isinstance(part, Cut):
+        episode.damage = part.reason
+    elif part.name == RUN:
+        episode.run = check_run(part.values)
+        episode.frames.origin_ns = episode.origin_ns
+    elif part.name == SUMMARY:
+        episode.damage = part.values.get("damage")
+
+
+def _take_block(episode: Episode, block: Block) -> None:
+    episode.channels = block.channels
+    episode.frames.add(block)
+    lessons = block.of(Topic.LESSON)
+    times_s = ((lessons["log_ns"].astype("<i8") - episode.origin_ns) / 1e9).tolist()
+    episode.span.add(block, _READ - {Topic.CAMERA})
+    episode.events.add(times_s, block.texts(lessons))
 
 
 def check_run(values: dict[str, str]) -> dict[str, str]:
@@ -154,29 +188,6 @@ def seconds_in(text: str) -> float:
     return number
 
 
-def _take_message(episode: Episode, message: Message) -> None:
-    now_s = (message.log_ns - episode.origin_ns) / 1e9
-    if message.topic == Topic.CAMERA:
-        size = dict(message.channel.metadata)
-        episode.frames[message.sequence] = FrameEntry(
-            frame_id=message.sequence,
-            captured_s=now_s,
-            schema=message.channel.schema.name,
-            size=(int(size.get("width", "0")), int(size.get("height", "0"))),
-            place=message.place,
-        )
-    elif message.topic == Topic.LESSON:
-        episode.events.append((now_s, read_event(json.loads(message.data))))
-    elif message.topic in _READ:
-        fields = json.loads(message.data)
-        if not isinstance(fields, dict):
-            raise RecordingError("a message has an unknown form")
-        episode.messages.setdefault(message.topic, []).append((now_s, fields))
-
-
-def taught_frames(episode: Episode) -> dict[int, Example]:
+def taught_frames(episode: Episode) -> Labels:
     """Return the frames that were taught and not undone, with the last example of each."""
-    taught: dict[int, Example] = {}
-    for _, event in episode.events:
-        note_taught(taught, event)
-    return taught
+    return Labels(episode.events)

@@ -12,7 +12,7 @@ from typing import Any
 
 from robot.errors import RecordingError, told_as
 from robot.recordings.messages import Topic
-from robot.recordings.reader import MessageChannel, Schema
+from robot.recordings.reader import MessageChannel, Place, Schema
 from robot.types import Encoding, Frame
 
 COMPRESSED = "foxglove.CompressedImage"
@@ -74,7 +74,7 @@ class FrameEntry:
     captured_s: float
     schema: str
     size: tuple[int, int]
-    place: tuple[int, int]
+    place: Place
 
 
 def decode_image(entry: FrameEntry, message: bytes) -> Frame:

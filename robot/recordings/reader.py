@@ -13,9 +13,12 @@ import io
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from robot.errors import RecordingError, need, told_as
 
@@ -25,7 +28,7 @@ MAX_CHUNK_BYTES = 64 * 2**20
 """What one chunk may unpack to."""
 MAGIC = b"\x89MCAP0\r\n"
 CUT_SHORT = "the file was cut short"
-_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 2, 3, 4, 5, 6
+_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 2, 3, 4, 5, 6, 7
 _ATTACHMENT, _METADATA, _METADATA_INDEX, _DATA_END = 9, 12, 13, 15
 _HEAD = struct.Struct("<BQ")
 _END = struct.Struct("<BQQQI8s")
@@ -33,6 +36,18 @@ _END = struct.Struct("<BQQQI8s")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _BUFFER_BYTES = 4096
 _MOST_SUMMARY_BYTES = 16 * 2**20
+
+
+Place = tuple[int, int, int]
+_ROW = np.dtype(
+    [
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_ns", "<u8"),
+        ("start", "<u4"),
+        ("stop", "<u4"),
+    ]
+)
 
 
 class Schema(NamedTuple):
@@ -53,17 +68,40 @@ class MessageChannel(NamedTuple):
 
 
 class Message(NamedTuple):
-    """One message. `place` finds it again: chunk and index."""
+    """One message. `place` finds it again: its chunk, and where in it its data begin and end."""
 
     channel: MessageChannel
     log_ns: int
     sequence: int
     data: bytes
-    place: tuple[int, int]
+    place: Place
 
     @property
     def topic(self) -> str:
         return self.channel.topic
+
+
+class Block(NamedTuple):
+    """The messages of one chunk: its place, what it unpacks to, and a row for each message.
+
+    A row has `channel`, `sequence`, `log_ns`, and where in `data` the message begins and ends.
+    """
+
+    offset: int
+    channels: Mapping[int, MessageChannel]
+    data: bytes
+    rows: NDArray[np.void]
+
+    def of(self, topic: str) -> NDArray[np.void]:
+        """Return the rows of one topic, in the order of the file."""
+        numbers = [number for number, channel in self.channels.items() if channel.topic == topic]
+        own: NDArray[np.void] = self.rows[np.isin(self.rows["channel"], numbers)]
+        return own
+
+    def texts(self, rows: NDArray[np.void]) -> list[bytes]:
+        """Return the data of some rows."""
+        data, places = self.data, zip(rows["start"].tolist(), rows["stop"].tolist(), strict=True)
+        return [data[start:stop] for start, stop in places]
 
 
 class Metadata(NamedTuple):
@@ -96,6 +134,7 @@ class CutError(RecordingError):
 
 
 Record = Message | Metadata | Attachment | Cut
+Part = Block | Metadata | Attachment | Cut
 
 
 def require_mcap() -> None:
@@ -105,22 +144,42 @@ def require_mcap() -> None:
 
 def scan(path: Path) -> Iterator[Record]:
     """Yield what an MCAP file holds, in its order; a `Cut` comes last if the file is not whole."""
+    for part in walk(path):
+        if not isinstance(part, Block):
+            yield part
+            continue
+        offset, channels, data, rows = part
+        for channel, sequence, log_ns, start, stop in rows.tolist():
+            place = (offset, start, stop)
+            yield Message(channels[channel], log_ns, sequence, data[start:stop], place)
+
+
+def walk(path: Path) -> Iterator[Part]:
+    """Do as `scan`, chunk by chunk: a million messages need no object each."""
     require_mcap()
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise RecordingError(f"{path.name} is not an MCAP file")
-        content, end, has_all = _Content(), file.tell(), False
+        content = _Content()
         try:
-            for offset, opcode, body in _records(file):
-                has_all = has_all or opcode == _DATA_END
-                if not has_all:  # what follows repeats some of it
-                    yield from content.read(offset, opcode, body)
-                end = file.tell()
+            yield from content.parts(file)
         except CutError as error:
-            lost_bytes = os.fstat(file.fileno()).st_size - end
+            lost_bytes = os.fstat(file.fileno()).st_size - content.end
             yield Cut(reason=str(error), lost_bytes=lost_bytes)
         except (RecordingError, ValueError, KeyError, MemoryError, struct.error) as error:
             yield Cut(reason=str(error) or type(error).__name__)
+
+
+def blocks_from(path: Path, offset: int, channels: Mapping[int, MessageChannel]) -> Iterator[Block]:
+    """Yield the chunks from the one on that begins at `offset`, until one cannot be read; the
+    channels are those that `walk` found."""
+    with path.open("rb") as file:
+        file.seek(offset)
+        content = _Content(channels)
+        try:
+            yield from (part for part in content.parts(file) if isinstance(part, Block))
+        except (RecordingError, ValueError, KeyError, MemoryError, struct.error):
+            return
 
 
 def has_end(path: Path) -> bool:
@@ -130,14 +189,14 @@ def has_end(path: Path) -> bool:
         return file.read() == MAGIC
 
 
-def read_chunk(path: Path, offset: int) -> list[bytes]:
-    """Return the messages' data of the chunk that begins at `offset`, in order."""
+def read_chunk(path: Path, offset: int) -> bytes:
+    """Return what the chunk that begins at `offset` unpacks to; `Place` says what is where."""
     with path.open("rb") as file:
         file.seek(offset)
         _, opcode, body = next(_records(file))
         if opcode != _CHUNK:
             raise RecordingError(f"{path.name} has no pictures at {offset}")
-        return [part[_MESSAGE_HEAD.size :] for kind, part in _parts(body) if kind == _MESSAGE]
+        return _unpacked(body)
 
 
 def read_metadata(path: Path) -> dict[str, dict[str, str]]:
@@ -202,39 +261,141 @@ def _parse(kind: str, body: bytes) -> Any:
 
 
 class _Content:
-    """What the file holds, and what it has said of its channels so far."""
+    """What the file holds, and what it has said of its channels so far; `end` is where the last
+    whole record ends."""
 
-    def __init__(self) -> None:
+    def __init__(self, channels: Mapping[int, MessageChannel] | None = None) -> None:
+        self.end = len(MAGIC)
         self._schemas = {0: Schema("", "", b"")}
-        self._channels: dict[int, MessageChannel] = {}
+        self._channels = dict(channels or {})
 
-    def read(self, offset: int, opcode: int, body: bytes) -> Iterator[Record]:
-        index = 0
-        for kind, part in _parts(body) if opcode == _CHUNK else [(opcode, body)]:
-            if kind == _MESSAGE and opcode == _CHUNK:
-                channel, sequence, log_ns, _ = _MESSAGE_HEAD.unpack_from(part)
-                data = part[_MESSAGE_HEAD.size :]
-                yield Message(self._channels[channel], log_ns, sequence, data, (offset, index))
-                index += 1
-            elif kind == _SCHEMA:
-                record = _parse("Schema", part)
-                self._schemas[record.id] = Schema(record.name, record.encoding, record.data)
-            elif kind == _CHANNEL:
-                record = _parse("Channel", part)
-                schema = self._schemas.get(record.schema_id, self._schemas[0])
-                self._channels[record.id] = MessageChannel(
-                    record.topic, record.message_encoding, schema, tuple(record.metadata.items())
-                )
-            elif kind == _METADATA:
-                record = _parse("Metadata", part)
-                yield Metadata(record.name, record.metadata)
-            elif kind == _ATTACHMENT:
-                record = _parse("Attachment", part)
-                yield Attachment(record.name, record.data)
+    def parts(self, file: BinaryIO) -> Iterator[Part]:
+        """Yield what is read, up to where the data end: what follows repeats some of it."""
+        chunk: tuple[int, bytes] | None = None
+        indexes: list[bytes] = []
+        has_all = False
+        records = _records(file)
+        while True:
+            try:
+                record = next(records, None)
+            except CutError:
+                if chunk is not None:
+                    yield from self._block(*chunk, indexes)
+                raise
+            if record is not None and record[1] == _MESSAGE_INDEX and chunk is not None:
+                indexes.append(record[2])
+                self.end = file.tell()
+                continue
+            if chunk is not None:
+                yield from self._block(*chunk, indexes)
+                chunk, indexes = None, []
+            if record is None:
+                return
+            offset, opcode, body = record
+            has_all = has_all or opcode == _DATA_END
+            if opcode == _CHUNK and not has_all:
+                chunk = offset, body
+            elif not has_all:
+                yield from self._read(opcode, body)
+            self.end = file.tell()
+
+    def _block(self, offset: int, body: bytes, indexes: list[bytes]) -> Iterator[Block]:
+        data = _unpacked(body)
+        places, trouble = _indexed(data, indexes), None
+        if places is None:
+            places, trouble = self._walked(data)
+        rows = _rows(data, places)
+        for number in np.unique(rows["channel"]).tolist():
+            if number not in self._channels:
+                raise RecordingError("a message of no known channel")
+        yield Block(offset, self._channels, data, rows)
+        if trouble is not None:
+            raise trouble
+
+    def _walked(self, data: bytes) -> tuple[NDArray[np.int64], RecordingError | None]:
+        """Go through a chunk's records; return where each message is, and what is wrong after."""
+        places: list[tuple[int, int]] = []
+        at, size, trouble = 0, len(data), None
+        while at < size:
+            stop = size + 1
+            if at + _HEAD.size <= size:
+                opcode, length = _HEAD.unpack_from(data, at)
+                at += _HEAD.size
+                stop = at + length
+            if stop > size:
+                trouble = RecordingError("a record that is longer than what holds it")
+                break
+            if opcode == _MESSAGE:
+                places.append((at, stop))
+            else:
+                for _ in self._read(opcode, data[at:stop]):
+                    pass
+            at = stop
+        return np.array(places, np.int64).reshape(-1, 2), trouble
+
+    def _read(self, opcode: int, body: bytes) -> Iterator[Metadata | Attachment]:
+        if opcode == _SCHEMA:
+            record = _parse("Schema", body)
+            self._schemas[record.id] = Schema(record.name, record.encoding, record.data)
+        elif opcode == _CHANNEL:
+            record = _parse("Channel", body)
+            schema = self._schemas.get(record.schema_id, self._schemas[0])
+            self._channels[record.id] = MessageChannel(
+                record.topic, record.message_encoding, schema, tuple(record.metadata.items())
+            )
+        elif opcode == _METADATA:
+            record = _parse("Metadata", body)
+            yield Metadata(record.name, record.metadata)
+        elif opcode == _ATTACHMENT:
+            record = _parse("Attachment", body)
+            yield Attachment(record.name, record.data)
 
 
-def _parts(body: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield a chunk's records, unpacked within bounds and checked against their checksum."""
+def _indexed(data: bytes, indexes: Sequence[bytes]) -> NDArray[np.int64] | None:
+    """Return where each message begins and ends by the chunk's own index; None unless messages
+    are all that the chunk has, and the index names each: it is believed no further."""
+    if not indexes or any(len(body) % 16 != 6 for body in indexes):
+        return None
+    parts = [np.frombuffer(body, "<u8", offset=6)[1::2] for body in indexes]
+    at = np.sort(np.concatenate(parts))
+    size = len(data)
+    if not at.size or at[-1] > size - _HEAD.size - _MESSAGE_HEAD.size:
+        return None
+    places = at.astype(np.int64)
+    raw = np.frombuffer(data, np.uint8)
+    lengths = _gather(raw, places + 1, 8).view("<u8")[:, 0]
+    if (lengths > size).any() or (raw[places] != _MESSAGE).any():
+        return None
+    starts = places + _HEAD.size
+    stops = starts + lengths.astype(np.int64)
+    is_whole = places[0] == 0 and stops[-1] == size and (stops[:-1] == places[1:]).all()
+    return np.stack((starts, stops), axis=1) if is_whole else None
+
+
+def _rows(data: bytes, places: NDArray[np.int64]) -> NDArray[np.void]:
+    """Read the heads of messages."""
+    rows = np.zeros(len(places), _ROW)
+    if not len(places):
+        return rows
+    if (places[:, 1] - places[:, 0] < _MESSAGE_HEAD.size).any():
+        raise RecordingError("a message is shorter than its head")
+    heads = _gather(np.frombuffer(data, np.uint8), places[:, 0], _MESSAGE_HEAD.size)
+    rows["channel"] = heads[:, :2].copy().view("<u2")[:, 0]
+    rows["sequence"] = heads[:, 2:6].copy().view("<u4")[:, 0]
+    rows["log_ns"] = heads[:, 6:14].copy().view("<u8")[:, 0]
+    rows["start"] = places[:, 0] + _MESSAGE_HEAD.size
+    rows["stop"] = places[:, 1]
+    return rows
+
+
+def _gather(raw: NDArray[np.uint8], at: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
+    """Return so many bytes from each place on, shape (places, count)."""
+    found: NDArray[np.uint8] = raw[at[:, None] + np.arange(count)]
+    return found
+
+
+def _unpacked(body: bytes) -> bytes:
+    """Return a chunk's records, unpacked within bounds and checked against their checksum."""
     chunk = _parse("Chunk", body)
     size, checksum = chunk.uncompressed_size, chunk.uncompressed_crc
     if size > MAX_CHUNK_BYTES:
@@ -244,13 +405,7 @@ def _parts(body: bytes) -> Iterator[tuple[int, bytes]]:
         raise RecordingError("a chunk unpacks to another size than it claims")
     if checksum and zlib.crc32(data) != checksum:
         raise RecordingError("a chunk is damaged: its checksum does not match")
-    at = 0
-    while at < size:
-        opcode, length = _HEAD.unpack_from(data, at)
-        at += _HEAD.size + length
-        if at > size:
-            raise RecordingError("a record that is longer than what holds it")
-        yield opcode, data[at - length : at]
+    return data
 
 
 def _unpack(compression: str, data: bytes, size: int) -> bytes:

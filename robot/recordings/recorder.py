@@ -21,6 +21,7 @@ from robot.control.state import Tick
 from robot.errors import MissingExtraError
 from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
 from robot.recordings.ending import end_cut_recordings
+from robot.recordings.marks import FrameMarks
 from robot.recordings.messages import (
     Topic,
     describe_command,
@@ -76,7 +77,7 @@ class Recorder:
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
         self._kept: deque[int] = deque(maxlen=_KEPT_IDS)
-        self._taught: set[int] = set()
+        self._taught = FrameMarks()
 
     def start(self) -> None:
         """Start recording. Without the library `mcap` recording is off, and `fault` says so."""
@@ -164,7 +165,7 @@ class Recorder:
         self.queue.begin(run, self._base)
         self._is_open, self._is_kept = True, False
         self._kept.clear()
-        self._taught.clear()
+        self._taught = FrameMarks()
 
     def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         now_s = tick.now_s
@@ -214,7 +215,7 @@ class Recorder:
         self._is_kept = True
         is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
         if isinstance(event, Taught):
-            self._taught.add(event.example.frame_id)
+            self._taught[event.example.frame_id] = 1
         self.queue.write_message(Topic.LESSON, now_s, describe_event(event, with_vector=is_lost))
 
     def _remember(self, frame: Frame) -> None:
@@ -229,7 +230,7 @@ class Recorder:
     def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
         """End after a pause, and where an undo reached back beyond this recording."""
         reached_back = any(
-            isinstance(event, Undone) and not self._taught.issuperset(event.frame_ids)
+            isinstance(event, Undone) and not all(self._taught[i] for i in event.frame_ids)
             for event in events
         )
         is_pause = tick.now_s - self._moved_s >= self._config.pause_s and not events

@@ -151,8 +151,8 @@ class EpisodeStore:
         with self._lock:
             path = self._idle_path(episode_id)
             notes, episode = read_notes(path), self.open(episode_id)
-            before = [i for i in episode.frames if i < frame_id and not notes.is_deleted(i)]
-            after = [i for i in episode.frames if i >= frame_id and not notes.is_deleted(i)]
+            kept = episode.frames.ids[~notes.deleted(episode.frames.ids)]
+            before, after = kept[kept < frame_id].tolist(), kept[kept >= frame_id].tolist()
             if not before or not after:
                 raise ConfigurationError("there must be pictures on both sides of the cut")
             second = notes.with_edit(trim(episode.frames, after[0], after[-1]))

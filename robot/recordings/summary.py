@@ -71,7 +71,7 @@ def _read_head(path: Path) -> dict[str, Any]:
     for record in scan(path):
         if isinstance(record, Metadata) and record.name == RUN:
             lasted_s = path.stat().st_mtime - seconds_in(record.values.get("started_at_s", "0"))
-            return _facts(record.values, describe_content(0, (), lasted_s))
+            return _facts(record.values, describe_content(0, {}, lasted_s))
     raise RecordingError("it has no beginning yet")
 
 
@@ -81,7 +81,7 @@ def _read_ends(path: Path) -> dict[str, Any]:
         metadata = read_metadata(path)
         return _facts(metadata[RUN], metadata[SUMMARY])
     episode = open_episode(path)
-    taught = taught_frames(episode).values()
+    taught = taught_frames(episode).counts
     content = describe_content(len(episode.frames), taught, episode.duration_s)
     return {**_facts(episode.run, content), "damage": episode.damage}
 

@@ -7,15 +7,16 @@ camera sent them, and examples that were undone while driving are left out.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot.errors import ConfigurationError
-from robot.policy.history import Edited, HistoryEvent, LogEvent, Taught, Undone, replay
+from robot.policy.history import Edited, LogEvent, Taught, Undone, replay
 from robot.policy.policy import Policy
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
@@ -50,68 +51,83 @@ class Report:
         self.left_out_edits += 1
 
 
-def plan(episodes: Sequence[EditedEpisode]) -> list[Step]:
-    """List what there is to learn, in order, without what was undone or deleted."""
-    log, steps = surviving(episodes), []
-    for episode, notes in episodes:
+def plan(episodes: Sequence[EditedEpisode]) -> Iterator[Step]:
+    """Yield what there is to learn, in order, without what was undone or deleted."""
+    for (episode, notes), rows in zip(episodes, surviving(episodes), strict=True):
         late = _labelled_late(episode, notes)
-        for event in (event for other, event in log if other is episode):
+        due = next(late, None)
+        for event in map(episode.events.event, rows.tolist()):
             if isinstance(event, Edited):
-                steps.append(Step(episode, event))
+                yield Step(episode, event)
             elif isinstance(event, Taught):
                 frame_id = event.example.frame_id
-                while late and late[0].example.frame_id < frame_id:
-                    steps.append(Step(episode, late.pop(0)))
+                while due is not None and due.example.frame_id < frame_id:
+                    yield Step(episode, due)
+                    due = next(late, None)
                 if not notes.is_deleted(frame_id):
                     label = notes.relabel(frame_id) or event.example.label
                     example = event.example
                     if label is not example.label:
                         example = replace(example, label=label, point=None)
                     at_s = event.at_s if "timed" in episode.run else -1.0
-                    steps.append(Step(episode, replace(event, example=example, at_s=at_s)))
-        steps += [Step(episode, event) for event in late]
-    return steps
+                    yield Step(episode, replace(event, example=example, at_s=at_s))
+        while due is not None:
+            yield Step(episode, due)
+            due = next(late, None)
 
 
-def _labelled_late(episode: Episode, notes: Notes) -> list[Taught]:
-    """List frames that were not examples while driving, but were labelled afterwards."""
-    taught = {event.example.frame_id for _, event in episode.events if isinstance(event, Taught)}
-    found = []
-    for frame_id in episode.frames:
+def count_steps(episodes: Sequence[EditedEpisode]) -> int:
+    """Return how many steps `plan` yields."""
+    return sum(1 for _ in plan(episodes))
+
+
+def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
+    """Yield frames that were not examples while driving, but were labelled afterwards."""
+    ids = episode.frames.ids
+    named = np.zeros(len(ids), bool)
+    for first, last in (r for edit in notes.edits if edit.verb == "relabel" for r in edit.ranges):
+        named |= (ids >= first) & (ids <= last)
+    named &= ~np.isin(ids, episode.events.frames) & ~notes.deleted(ids)
+    for frame_id in ids[named].tolist():
         label = notes.relabel(frame_id)
-        if label and frame_id not in taught and not notes.is_deleted(frame_id):
+        if label:
             example = Example(frame_id=frame_id, label=label, is_intervention=False)
-            found.append(Taught(example=example, x=np.zeros(0), at_s=-1.0))
-    return found
+            yield Taught(example=example, x=np.zeros(0), at_s=-1.0)
 
 
-def surviving(episodes: Sequence[EditedEpisode]) -> list[tuple[Episode, HistoryEvent]]:
-    """Leave out what was undone while driving, also across the recordings of one run; what was
-    undone of a recording before these stays undone."""
-    log: list[tuple[Episode, HistoryEvent]] = []
-    for episode, _ in episodes:
-        for _, event in episode.events:
-            if isinstance(event, Undone):
-                gone = _gone(log, event, episode.run.get("run", ""))
-                log = [one for i, one in enumerate(log) if i not in gone]
-                if len(gone) >= max(1, len(event.frame_ids)):
-                    continue
-            log.append((episode, event))
-    return log
+def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
+    """Return for each recording which of its events count: without what was undone while driving,
+    also across the recordings of one run; what was undone of a recording before these stays."""
+    counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
+    frames = [episode.events.frames for episode, _ in episodes]
+    for place, (episode, _) in enumerate(episodes):
+        for row in episode.events.rows_of(Undone):
+            event = episode.events.event(row)
+            assert isinstance(event, Undone)
+            counts[place][row] = False  # nothing that comes later is undone by it
+            gone = 0
+            if not event.frame_ids:
+                gone = _undo_edit(episodes, counts, place, row)
+            for earlier in range(place + 1) if event.frame_ids else ():
+                if episodes[earlier][0].run.get("run", "") == episode.run.get("run", ""):
+                    end = row if earlier == place else len(counts[earlier])
+                    meant = np.isin(frames[earlier][:end], event.frame_ids) & counts[earlier][:end]
+                    counts[earlier][:end][meant] = False
+                    gone += int(meant.sum())
+            counts[place][row] = gone < max(1, len(event.frame_ids))
+    return [np.flatnonzero(counted) for counted in counts]
 
 
-def _gone(log: list[tuple[Episode, HistoryEvent]], event: Undone, run: str) -> set[int]:
-    """Return the places of these examples of the run, or of the last edit of an image."""
-    if not event.frame_ids:
-        return set([i for i, (_, made) in enumerate(log) if isinstance(made, Edited)][-1:])
-    frame_ids = set(event.frame_ids)
-    return {
-        i
-        for i, (episode, made) in enumerate(log)
-        if isinstance(made, Taught)
-        and made.example.frame_id in frame_ids
-        and episode.run.get("run", "") == run
-    }
+def _undo_edit(
+    episodes: Sequence[EditedEpisode], counts: list[NDArray[np.bool_]], place: int, row: int
+) -> int:
+    """Take back the last edit of an image before an event; return how many that are."""
+    for earlier in range(place, -1, -1):
+        for edited in reversed(episodes[earlier][0].events.rows_of(Edited)):
+            if counts[earlier][edited] and (earlier < place or edited < row):
+                counts[earlier][edited] = False
+                return 1
+    return 0
 
 
 def learn_again(

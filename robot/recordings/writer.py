@@ -6,14 +6,13 @@ import contextlib
 import io
 import json
 import os
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, BinaryIO
 
 from robot.driver import Move, to_text
-from robot.policy.history import HistoryEvent, Taught, Undone
 from robot.recordings.images import camera_channel, encode_image
+from robot.recordings.marks import Tally
 from robot.recordings.messages import (
     MODEL_AFTER,
     MODEL_BEFORE,
@@ -32,7 +31,7 @@ from robot.recordings.reader import (
     require_mcap,
 )
 from robot.store.models.events import read_event, to_json
-from robot.types import Example, Frame
+from robot.types import Action, Frame
 
 FORMAT = 1
 _CHUNK_BYTES = 1 << 20
@@ -73,11 +72,11 @@ def describe_run(
     }
 
 
-def describe_content(frames: int, taught: Iterable[Example], lasted_s: float) -> dict[str, str]:
-    """Return how much a recording holds; `taught` are the examples that were not undone."""
+def describe_content(frames: int, taught: Mapping[Action, int], lasted_s: float) -> dict[str, str]:
+    """Return how much a recording holds; `taught` counts the examples that were not undone."""
     return {
         "frames": str(frames),
-        "taught": json.dumps(Counter(example.label for example in taught)),
+        "taught": json.dumps({label: count for label, count in taught.items() if count}),
         "duration_s": f"{max(lasted_s, 0.0):.6f}",
     }
 
@@ -100,8 +99,7 @@ class EpisodeWriter:
         self._writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._schema = cache(lambda schema: self._writer.register_schema(*schema))
         self._channel = cache(self._register)
-        self._frames: set[int] = set()
-        self._taught: dict[int, Example] = {}
+        self._tally = Tally()
         self._first_ns, self._last_ns = 2**64, 0
         self._writer.start(profile="", library="drivelesson")
         self._writer.add_metadata(RUN, dict(run))
@@ -112,7 +110,7 @@ class EpisodeWriter:
     @property
     def frames(self) -> int:
         """How many pictures it has."""
-        return len(self._frames)
+        return self._tally.frames
 
     def write_frame(self, frame: Frame) -> None:
         """Add one picture as the camera gave it; its id is the message's sequence number."""
@@ -147,7 +145,7 @@ class EpisodeWriter:
             if model_after is not None:
                 self._attach(MODEL_AFTER, model_after)
             lasted_s = (self._last_ns - self._first_ns) / 1e9
-            content = describe_content(self.frames, self._taught.values(), lasted_s)
+            content = describe_content(self.frames, self._tally.taught, lasted_s)
             self._writer.add_metadata(SUMMARY, {**content, **summary})
             self._writer.finish()
             self._file.flush()
@@ -171,9 +169,9 @@ class EpisodeWriter:
         self._first_ns = min(stamp_ns, self._first_ns)
         self._last_ns = max(stamp_ns, self._last_ns)
         if channel.topic == Topic.CAMERA:
-            self._frames.add(sequence)
+            self._tally.note_frame(sequence)
         elif channel.topic == Topic.LESSON:
-            note_taught(self._taught, read_event(json.loads(data)))
+            self._tally.note(read_event(json.loads(data)))
         self._writer.add_message(self._channel(channel), stamp_ns, data, stamp_ns, sequence)
 
     def _register(self, channel: MessageChannel) -> int:
@@ -182,15 +180,6 @@ class EpisodeWriter:
             topic, encoding, self._schema(schema), dict(metadata)
         )
         return number
-
-
-def note_taught(examples: dict[int, Example], event: HistoryEvent) -> None:
-    """Note by its frame what an event teaches, or takes back."""
-    if isinstance(event, Taught):
-        examples[event.example.frame_id] = event.example
-    elif isinstance(event, Undone):
-        for frame_id in event.frame_ids:
-            examples.pop(frame_id, None)
 
 
 def _sync(file: BinaryIO) -> None:

@@ -170,7 +170,7 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
         made = write(*given, part, **options)
         bar.update(total - bar.n)  # what was left out is done, too
     print(f"{out}: {made} {what}")
-    sizes = {frame.size for episode, _ in episodes for frame in episode.frames.values()}
+    sizes = set[tuple[int, int]]().union(*(episode.frames.sizes for episode, _ in episodes))
     if len(sizes) > 1 and args.form in ("film", "lerobot"):
         print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
     for episode, notes in episodes if args.form in TIMED else ():

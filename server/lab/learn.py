@@ -12,7 +12,7 @@ from robot.errors import ConfigurationError, told_as
 from robot.policy.policy import Policy
 from robot.policy.registry import MOST_NODES, full_name, make_policy
 from robot.recordings.store import EpisodeStore
-from robot.recordings.teaching import EditedEpisode, Report, learn_again, plan
+from robot.recordings.teaching import EditedEpisode, Report, count_steps, learn_again
 from robot.store.folder import Storage, check_name, default_root, write_whole
 from robot.store.models.model import Model, encode_model, same_nodes, take_model
 from robot.store.models.store import ModelStore
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
         _check_out(args.out)
     policy, taught = _begin(args, episodes)
     driven = _driven(policy, episodes[-1], must_be=args.check)
-    total = len(plan(episodes))
+    total = count_steps(episodes)
     started_s = time.monotonic()
     with progress(total, "example", "learn", "episodes") as bar:
         report = learn_again(policy, episodes, on_step=bar.update)

@@ -10,7 +10,7 @@ from typing import Any
 
 from robot.entry_points import points
 from robot.errors import ConfigurationError
-from robot.recordings.editing import EpisodeFrame, choose, edit_of, moments
+from robot.recordings.editing import EpisodeFrame, edit_of, labels, sample
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
 from robot.recordings.folder import NAME
@@ -76,12 +76,11 @@ def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
     """Turn seconds from the start into the first and last frame between them."""
     first_s = args.first_s if args.first_s is not None else 0.0
     last_s = args.last_s if args.last_s is not None else episode.duration_s + 1.0
-    ids = [
-        moment.frame_id for moment in moments(episode, Notes()) if first_s <= moment.at_s <= last_s
-    ]
-    if not ids:
+    at_s = episode.frames.captured_s - episode.start_s
+    ids = episode.frames.ids[(first_s <= at_s) & (at_s <= last_s)]
+    if not len(ids):
         raise ConfigurationError(f"there are no pictures between {first_s:g} s and {last_s:g} s")
-    return ids[0], ids[-1]
+    return int(ids[0]), int(ids[-1])
 
 
 # Seeing ------------------------------------------------------------------------------------------
@@ -123,18 +122,16 @@ def _remarks(summary: EpisodeSummary) -> str:
 
 def show(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
     [(episode, notes)] = find_episodes(store, [args.episode])
-    found = moments(episode, notes)
-    taught = Counter(one.label.value for one in found if one.label and not one.is_deleted)
+    taught = Counter(label.value for label in labels(episode, notes))
     print(f"{episode.id}  {notes.title}".rstrip())
     print(f"robot {episode.run.get('robot') or '-'}, learner {episode.run.get('learner') or '-'}")
-    print(
-        f"{len(found)} pictures in {episode.duration_s:.1f} s; taught {dict(taught) or 'nothing'}"
-    )
+    lasted = f"{len(episode.frames)} pictures in {episode.duration_s:.1f} s"
+    print(f"{lasted}; taught {dict(taught) or 'nothing'}")
     if episode.damage:
         print(f"damaged: {episode.damage}")
     for n, edit in enumerate(notes.edits, start=1):
         print(f"edit {n}: {edit.verb} {edit.label or ''} {list(edit.ranges)}")
-    _print_axis(choose(found, _AXIS))
+    _print_axis(sample(episode, notes, _AXIS))
 
 
 def _print_axis(shown: list[EpisodeFrame]) -> None:

@@ -15,7 +15,7 @@ from robot.policy.registry import make_policy
 from robot.recordings.comparison import Comparison, compare
 from robot.recordings.edits import Notes
 from robot.recordings.store import EpisodeStore
-from robot.recordings.teaching import EditedEpisode, Report, learn_again, plan
+from robot.recordings.teaching import EditedEpisode, Report, count_steps, learn_again, plan
 from robot.store.models.model import Model, take_model
 from robot.types import DEFAULT_MOVES
 
@@ -39,7 +39,7 @@ class Retraining:
             (store.open(episode_id), store.notes(episode_id))
             for episode_id in sorted(set(episode_ids))
         ]
-        if not plan(episodes):
+        if next(plan(episodes), None) is None:
             raise ConfigurationError(
                 "these recordings have no examples, or all of them were deleted"
             )
@@ -72,7 +72,7 @@ class _Run:
     def __init__(self, episodes: list[EditedEpisode], learner: str, clock: Clock) -> None:
         self._episodes, self._learner, self._clock = episodes, learner, clock
         unedited = [(episode, Notes()) for episode, _ in episodes]
-        self._total = len(plan(unedited)) + 2 * len(plan(episodes))  # the most that is learned
+        self._total = count_steps(unedited) + 2 * count_steps(episodes)  # the most to learn
         self._done = 0
         self._report = Report(taught=Counter())
         self._comparison: Comparison | None = None

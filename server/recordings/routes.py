@@ -14,7 +14,7 @@ from robot.devices.png import encode_png
 from robot.devices.raw_value import RawValue, must_be, text
 from robot.driver import describe as describe_moves
 from robot.policy.image import to_rgb
-from robot.recordings.editing import choose, edit_of, moments
+from robot.recordings.editing import edit_of, sample
 from robot.recordings.edits import Notes
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import EpisodeSummary
@@ -173,7 +173,7 @@ def restore_episode(body: Key, store: EpisodeStore = STORE) -> dict[str, str]:
 def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE) -> EpisodeDetails:
     """Describe one episode, with its edits and the run's metadata."""
     episode, notes = store.open(episode_id), store.notes(episode_id)
-    ids = list(episode.frames)
+    ids = episode.frames.ids[[0, -1]].tolist() if len(episode.frames) else []
     declared = describe_moves(episode.moves, episode.declared_moves)
     return answer(
         EpisodeDetails,
@@ -190,11 +190,20 @@ def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE)
 
 @router.get("/episodes/{episode_id}/timeline")
 def show_timeline(
-    episode_id: str, count: int | None = None, store: EpisodeStore = STORE
+    episode_id: str,
+    count: int | None = None,
+    first: int | None = None,
+    last: int | None = None,
+    store: EpisodeStore = STORE,
 ) -> EpisodeTimeline:
-    """Return each picture's label, prediction and driver; or of `count` at even distances."""
-    found = moments(store.open(episode_id), store.notes(episode_id))
-    shown = found if count is None else choose(found, max(count, 1))
+    """Return each picture's label, prediction and driver; or of `count` at even distances.
+
+    With `first` and `last`, of the pictures from one to the other.
+    """
+    episode, notes = store.open(episode_id), store.notes(episode_id)
+    between = None if first is None or last is None else (first, last)
+    total = len(episode.frames) if count is None else max(count, 1)
+    shown = sample(episode, notes, total, between)
     columns = {name: [getattr(one, of) for one in shown] for name, of in _COLUMNS.items()}
     columns["at_s"] = [round(one.at_s, 3) for one in shown]
     is_estimate = any(moment.is_pose_estimate for moment in shown)

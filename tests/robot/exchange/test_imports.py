@@ -23,7 +23,7 @@ from robot.exchange.steering import read_meant
 from robot.exchange.tub_records import read_second
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode
-from robot.recordings.teaching import plan
+from robot.recordings.teaching import count_steps
 from robot.types import Action, Encoding
 from tests.robot.exchange.labels import drive_at, taught_labels
 
@@ -162,7 +162,7 @@ def test_a_recording_of_the_evaluation(tmp_path: Path) -> None:
     path = RECORDINGS / "asphalt_A.npz"
     write_episode(drive_at(path), tmp_path / "a.mcap")
     episode = open_episode(tmp_path / "a.mcap")
-    assert len(episode.frames) == len(plan([(episode, Notes())])) == 700
+    assert len(episode.frames) == count_steps([(episode, Notes())]) == 700
 
 
 # Hostile -----------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ from robot.policy.registry import make_policy
 from robot.recordings.comparison import FEWEST_FRAMES, compare
 from robot.recordings.edits import Edit, Notes
 from robot.recordings.episode import Episode, open_episode
-from robot.recordings.teaching import plan
+from robot.recordings.teaching import count_steps
 from robot.types import Action, Encoding
 from tests.kit.sizes import few
 
@@ -78,7 +78,7 @@ def test_a_repair_never_makes_it_worse_and_a_large_one_shows(
         assert found.after > found.before
         assert found.mended
     assert {d.label for d in found.mended} == {d.after for d in found.mended}
-    assert 300 <= len(steps) <= len(plan([(episode, Notes())])) + len(plan([(episode, notes)]))
+    assert 300 <= len(steps) <= count_steps([(episode, Notes())]) + count_steps([(episode, notes)])
 
 
 def test_with_too_little_nothing_is_claimed(tmp_path: Path) -> None:

@@ -216,7 +216,7 @@ def test_a_picture_of_a_standing_robot_has_nothing_of_the_next_drive(
     def between(found: list[EpisodeFrame], first_s: float, last_s: float) -> list[EpisodeFrame]:
         return [each for each in found if first_s <= each.at_s + episode.start_s < last_s]
 
-    found = moments(episode, Notes())
+    found = list(moments(episode, Notes()))
     (_, stopped_s), (went_s, ended_s) = drives_s
     stood = between(found, stopped_s + 0.01, went_s - 0.5)
     drove = between(found, went_s, ended_s - 0.05)

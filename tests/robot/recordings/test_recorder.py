@@ -38,12 +38,12 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
     assert json.loads(episode.run["options"]) == {"world": "bench"}
     assert len(episode.frames) >= 40
     assert len(taught_frames(episode)) == robot.loop.history.n_examples == 40
-    held = [words["held"] for _, words in episode.messages[Topic.COMMAND]]
+    held = [words["held"] for _, words in episode.messages(Topic.COMMAND)]
     assert held[:5] == ["forward"] * 4 + ["left"]
-    assert {words["driven_by"] for _, words in episode.messages[Topic.DECISION]} >= {"pilot"}
-    assert [words["mode"] for _, words in episode.messages[Topic.MODE]] == ["train", "stopped"]
-    assert episode.messages[Topic.SENSORS][0][1]["distance_m"] == 0.5
-    assert episode.messages[Topic.PREDICTION][-1][1]["confidence"] > 0
+    assert {words["driven_by"] for _, words in episode.messages(Topic.DECISION)} >= {"pilot"}
+    assert [words["mode"] for _, words in episode.messages(Topic.MODE)] == ["train", "stopped"]
+    assert next(episode.messages(Topic.SENSORS))[1]["distance_m"] == 0.5
+    assert list(episode.messages(Topic.PREDICTION))[-1][1]["confidence"] > 0
     assert [name for name, _ in robot.told] == ["recording_on", "recording_done"]
 
 

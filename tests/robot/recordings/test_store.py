@@ -12,7 +12,7 @@ import pytest
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError
 from robot.policy.history import Taught
 from robot.policy.registry import make_policy
-from robot.recordings.editing import choose, moments, write_edited
+from robot.recordings.editing import moments, sample, write_edited
 from robot.recordings.edits import Edit, Notes, notes_path, trim, write_notes
 from robot.recordings.episode import open_episode, taught_frames
 from robot.recordings.store import EpisodeStore
@@ -95,17 +95,20 @@ def test_damaged_bytes_never_raise_anything_but_our_own_errors(tmp_path: Path) -
 
 def test_labels_predictions_and_drivers_stand_beside_each_picture(store: EpisodeStore) -> None:
     episode = store.open(store.ids()[0])
-    found = moments(episode, Notes())
+    found = list(moments(episode, Notes()))
     taught = [moment for moment in found if moment.label]
     assert len(taught) == 60
     assert taught[0].label is Action.FORWARD and taught[4].label is Action.LEFT
     assert {moment.driven_by for moment in taught[1:]} == {"pilot"}
     assert all(moment.predicted for moment in taught[2:])
-    assert [m.frame_id for m in choose(found, 3)] == [
+    assert [m.frame_id for m in sample(episode, Notes(), 3)] == [
         found[0].frame_id,
         found[len(found) // 2].frame_id,
         found[-1].frame_id,
     ]
+    assert sample(episode, Notes(), 10**6) == found
+    between = found[7].frame_id, found[20].frame_id
+    assert sample(episode, Notes(), 10**6, between) == found[7:21]
 
 
 def test_edits_are_kept_beside_the_file_and_can_all_be_undone(store: EpisodeStore) -> None:

@@ -19,12 +19,19 @@ const SONAR_PX = 30;
 const HEIGHT = LANE_PX * 6 + 12 + SONAR_PX;
 const FARTHEST_M = 2;
 const LEAST_MS = 80; // between two pictures while it plays: what a phone draws with ease
+const [MOST_FRAMES, FEW_FRAMES] = [10_000, 500]; // more than the first are shown by the second, at even distances
 
-/** @param {Home} home @param {string} path  of the episode @param {Element} place  filled with the tools @param {() => void} teach */
-export async function openPlayer(home, path, place, teach, at = 0, ordered = inOrder()) {
+/** The address of a recording's pictures, or of those between two; of many only some. @param {string} path @param {number} frames @param {number[]} between */
+export const timelineOf = (path, frames, between = []) =>
+  `${path}/timeline?count=${frames > MOST_FRAMES ? FEW_FRAMES : MOST_FRAMES}${between.length ? `&first=${between[0]}&last=${between[1]}` : ''}`;
+
+/** @param {Home} home @param {string} path  of the episode @param {Element} place  filled with the tools @param {() => void} teach @param {number[]} between  the first and the last picture; none: all of it */
+export async function openPlayer(home, path, place, teach, at = 0, ordered = inOrder(), between = []) {
   const shown = await ordered(home.attempt(async () => {
-    const [episode, { columns, is_estimate: isEstimate }] = await Promise.all([askLong(path), askLong(`${path}/timeline`)]);
-    const player = new Player(columns, path);
+    const episode = await askLong(path);
+    const asked = between.length ? between[1] - between[0] + 1 : episode.frames;
+    const { columns, is_estimate: isEstimate } = await askLong(timelineOf(path, asked, between));
+    const player = new Player(columns, path, columns.frame.length < asked);
     await drawFromAbove(player.map, columns, isEstimate);
     return { episode, player };
   }));
@@ -33,7 +40,7 @@ export async function openPlayer(home, path, place, teach, at = 0, ordered = inO
   const { columns, last, range } = player;
   if (last < 1) return;
   const change = (/** @type {() => Promise<unknown>} */ act) =>
-    home.attempt(act).then(() => { player.stop(); openPlayer(home, path, place, teach, player.now, ordered); });
+    home.attempt(act).then(() => { player.stop(); openPlayer(home, path, place, teach, player.now, ordered, between); });
   const edit = (/** @type {string} */ verb, /** @type {string} */ label = '') => change(() =>
     ask('POST', `${path}/edits`, { verb, first: columns.frame[range[0]], last: columns.frame[range[1]], label }));
   const button = (/** @type {string} */ text, /** @type {() => unknown} */ act, /** @type {Node | null} */ sign = null) =>
@@ -42,11 +49,14 @@ export async function openPlayer(home, path, place, teach, at = 0, ordered = inO
     await home.attempt(() => ask('POST', `${path}/split`, { frame: columns.frame[player.now] }));
     await home.listEpisodes();
   };
+  const look = (/** @type {number[]} */ part) => { player.stop(); openPlayer(home, path, place, teach, 0, ordered, part); };
   const view = player.build();
   player.show(Math.min(at, last));
   fill(place, view,
     h('div', { class: 'row' }, button(t('mend.keep'), () => edit('trim')), button(t('mend.delete'), () => edit('delete')),
-      button(t('mend.split'), split)),
+      button(t('mend.split'), split),
+      player.isSampled ? button(t('mend.closer'), () => look(range.map((end) => columns.frame[end]))) : null,
+      between.length ? button(t('mend.whole'), () => look([])) : null),
     h('div', { class: 'row', role: 'group', 'aria-label': t('mend.label') }, h('span', { class: 'hint' }, t('mend.label')),
       ...episode.moves.map((/** @type {string} */ move) => button(t(`move.${move}`), () => edit('relabel', move), icon(move)))),
     h('div', { class: 'row' },
@@ -59,9 +69,10 @@ export async function openPlayer(home, path, place, teach, at = 0, ordered = inO
 }
 
 class Player {
-  /** @param {Columns} columns @param {string} path */
-  constructor(columns, path) {
+  /** @param {Columns} columns @param {string} path @param {boolean} isSampled */
+  constructor(columns, path, isSampled) {
     this.columns = columns;
+    this.isSampled = isSampled;
     this.path = path;
     this.last = columns.frame.length - 1;
     this.range = [0, this.last];
@@ -126,11 +137,12 @@ class Player {
 
   tell() {
     const [from, to] = this.range;
-    const { at_s: at } = this.columns;
+    const { at_s: at, frame } = this.columns;
+    const n = this.isSampled ? frame[to] - frame[from] + 1 : to - from + 1;
     this.window?.setAttribute('x', String(from));
     this.window?.setAttribute('width', String(to - from + 1));
     this.sliders?.forEach((slider, end) => slider.setAttribute('aria-valuetext', `${at[this.range[end]].toFixed(1)} s`));
-    say(this.words, t('mend.range', { from: at[from].toFixed(1), to: at[to].toFixed(1), n: count(to - from + 1) }));
+    say(this.words, t('mend.range', { from: at[from].toFixed(1), to: at[to].toFixed(1), n: count(n) }));
   }
 
   /** @param {number} end */
@@ -177,7 +189,8 @@ class Player {
     if (this.now >= this.last) this.show(0);
     this.isPlaying = true;
     this.face();
-    const { at_s: at } = this.columns;
+    const { at_s: at, frame } = this.columns;
+    const n = this.isSampled ? frame[to] - frame[from] + 1 : to - from + 1;
     const startedMs = performance.now() - at[this.now] * 1000;
     let drawnMs = -Infinity;
     const step = (/** @type {number} */ nowMs) => {

@@ -54,7 +54,7 @@ export async function drawFromAbove(place, path, isEstimate = false) {
 /** Draw the way of some recordings, one after the other; those that are gone are left out. @param {HTMLElement} place @param {string[]} ids */
 export async function drawRecordings(place, ids) {
   const kept = new Set((await askLong('api/episodes').catch(() => ({ episodes: [] }))).episodes.map((/** @type {{id: string}} */ { id }) => id));
-  const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => askLong(`api/episodes/${id}/timeline`)));
+  const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => askLong(`api/episodes/${id}/timeline?count=2000`)));
   /** @type {Path} */
   const path = { pose: [], driven_by: [], asks_pilot: [], intervention: [], bumped: [] };
   for (const { columns } of parts) {

@@ -293,6 +293,8 @@ export default {
   'mend.label': 'Here it should go:',
   'mend.undo': 'Take back the last of {n} changes',
   'mend.redo': 'Redo',
+  'mend.closer': 'Look closer',
+  'mend.whole': 'Show all of it',
   'mend.split': 'Split here',
   'mend.time': 'Time',
   'mend.from_here': 'From here',

@@ -292,6 +292,8 @@ export default {
   'mend.label': 'Aquí debería ir:',
   'mend.undo': 'Deshacer el último de {n} cambios',
   'mend.redo': 'Rehacer',
+  'mend.closer': 'Ver de cerca',
+  'mend.whole': 'Ver todo',
   'mend.split': 'Dividir aquí',
   'mend.time': 'Tiempo',
   'mend.from_here': 'Desde aquí',

@@ -292,6 +292,8 @@ export default {
   'mend.label': '这里应该走：',
   'mend.undo': '撤销 {n} 个修改中的最后一个',
   'mend.redo': '重做',
+  'mend.closer': '看得更细',
+  'mend.whole': '显示全部',
   'mend.split': '从这里分开',
   'mend.time': '时间',
   'mend.from_here': '从这里',

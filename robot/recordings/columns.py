@@ -1,0 +1,328 @@
+"""What is kept in memory of an open recording: some fifty bytes a picture, and no object each."""
+
+from __future__ import annotations
+
+import json
+from array import array
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import isnan, nan
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.errors import UNREADABLE, RecordingError, told_as
+from robot.policy.history import Edited, HistoryEvent, Taught, Undone
+from robot.recordings.images import FrameEntry
+from robot.recordings.messages import Fields, Topic
+from robot.recordings.reader import Block, MessageChannel
+from robot.store.models.events import read_event, read_point
+from robot.types import Action, Example, Point
+
+_FRAME = np.dtype(
+    [
+        ("id", "<u4"),
+        ("log_ns", "<i8"),
+        ("chunk", "<i8"),
+        ("start", "<u4"),
+        ("stop", "<u4"),
+        ("channel", "<u2"),
+    ]
+)
+_NOT_PLAIN = 255
+"""In place of a label's number: an event that is more than an example of a recorded picture."""
+_NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
+
+
+class FrameTable(Mapping[int, FrameEntry]):
+    """The pictures of a recording by their ids, in ascending order; of two with one id the last."""
+
+    def __init__(self, origin_ns: int = 0) -> None:
+        self.origin_ns = origin_ns
+        self._parts: list[NDArray[np.void]] = []
+        self._channels: list[MessageChannel] = []
+        self._table: NDArray[np.void] | None = None
+        self.is_ordered = True
+        """Whether pictures stand in the file in the order of their ids, each once."""
+
+    def add(self, block: Block) -> None:
+        rows = block.of(Topic.CAMERA)
+        if not len(rows):
+            return
+        table = np.zeros(len(rows), _FRAME)
+        for name, source in (("id", "sequence"), *((n, n) for n in ("log_ns", "start", "stop"))):
+            table[name] = rows[source]
+        table["chunk"] = block.offset
+        for number in np.unique(rows["channel"]).tolist():
+            channel = block.channels[number]
+            if channel not in self._channels:
+                self._channels.append(channel)
+            table["channel"][rows["channel"] == number] = self._channels.index(channel)
+        self._parts.append(table)
+        self._table = None
+
+    @property
+    def table(self) -> NDArray[np.void]:
+        if self._table is None:
+            found = np.concatenate([np.zeros(0, _FRAME), *self._parts])
+            ids = found["id"]
+            self.is_ordered = bool((ids[1:] > ids[:-1]).all())
+            if not self.is_ordered:
+                _, last = np.unique(ids[::-1], return_index=True)
+                found = found[len(found) - 1 - last]
+            self._table, self._parts = found, [found]
+        return self._table
+
+    @property
+    def ids(self) -> NDArray[np.uint32]:
+        ids: NDArray[np.uint32] = self.table["id"]
+        return ids
+
+    @property
+    def captured_s(self) -> NDArray[np.float64]:
+        """When each picture was taken, in seconds of the run's clock."""
+        times_s: NDArray[np.float64] = (self.table["log_ns"] - self.origin_ns) / 1e9
+        return times_s
+
+    def at(self, index: int) -> FrameEntry:
+        """Return the entry of the picture of this rank."""
+        row = self.table[index]
+        channel = self._channels[row["channel"]]
+        size = dict(channel.metadata)
+        return FrameEntry(
+            frame_id=int(row["id"]),
+            captured_s=(int(row["log_ns"]) - self.origin_ns) / 1e9,
+            schema=channel.schema.name,
+            size=(int(size.get("width", "0")), int(size.get("height", "0"))),
+            place=(int(row["chunk"]), int(row["start"]), int(row["stop"])),
+        )
+
+    @property
+    def sizes(self) -> set[tuple[int, int]]:
+        """Width and height of the pictures, in pixels, as the channels say."""
+        used = np.unique(self.table["channel"]).tolist()
+        sizes = [dict(self._channels[number].metadata) for number in used]
+        return {(int(size.get("width", "0")), int(size.get("height", "0"))) for size in sizes}
+
+    def rank(self, frame_id: int) -> int | None:
+        """Return which picture of the recording it is, from 0."""
+        ids = self.ids
+        if not 0 <= frame_id < 2**32:
+            return None
+        index = int(np.searchsorted(ids, frame_id))
+        return index if index < len(ids) and ids[index] == frame_id else None
+
+    def __getitem__(self, frame_id: int) -> FrameEntry:
+        index = self.rank(frame_id)
+        if index is None:
+            raise KeyError(frame_id)
+        return self.at(index)
+
+    def __contains__(self, frame_id: object) -> bool:
+        return isinstance(frame_id, int) and self.rank(frame_id) is not None
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.ids.tolist())
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+
+class LessonTable(Sequence[tuple[float, HistoryEvent]]):
+    """What was taught and taken back: each event with its time, in the order of the file."""
+
+    def __init__(self) -> None:
+        self._now_s = array("d")
+        self._frame = array("q")
+        self._label = array("B")
+        self._is_intervention = array("B")
+        self._at_s = array("d")
+        self._steering, self._throttle = array("d"), array("d")
+        self._labels: list[Action] = []
+        self._others: dict[int, HistoryEvent] = {}
+
+    def add(self, times_s: Sequence[float], texts: Sequence[bytes]) -> None:
+        """Add messages; RecordingError, or another of `UNREADABLE`, where one is damaged."""
+        try:
+            plain: list[Any] = json.loads(b"[" + b",".join(texts) + b"]")
+            is_whole = len(plain) == len(texts)
+        except UNREADABLE:
+            is_whole = False
+        if is_whole and self._add_plain(times_s, plain):
+            return
+        for now_s, text in zip(times_s, texts, strict=True):
+            self._add(now_s, json.loads(text))
+
+    def _add_plain(self, times_s: Sequence[float], plain: Sequence[Fields]) -> bool:
+        """Add examples that are all of the usual form; False, and nothing done, if they are not."""
+        try:
+            frames = [fields["frame"] for fields in plain]
+            labels = [fields["label"] for fields in plain]
+            interventions = [fields["intervention"] for fields in plain]
+            at_s = [fields["at_s"] for fields in plain]
+            is_plain = (
+                all(fields["event"] == "taught" and not fields["x"] for fields in plain)
+                and not any("steering" in fields or "throttle" in fields for fields in plain)
+                and {type(frame) for frame in frames} <= {int}
+                and {type(time_s) for time_s in at_s} <= {float, int}
+                and {type(is_one) for is_one in interventions} <= {bool}
+                and all(0 <= frame < 2**32 for frame in frames)
+            )
+            numbers = {label: self._number(label) for label in set(labels)}
+        except UNREADABLE:
+            return False
+        if not is_plain or _NOT_PLAIN in numbers.values():
+            return False
+        self._frame.extend(frames)
+        self._now_s.extend(times_s)
+        self._label.extend(map(numbers.__getitem__, labels))
+        self._is_intervention.extend(interventions)
+        self._at_s.extend(at_s)
+        none = [nan] * len(frames)
+        self._steering.extend(none)
+        self._throttle.extend(none)
+        return True
+
+    def _add(self, now_s: float, fields: Fields) -> None:
+        try:
+            is_plain = fields["event"] == "taught" and not fields.get("x")
+        except UNREADABLE:
+            is_plain = False
+        if is_plain:
+            with told_as(RecordingError, "an example is damaged", *UNREADABLE):
+                label = self._number(fields["label"])
+                frame_id, at_s = int(fields["frame"]), float(fields["at_s"])
+                is_intervention = bool(fields["intervention"])
+                point = read_point(fields) or _NO_POINT
+        if not is_plain or label == _NOT_PLAIN:
+            event = read_event(fields)
+            frame_id = event.example.frame_id if isinstance(event, Taught) else -1
+            label, is_intervention, at_s, point = _NOT_PLAIN, False, 0.0, _NO_POINT
+            self._others[len(self._frame)] = event
+        self._frame.append(frame_id)
+        self._now_s.append(now_s)
+        self._label.append(label)
+        self._is_intervention.append(is_intervention)
+        self._at_s.append(at_s)
+        self._steering.append(point.steering)
+        self._throttle.append(point.throttle)
+
+    def _number(self, name: str) -> int:
+        if name not in self._labels:
+            if len(self._labels) == _NOT_PLAIN:
+                return _NOT_PLAIN
+            self._labels.append(Action(name))
+        return self._labels.index(Action(name))
+
+    @overload
+    def __getitem__(self, index: int) -> tuple[float, HistoryEvent]: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[tuple[float, HistoryEvent]]: ...
+    def __getitem__(self, index: int | slice) -> Any:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        if index < 0:
+            index += len(self)
+        return self._now_s[index], self.event(index)
+
+    def event(self, index: int) -> HistoryEvent:
+        if self._label[index] == _NOT_PLAIN:
+            return self._others[index]
+        return Taught(example=self.example(index), x=_NO_VECTOR, at_s=self._at_s[index])
+
+    def example(self, index: int) -> Example:
+        """Return the example of an event that taught one."""
+        if self._label[index] == _NOT_PLAIN:
+            event = self._others[index]
+            assert isinstance(event, Taught)
+            return event.example
+        point = Point(self._steering[index], self._throttle[index])
+        return Example(
+            frame_id=self._frame[index],
+            label=self._labels[self._label[index]],
+            is_intervention=bool(self._is_intervention[index]),
+            point=None if isnan(point.steering) else point,
+        )
+
+    def label(self, index: int) -> Action:
+        return (
+            self._labels[self._label[index]]
+            if self._label[index] != _NOT_PLAIN
+            else self.example(index).label
+        )
+
+    def __len__(self) -> int:
+        return len(self._frame)
+
+    @property
+    def times_s(self) -> Sequence[float]:
+        return self._now_s
+
+    @property
+    def frames(self) -> NDArray[np.int64]:
+        """The picture that each event teaches; -1 where it teaches none."""
+        return np.array(self._frame, np.int64)
+
+    def rows_of(self, kind: type[Undone] | type[Edited]) -> list[int]:
+        """Return which events are of a kind, in order."""
+        return [index for index, event in self._others.items() if isinstance(event, kind)]
+
+
+class Labels(Mapping[int, Example]):
+    """The examples of a recording that were not taken back, by picture: of each the last."""
+
+    def __init__(self, lessons: LessonTable) -> None:
+        self._lessons = lessons
+        frames = lessons.frames
+        alive = frames >= 0
+        for row in lessons.rows_of(Undone):
+            event = lessons.event(row)
+            assert isinstance(event, Undone)
+            alive[:row] &= ~np.isin(frames[:row], event.frame_ids)
+        rows = np.flatnonzero(alive)[::-1]
+        self._ids, first = np.unique(frames[rows], return_index=True)
+        self._rows = rows[first]
+
+    def __len__(self) -> int:
+        return len(self._ids)
+
+    def __getitem__(self, frame_id: int) -> Example:
+        index = int(np.searchsorted(self._ids, frame_id))
+        if index == len(self._ids) or self._ids[index] != frame_id:
+            raise KeyError(frame_id)
+        return self._lessons.example(int(self._rows[index]))
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._ids.tolist())
+
+    @property
+    def counts(self) -> Counter[Action]:
+        """How many pictures have each label."""
+        return Counter(map(self._lessons.label, self._rows.tolist()))
+
+
+class Span:
+    """The first and last time of some messages, in nanoseconds since 1970."""
+
+    def __init__(self) -> None:
+        self._ends: dict[str, tuple[int, int]] = {}
+
+    def add(self, block: Block, topics: Iterable[str]) -> None:
+        for topic in topics:
+            rows = block.of(topic)
+            if len(rows):
+                first, last = int(rows["log_ns"][0]), int(rows["log_ns"][-1])
+                self._ends[topic] = self._ends.get(topic, (first, last))[0], last
+
+    @property
+    def ends_ns(self) -> list[int]:
+        return [end for pair in self._ends.values() for end in pair]
+
+
+def read_fields(texts: Sequence[bytes]) -> list[Fields]:
+    """Read messages in JSON; RecordingError if one is no object."""
+    found = json.loads(b"[" + b",".join(texts) + b"]")
+    if len(found) != len(texts) or not all(isinstance(fields, dict) for fields in found):
+        raise RecordingError("a message has an unknown form")
+    return found  # type: ignore[no-any-return]

@@ -1,0 +1,138 @@
+"""Long recordings: what is kept of each picture, in memory, while recording and when opened."""
+
+from __future__ import annotations
+
+import gc
+import struct
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from robot.recordings.editing import moments, sample, write_edited
+from robot.recordings.edits import Edit, Notes
+from robot.recordings.episode import open_episode, taught_frames
+from robot.recordings.messages import Topic
+from robot.recordings.reader import Message, scan
+from robot.recordings.writer import EpisodeWriter, describe_run
+from robot.types import DEFAULT_MOVES, Encoding, Frame
+
+pytest.importorskip("mcap.writer", reason="the extra 'episodes' is not installed")
+ENDS = {"dropped_frames": "0", "lost_words": "0"}
+
+
+def begin(path: Path) -> EpisodeWriter:
+    run = describe_run(
+        episode_id=path.stem, run_id="long", origin_ns=10**18, moves=DEFAULT_MOVES, learner="knn-3"
+    )
+    return EpisodeWriter(path.open("xb"), run)
+
+
+def teach(writer: EpisodeWriter, first: int, count: int) -> None:
+    """Write what a robot records of each picture that it is taught."""
+    for number in range(first, first + count):
+        now_s, label = number / 30, DEFAULT_MOVES[number // 40 % 3]
+        said = {"frame": number, "action": label, "confidence": 0.9}
+        drove = {"action": label, "sent": label, "driven_by": "pilot", "asks_pilot": False}
+        taught = {"event": "taught", "frame": number, "label": label, "intervention": False}
+        data = b"\xff\xd8" + bytes(300)
+        writer.write_frame(
+            Frame(
+                frame_id=number,
+                captured_s=now_s,
+                width=160,
+                height=120,
+                encoding=Encoding.JPEG,
+                data=data,
+            )
+        )
+        writer.write_message(Topic.SENSORS, now_s, {"distance_m": number / 1000, "pose": None})
+        writer.write_message(Topic.PREDICTION, now_s, said)
+        writer.write_message(Topic.DECISION, now_s, drove)
+        writer.write_message(Topic.LESSON, now_s, taught | {"at_s": now_s, "x": None})
+
+
+@pytest.fixture(scope="module")
+def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Of 6,000 pictures in some six chunks; the last fifty lessons were undone."""
+    path = tmp_path_factory.mktemp("long") / "long.mcap"
+    writer = begin(path)
+    teach(writer, 1, 6000)
+    undone = {"event": "undone", "frames": list(range(5951, 6001))}
+    writer.write_message(Topic.LESSON, 201.0, undone)
+    writer.close(ENDS)
+    return path
+
+
+def test_a_taught_picture_leaves_a_few_bytes_in_the_writer(tmp_path: Path) -> None:
+    """It left 490: sets of numbers and a table of examples."""
+    writer = begin(tmp_path / "one.mcap")
+    teach(writer, 1, 300)
+    writer.flush()
+    gc.collect()
+    tracemalloc.start()
+    teach(writer, 301, 1200)
+    writer.flush()
+    gc.collect()
+    grown, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert grown / 1200 < 60
+    writer.close(ENDS)
+
+
+def test_an_open_recording_has_no_object_for_each_picture(long: Path) -> None:
+    open_episode(long)
+    gc.collect()
+    before = len(gc.get_objects())
+    episode = open_episode(long)
+    labels = taught_frames(episode)
+    gc.collect()
+    assert len(gc.get_objects()) - before < 500
+    assert len(episode.frames) == 6000 and len(labels) == 5950
+
+
+def test_what_is_told_of_each_picture_is_read_chunk_by_chunk(long: Path) -> None:
+    episode, most = open_episode(long), 0
+    gc.collect()
+    before = len(gc.get_objects())
+    for number, moment in enumerate(moments(episode, Notes()), 1):
+        assert moment.frame_id == number
+        assert moment.label == (DEFAULT_MOVES[number // 40 % 3] if number <= 5950 else None)
+        assert moment.predicted == moment.sent == DEFAULT_MOVES[number // 40 % 3]
+        assert moment.driven_by == "pilot" and moment.distance_m == number / 1000
+        if number % 500 == 0:
+            most = max(most, len(gc.get_objects()) - before)
+    assert most < 4000, "messages of two chunks at most"
+    assert number == 6000
+
+
+def test_a_few_pictures_are_found_without_the_others(long: Path) -> None:
+    episode = open_episode(long)
+    every = list(moments(episode, Notes()))
+    assert sample(episode, Notes(), 7) == [every[round(i * 5999 / 6)] for i in range(7)]
+    assert sample(episode, Notes(), 3, (1001, 2001)) == [every[i] for i in (1000, 1500, 2000)]
+    assert sample(episode, Notes(), 3, (7000, 8000)) == []
+
+
+def test_edits_of_a_long_recording_are_worked_in(long: Path, tmp_path: Path) -> None:
+    notes = Notes(edits=(Edit(verb="delete", ranges=((11, 5900),)),))
+    path = tmp_path / "short.mcap"
+    with path.open("xb") as file:
+        write_edited(open_episode(long), notes, file)
+    short = open_episode(path)
+    assert list(short.frames) == [*range(1, 11), *range(5901, 6001)]
+    assert list(taught_frames(short)) == [*range(1, 11), *range(5901, 5951)]
+
+
+def test_an_index_that_lies_is_not_believed(long: Path, tmp_path: Path) -> None:
+    found = [(m.topic, m.log_ns, m.sequence, m.data) for m in scan(long) if isinstance(m, Message)]
+    data, at = bytearray(long.read_bytes()), 8
+    while data[at] != 2:  # the footer
+        opcode, length = struct.unpack_from("<BQ", data, at)
+        if opcode == 7 and length > 6 + 32:  # a message index: its second offset
+            struct.pack_into("<Q", data, at + 9 + 6 + 16 + 8, 2**63 + 5)
+        at += 9 + length
+    lying = tmp_path / "lying.mcap"
+    lying.write_bytes(data)
+    again = [(m.topic, m.log_ns, m.sequence, m.data) for m in scan(lying) if isinstance(m, Message)]
+    assert again == found and len(found) == 6000 * 5 + 1
