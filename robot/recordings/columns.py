@@ -6,6 +6,7 @@ import json
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from math import isnan, nan
 from typing import Any, overload
 
@@ -43,6 +44,7 @@ class FrameTable(Mapping[int, FrameEntry]):
         self._parts: list[NDArray[np.void]] = []
         self._channels: list[MessageChannel] = []
         self._table: NDArray[np.void] | None = None
+        self._ids = np.zeros(0, np.uint32)
         self.is_ordered = True
         """Whether pictures stand in the file in the order of their ids, each once."""
 
@@ -76,41 +78,44 @@ class FrameTable(Mapping[int, FrameEntry]):
 
     @property
     def ids(self) -> NDArray[np.uint32]:
-        ids: NDArray[np.uint32] = self.table["id"]
-        return ids
+        table = self.table
+        if len(self._ids) != len(table):
+            self._ids = np.ascontiguousarray(table["id"])
+        return self._ids
 
     @property
     def captured_s(self) -> NDArray[np.float64]:
         """When each picture was taken, in seconds of the run's clock."""
-        times_s: NDArray[np.float64] = (self.table["log_ns"] - self.origin_ns) / 1e9
+        return self.captured_s_of(slice(None))
+
+    def captured_s_of(self, ranks: NDArray[np.int64] | slice) -> NDArray[np.float64]:
+        """Return when some pictures were taken."""
+        times_s: NDArray[np.float64] = (self.table["log_ns"][ranks] - self.origin_ns) / 1e9
         return times_s
 
     def at(self, index: int) -> FrameEntry:
         """Return the entry of the picture of this rank."""
-        row = self.table[index]
-        channel = self._channels[row["channel"]]
-        size = dict(channel.metadata)
+        frame_id, log_ns, chunk, start, stop, number = self.table[index].item()
+        channel = self._channels[number]
         return FrameEntry(
-            frame_id=int(row["id"]),
-            captured_s=(int(row["log_ns"]) - self.origin_ns) / 1e9,
+            frame_id=frame_id,
+            captured_s=(log_ns - self.origin_ns) / 1e9,
             schema=channel.schema.name,
-            size=(int(size.get("width", "0")), int(size.get("height", "0"))),
-            place=(int(row["chunk"]), int(row["start"]), int(row["stop"])),
+            size=_size(channel),
+            place=(chunk, start, stop),
         )
 
     @property
     def sizes(self) -> set[tuple[int, int]]:
         """Width and height of the pictures, in pixels, as the channels say."""
-        used = np.unique(self.table["channel"]).tolist()
-        sizes = [dict(self._channels[number].metadata) for number in used]
-        return {(int(size.get("width", "0")), int(size.get("height", "0"))) for size in sizes}
+        return {_size(self._channels[n]) for n in np.unique(self.table["channel"]).tolist()}
 
     def rank(self, frame_id: int) -> int | None:
         """Return which picture of the recording it is, from 0."""
         ids = self.ids
         if not 0 <= frame_id < 2**32:
             return None
-        index = int(np.searchsorted(ids, frame_id))
+        index = int(ids.searchsorted(np.uint32(frame_id)))  # an int would have all ids converted
         return index if index < len(ids) and ids[index] == frame_id else None
 
     def __getitem__(self, frame_id: int) -> FrameEntry:
@@ -127,6 +132,12 @@ class FrameTable(Mapping[int, FrameEntry]):
 
     def __len__(self) -> int:
         return len(self.table)
+
+
+@cache
+def _size(channel: MessageChannel) -> tuple[int, int]:
+    size = dict(channel.metadata)
+    return int(size.get("width", "0")), int(size.get("height", "0"))
 
 
 class LessonTable(Sequence[tuple[float, HistoryEvent]]):
@@ -295,6 +306,14 @@ class Labels(Mapping[int, Example]):
 
     def __iter__(self) -> Iterator[int]:
         return iter(self._ids.tolist())
+
+    def examples(self, ids: NDArray[np.integer]) -> list[Example | None]:
+        """Return the example of each of these pictures."""
+        if not len(self._ids):
+            return [None] * len(ids)
+        at = np.minimum(np.searchsorted(self._ids, ids), len(self._ids) - 1)
+        rows = np.where(self._ids[at] == ids, self._rows[at], -1).tolist()
+        return [None if row < 0 else self._lessons.example(row) for row in rows]
 
     @property
     def counts(self) -> Counter[Action]:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from bisect import bisect_left
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, groupby, islice
 from typing import BinaryIO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot.driver import CLASSIC
 from robot.errors import UNREADABLE, ConfigurationError
 from robot.policy.history import Edited, Taught, Undone
-from robot.recordings.columns import Labels, read_fields
+from robot.recordings.columns import Labels
 from robot.recordings.edits import Edit, Notes, Range, trim
 from robot.recordings.episode import Episode, taught_frames
 from robot.recordings.messages import EDITED, MODEL_BEFORE, Fields, Topic
@@ -123,15 +124,28 @@ class _Said:
         self._times_s += ((rows["log_ns"].astype("<i8") - origin_ns) / 1e9).tolist()
         self._messages += block.texts(rows)
 
-    def after(self, at_s: float, within_s: float) -> Iterator[Fields]:
-        """Yield those that are not older, for so long."""
-        for index in range(bisect_left(self._times_s, at_s), len(self._times_s)):
-            if self._times_s[index] - at_s >= within_s:
-                return
-            message = self._messages[index]
-            if isinstance(message, bytes):
-                message = self._messages[index] = _fields_in(message)
-            yield message
+    def first(self, at_s: float) -> Fields:
+        """Return the first that is not older; an empty one if none follows soon."""
+        index = bisect_left(self._times_s, at_s)
+        if index == len(self._times_s) or self._times_s[index] - at_s >= _SOON_S:
+            return {}
+        return self._at(index)
+
+    def about(self, frame_id: int, at_s: float) -> Fields:
+        """Return the first that names this picture, which was taken then; or an empty one."""
+        times_s = self._times_s
+        for index in range(bisect_left(times_s, at_s), len(times_s)):
+            if times_s[index] - at_s >= _LATE_S:
+                break
+            if (fields := self._at(index)).get("frame") == frame_id:
+                return fields
+        return {}
+
+    def _at(self, index: int) -> Fields:
+        message = self._messages[index]
+        if isinstance(message, bytes):
+            message = self._messages[index] = _fields_in(message)
+        return message
 
     def forget(self, before_s: float) -> None:
         count = bisect_left(self._times_s, before_s)
@@ -141,9 +155,10 @@ class _Said:
 def _fields_in(message: bytes) -> Fields:
     """Read a message; one that is damaged says nothing."""
     try:
-        return read_fields([message])[0]
+        fields = json.loads(message)
     except UNREADABLE:
         return {}
+    return fields if isinstance(fields, dict) else {}
 
 
 def _told(
@@ -154,61 +169,75 @@ def _told(
     ranks: Sequence[int],
 ) -> Iterator[EpisodeFrame]:
     """Yield the pictures of these ranks as their chunks come by."""
-    table, start_s, origin_ns = episode.frames.table, episode.start_s, episode.origin_ns
-    decisions, sensed, proposed = said = (_Said(), _Said(), _Said())
-    waiting: deque[int] = deque()
-    left = len(ranks)
-    by_place = sorted(ranks, key=lambda rank: (table["chunk"][rank], table["start"][rank]))
-    chunks = table["chunk"][by_place]
+    table, origin_ns = episode.frames.table, episode.origin_ns
+    said = _Said(), _Said(), _Said()
+    chosen = np.asarray(ranks, np.int64)
+    places = np.lexsort((table["start"][chosen], table["chunk"][chosen]))
+    by_place = chosen[places]
+    chunks, stamps_ns = table["chunk"][by_place], table["log_ns"][by_place]
+    told = came = 0
+    for block in blocks:
+        for messages, topic in zip(said, _ABOUT, strict=True):
+            messages.add(block, topic, origin_ns)
+        came = int(np.searchsorted(chunks, block.offset, side="right"))
+        known_ns = 0
+        if len(block.rows):
+            known_ns = int(block.rows["log_ns"].max()) - round(_LATE_S * 1e9)
+        waiting_ns = stamps_ns[told:came]
+        late = waiting_ns >= known_ns
+        count = int(late.argmax()) if late.any() else len(late)
+        count = max(count, len(waiting_ns) - _MOST_WAITING)
+        yield from _tell(episode, notes, labels, by_place[told : told + count], said)
+        told += count
+        if told == len(by_place):
+            return
+        needed_ns = int(stamps_ns[told]) if told < came else known_ns
+        for messages in said:
+            messages.forget((needed_ns - origin_ns) / 1e9)
+    yield from _tell(episode, notes, labels, by_place[told:came], said)
 
-    def tell(rank: int) -> EpisodeFrame:
-        frame_id = int(table["id"][rank])
-        at_s = (int(table["log_ns"][rank]) - origin_ns) / 1e9
-        decision = next(decisions.after(at_s, _SOON_S), {})
-        senses = next(sensed.after(at_s, _SOON_S), {})
-        told = (each for each in proposed.after(at_s, _LATE_S) if each.get("frame") == frame_id)
-        prediction = next(told, {})
-        pose = senses.get("pose")
-        relabel, example = notes.relabel(frame_id), labels.get(frame_id)
+
+def _tell(
+    episode: Episode,
+    notes: Notes,
+    labels: Labels,
+    ranks: NDArray[np.int64],
+    said: tuple[_Said, _Said, _Said],
+) -> Iterator[EpisodeFrame]:
+    """Yield these pictures with what was said of them."""
+    decisions, sensed, proposed = said
+    ids, captured_s, start_s = (
+        episode.frames.ids[ranks],
+        episode.frames.captured_s_of(ranks).tolist(),
+        episode.start_s,
+    )
+    examples, deleted = labels.examples(ids), notes.deleted(ids).tolist()
+    relabels = notes.relabels(ids)
+    every = zip(ids.tolist(), captured_s, examples, deleted, relabels, strict=True)
+    for frame_id, at_s, example, is_deleted, relabel in every:
+        decision, senses = decisions.first(at_s), sensed.first(at_s)
+        prediction, pose = proposed.about(frame_id, at_s), senses.get("pose")
         label = relabel or (example.label if example else None)
-        return EpisodeFrame(
+        yield EpisodeFrame(
             frame_id=frame_id,
             at_s=at_s - start_s,
             label=label,
             point=example.point if example and example.label is label else None,
             is_relabelled=relabel is not None,
-            is_deleted=notes.is_deleted(frame_id),
+            is_deleted=is_deleted,
             is_intervention=example is not None and example.is_intervention,
             predicted=prediction.get("action"),
-            predicted_point=read_point(prediction),
+            predicted_point=read_point(prediction) if "steering" in prediction else None,
             confidence=prediction.get("confidence"),
             driven_by=decision.get("driven_by"),
             sent=decision.get("sent"),
-            sent_point=read_point(decision),
+            sent_point=read_point(decision) if "steering" in decision else None,
             asks_pilot=bool(decision.get("asks_pilot")),
             distance_m=senses.get("distance_m"),
             bumped=bool(senses.get("bumped")),
             pose=pose and (pose["x_m"], pose["y_m"], pose["heading_rad"]),
             is_pose_estimate=bool(pose and pose.get("is_estimate")),
         )
-
-    for block in blocks:
-        for messages, topic in zip(said, _ABOUT, strict=True):
-            messages.add(block, topic, origin_ns)
-        first, last = np.searchsorted(chunks, [block.offset, block.offset + 1]).tolist()
-        waiting.extend(by_place[first:last])
-        if not len(block.rows):
-            continue
-        known_ns = int(block.rows["log_ns"].max()) - round(_LATE_S * 1e9)
-        while waiting and (len(waiting) > _MOST_WAITING or table["log_ns"][waiting[0]] < known_ns):
-            yield tell(waiting.popleft())
-            left -= 1
-        if not left:
-            return
-        needed_ns = int(table["log_ns"][waiting[0]]) if waiting else known_ns
-        for messages in said:
-            messages.forget((needed_ns - origin_ns) / 1e9)
-    yield from map(tell, waiting)
 
 
 def edit_of(verb: str, between: Range, episode: Episode, label: str | None = None) -> Edit:

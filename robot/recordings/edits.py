@@ -73,6 +73,12 @@ class Notes:
             found |= (ids >= first) & (ids <= last)
         return found
 
+    def relabels(self, ids: NDArray[np.integer]) -> list[Action | None]:
+        """Return for each frame the label that a person gave it last; None where nobody did."""
+        if not any(edit.verb == "relabel" for edit in self.edits):
+            return [None] * len(ids)
+        return [self.relabel(frame_id) for frame_id in ids.tolist()]
+
     def relabel(self, frame_id: int) -> Action | None:
         """Return the label that a person gave this frame last; None if nobody did."""
         given = [e.label for e in self.edits if e.verb == "relabel" and e.covers(frame_id)]

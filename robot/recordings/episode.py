@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 
 from robot.driver import Move, from_text
@@ -19,6 +18,7 @@ from robot.recordings.reader import (
     Cut,
     MessageChannel,
     Metadata,
+    Part,
     blocks_from,
     read_chunk,
     walk,
@@ -48,9 +48,7 @@ class Episode:
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
     on_read: Callable[[], None] = lambda: None
-    _read_chunk: Callable[[Path, int], bytes] = field(
-        default_factory=lambda: lru_cache(_CHUNKS_KEPT)(read_chunk)
-    )
+    _chunks: dict[int, bytes] = field(default_factory=dict)
 
     @property
     def id(self) -> str:
@@ -96,15 +94,29 @@ class Episode:
             raise RecordingError(f"the recording {self.id} has no frame {frame_id}")
         self.on_read()
         offset, start, stop = entry.place
-        return decode_image(entry, self._read_chunk(self.path, offset)[start:stop])
+        return decode_image(entry, self._chunk(offset)[start:stop])
+
+    def _chunk(self, offset: int) -> bytes:
+        data = self._chunks.get(offset)
+        return self._keep(offset, read_chunk(self.path, offset)) if data is None else data
+
+    def _keep(self, offset: int, data: bytes) -> bytes:
+        """Keep the last few chunks: their pictures are mostly asked for soon, and in order."""
+        self._chunks[offset] = data
+        for old in list(self._chunks)[:-_CHUNKS_KEPT]:
+            self._chunks.pop(old, None)
+        return data
 
     def blocks(self, offset: int = 0) -> Iterator[Block]:
         """Yield the recording chunk by chunk: from the beginning, or from the chunk on that begins
         at an offset."""
+        parts: Iterator[Part] = walk(self.path)
         if offset:
-            yield from blocks_from(self.path, offset, self.channels)
-        else:
-            yield from (part for part in walk(self.path) if isinstance(part, Block))
+            parts = blocks_from(self.path, offset, self.channels)
+        for part in parts:
+            if isinstance(part, Block):
+                self._keep(part.offset, part.data)
+                yield part
 
     def messages(self, topic: Topic) -> Iterator[tuple[float, Fields]]:
         """Yield the messages of a topic with their times, in the order of the file."""

@@ -1,0 +1,176 @@
+"""Serve, teach and hand over for some minutes, and report what grows: outside CI.
+
+`python -m tests.soak --minutes 60`: a real server with the simulator; a pilot teaches for 20 s and
+hands over for 10, again and again; viewers come, watch, stall and vanish. Reported are slopes an
+hour with intervals, from the fifth minute on (or from a quarter of a shorter run), and how long
+the journal takes to be read at the end. `--lessons 20000` adds a year of lessons in virtual time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.server.live_robot import Pilot
+from tests.soak.lessons import year
+from tests.soak.slopes import slope
+
+ROOT = Path(__file__).parents[2]
+MOVES = ("forward", "left", "forward", "right")
+EVERY_S = 5.0
+
+
+class Served:
+    """A server in a process of its own, measured from outside."""
+
+    def __init__(self, folder: Path) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port = free.getsockname()[1]
+        self.folder, self._objects = folder, folder / "objects"
+        began_s = time.monotonic()
+        self.process = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "tests.soak.server", "serve", "--no-page"),
+                *("--robot", "sim", "--port", str(self.port), "--data", str(folder / "data")),
+            ],
+            cwd=ROOT,
+            env={**os.environ, "SOAK_OBJECTS": str(self._objects)},
+            stdout=subprocess.DEVNULL,
+            stderr=(folder / "log").open("ab"),
+        )
+        while True:
+            with contextlib.suppress(OSError):
+                urllib.request.urlopen(f"http://127.0.0.1:{self.port}/", timeout=5).close()
+                break
+            time.sleep(0.1)
+        self.ready_s = time.monotonic() - began_s
+
+    def measure(self) -> dict[str, float]:
+        place = Path(f"/proc/{self.process.pid}")
+        status = dict(
+            line.split(":", 1)
+            for line in (place / "status").read_text().splitlines()
+            if ":" in line
+        )
+        used = (place / "stat").read_text().rpartition(")")[2].split()
+        return {
+            "memory MB": int(status["VmRSS"].split()[0]) / 1024,
+            "objects": self._count(),
+            "handles": len(list((place / "fd").iterdir())),
+            "threads": int(status["Threads"]),
+            "disk MB": sum(map(_size, (self.folder / "data").rglob("*"))) / 1e6,
+            "CPU s": (int(used[11]) + int(used[12])) / os.sysconf("SC_CLK_TCK"),
+        }
+
+    def _count(self) -> int:
+        self._objects.unlink(missing_ok=True)
+        self.process.send_signal(signal.SIGUSR1)
+        for _ in range(100):
+            with contextlib.suppress(OSError, ValueError):
+                return int(self._objects.read_text())
+            time.sleep(0.05)
+        return 0
+
+    def stop(self) -> float:
+        """End it as a system does; return how long that takes, in seconds."""
+        began_s = time.monotonic()
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(60)
+        return time.monotonic() - began_s
+
+
+def _size(path: Path) -> int:
+    with contextlib.suppress(OSError):  # it is gone
+        return path.stat().st_size if path.is_file() else 0
+    return 0
+
+
+def come_and_go(served: Served, ending: threading.Event) -> None:
+    """Viewers, one after the other: some leave, some vanish."""
+    chance = random.Random(1)
+    while not ending.wait(chance.uniform(0.2, 1.5)):
+        with contextlib.suppress(Exception):
+            viewer = Pilot(f"ws://127.0.0.1:{served.port}/ws/drive", sees=chance.random() < 0.5)
+            viewer.is_silent = True
+            ending.wait(chance.uniform(0.2, 2.0))
+            viewer.vanish() if chance.random() < 0.3 else viewer.close()
+
+
+def drive(pilot: Pilot, minutes: float) -> Iterator[None]:
+    """Teach for 20 s, hand over for 10, and yield as often as it is to be measured."""
+    end_s, due_s = time.monotonic() + minutes * 60, time.monotonic()
+    turn = 0
+    while time.monotonic() < end_s:
+        wanted = "train" if turn % 30 < 20 else "autonomous"
+        if pilot.states and pilot.state["mode"] != wanted:
+            pilot.mode(wanted)
+        pilot.hold(MOVES[turn // 2 % len(MOVES)] if wanted == "train" else None)
+        turn += 1
+        time.sleep(1.0)
+        del pilot.messages[:-50]
+        if time.monotonic() >= due_s:
+            due_s += EVERY_S
+            yield
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--lessons", type=int, default=0, help="of a year in virtual time")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        served = Served(Path(name))
+        ending = threading.Event()
+        viewers = threading.Thread(target=come_and_go, args=(served, ending), daemon=True)
+        viewers.start()
+        times_s: list[float] = []
+        rows: list[dict[str, float]] = []
+        pictures: list[int] = []
+        pilot = Pilot(f"ws://127.0.0.1:{served.port}/ws/drive", sees=True)
+        began_s = time.monotonic()
+        for _ in drive(pilot, args.minutes):
+            times_s.append(time.monotonic() - began_s)
+            rows.append(served.measure())
+            pictures.append(pilot.picture or 0)
+        lessons = pilot.state.get("examples", "?")
+        ending.set()
+        pilot.close()
+        viewers.join(10)
+        ended_s = served.stop()
+        again = Served(Path(name))
+        recovery_s = again.ready_s
+        again.stop()
+    skipped_s = min(300.0, times_s[-1] / 4)
+    kept = [index for index, time_s in enumerate(times_s) if time_s >= skipped_s]
+    print(f"{args.minutes:g} minutes, {pictures[-1]} pictures, {lessons} examples")
+    print(f"{'':12} {'at first':>10} {'at last':>10} {'an hour':>10}  95 % of the slope")
+    for name in rows[0]:
+        values = [rows[index][name] for index in kept]
+        line = slope([times_s[index] for index in kept], values)
+        print(
+            f"{name:12} {values[0]:10.1f} {values[-1]:10.1f} {line.hourly:+10.2f}  "
+            f"+-{line.margin:.2f}{'' if line.is_flat else '  GROWS' if line.hourly > 0 else ''}"
+        )
+    spent = rows[kept[-1]]["CPU s"] - rows[kept[0]]["CPU s"]
+    seen = max(pictures[kept[-1]] - pictures[kept[0]], 1)
+    print(f"CPU a picture {1000 * spent / seen:.2f} ms; SIGTERM {ended_s:.1f} s; ", end="")
+    print(f"started in {served.ready_s:.1f} s, at the end in {recovery_s:.1f} s")
+    if args.lessons:
+        print(year(args.lessons))
+    return 0
+
+
+sys.exit(main())
