@@ -16,7 +16,7 @@ from robot.types import Encoding, Frame, StartStop
 class Camera(StartStop):
     """A source of frames. Found by name among the entry points.
 
-    Subclasses take pictures on a thread of their own (or when a simulation steps) and hand
+    Subclasses take pictures on a thread of their own (or when a world steps) and hand
     each to `_publish`, which overwrites the one slot and wakes the listener. Reading never
     blocks, so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent.
     Options are declared as a driver declares its own.

@@ -75,7 +75,7 @@ class CameraError(RobotError, OSError):
 
 
 class RecordingError(RobotError, ValueError):
-    """A recording, episode or model on disk is broken or of an unknown form."""
+    """A file on disk is broken or of an unknown form: a model, or a recorded run."""
 
 
 UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
@@ -84,7 +84,7 @@ ValueError, and what Python raises by itself."""
 
 
 class NotFoundError(RobotError, LookupError):
-    """No model, episode or thing in the trash has this name."""
+    """Nothing that is kept, or that is in the trash, has this name."""
 
 
 @contextmanager

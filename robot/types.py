@@ -147,8 +147,8 @@ class Frame:
 class Pose:
     """Where the robot stands: metres and radians.
 
-    In a simulation the truth, in the world's frame. Of a real robot an estimate by its wheels, from
-    where it was connected: it drifts.
+    In a virtual world the truth, in the world's frame. Of a real robot an estimate by its
+    wheels, from where it was connected: it drifts.
     """
 
     x_m: float

@@ -1,8 +1,8 @@
 """Timeouts that adapt to the camera: its period and delivery age are measured. Pure.
 
 A webcam on a fast bus gives thirty pictures a second, 5 ms old; the one that the guide recommends
-for an EV3 gives ten, 95 to 145 ms old. A fixed limit is too strict for one or too lax for the
-other. So the limits follow what is measured: robustly (a quantile over the last pictures, so a
+on a slow computer gives ten, 95 to 145 ms old. A fixed limit is too strict for one or too lax for
+the other. So the limits follow what is measured: robustly (a quantile over the last pictures, so a
 lost one changes nothing), slow to grow while the robot moves, quick to shrink, and bounded by the
 distance that the robot travels on one picture.
 """

@@ -57,7 +57,7 @@ _UDACITY = "steering", "throttle", "brake", "speed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class ColumnTable:
     """A table that was read: its rows, and which column has what."""
 
     rows: list[Row]
@@ -81,7 +81,9 @@ class Table:
         return self.names[self.columns[role]] or role
 
 
-def read_table_file(text: str, name: str, said: Mapping[str, str], report: ImportReport) -> Table:
+def read_table_file(
+    text: str, name: str, said: Mapping[str, str], report: ImportReport
+) -> ColumnTable:
     """Read the rows that are whole, and find the columns' meanings.
 
     `said` are the meanings that a person has said, with the name or number of the column.
@@ -109,7 +111,7 @@ def read_table_file(text: str, name: str, said: Mapping[str, str], report: Impor
     with told_as(RecordingError, f"the table {name} cannot be used", ValueError):
         names, columns = _meanings(header, [cells for _, cells in rows], width, said)
     sample = [cells for _, cells in rows[:_PEEK_ROWS]]
-    return Table(
+    return ColumnTable(
         rows=rows,
         columns=columns,
         names=names,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from robot.driver import CLASSIC, Move, from_text, names
 from robot.errors import RecordingError, told_as
-from robot.exchange.columns import Cells, Table, read_table_file
+from robot.exchange.columns import Cells, ColumnTable, read_table_file
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import Pictures, read_picture_file, read_text
 from robot.exchange.folder import MOVES
@@ -86,7 +86,7 @@ def names_pictures(path: Path) -> bool:
     return bool(table.pictures)
 
 
-def _time(table: Table, cells: Cells, picture: str) -> float | None:
+def _time(table: ColumnTable, cells: Cells, picture: str) -> float | None:
     text = table.cell(cells, "time")
     if text is None:
         return seconds_in_name(picture)
@@ -95,7 +95,7 @@ def _time(table: Table, cells: Cells, picture: str) -> float | None:
     )
 
 
-def _written(table: Table, cells: Cells, reading: Reading) -> float | None:
+def _written(table: ColumnTable, cells: Cells, reading: Reading) -> float | None:
     try:
         return float(table.number(cells, "steering")) / reading.full_lock
     except ValueError:
@@ -103,7 +103,7 @@ def _written(table: Table, cells: Cells, reading: Reading) -> float | None:
 
 
 def _meaning(
-    table: Table, reading: Reading, known: Mapping[str, Action], report: ImportReport
+    table: ColumnTable, reading: Reading, known: Mapping[str, Action], report: ImportReport
 ) -> Callable[[Cells], Meant]:
     """Return what tells a row's label, by the columns that are there."""
     there = table.columns
@@ -125,7 +125,9 @@ def _meaning(
     )
 
 
-def _labelled(table: Table, reading: Reading, known: Mapping[str, Action], cells: Cells) -> Meant:
+def _labelled(
+    table: ColumnTable, reading: Reading, known: Mapping[str, Action], cells: Cells
+) -> Meant:
     """Return the label of a row; raises ValueError if it has none that can be believed."""
     text = table.cell(cells, "label") or ""
     if not text:
@@ -144,7 +146,7 @@ def _labelled(table: Table, reading: Reading, known: Mapping[str, Action], cells
     return label, read_point([table.number(cells, role) for role in ("steering", "throttle")])
 
 
-def _steered(table: Table, reading: Reading, cells: Cells) -> Meant:
+def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> Meant:
     """Return what a row means by its steering.
 
     A car that rolls without throttle drives; one whose speed and throttle are both 0 stands.
@@ -160,11 +162,11 @@ def _steered(table: Table, reading: Reading, cells: Cells) -> Meant:
     return read_meant([angle, throttle] if throttle else [angle], reading, named)
 
 
-def _number(table: Table, cells: Cells, role: str) -> float:
+def _number(table: ColumnTable, cells: Cells, role: str) -> float:
     return read_number(table.number(cells, role), table.name(role))
 
 
-def _most(table: Table, role: str) -> float:
+def _most(table: ColumnTable, role: str) -> float:
     """Return the largest value of a column, without sign; what is no number counts as 0."""
     most = 0.0
     for _, cells in table.rows:
@@ -175,7 +177,7 @@ def _most(table: Table, role: str) -> float:
     return most
 
 
-def _tell_of_others(table: Table, pictures: Pictures, report: ImportReport) -> None:
+def _tell_of_others(table: ColumnTable, pictures: Pictures, report: ImportReport) -> None:
     """Say how many pictures lie there that the table does not list, or has of other cameras."""
     others = [i for i in table.pictures if i != table.columns["picture"]]
     if others:

@@ -15,7 +15,7 @@ from robot.lab.lessons import run_lesson, trial_cases
 from robot.lab.task import Task
 from robot.lab.variants import VARIANTS
 from robot.policy.registry import split_name
-from robot.store.table import Cell, Table
+from robot.study.table import Cell, Table
 
 KINDS = ("default", *VARIANTS, "published")
 NODES = {2: 32, 3: 128}

@@ -15,7 +15,7 @@ from robot.lab.ideas import make_trial
 from robot.lab.metrics import DriveLog, DriveSample
 from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
-from robot.store.table import Table
+from robot.study.table import Table
 from robot.types import Mode
 
 _MINUTES = {"episode_s": 60.0, "teach": 2, "correct": 2, "alone": 1}

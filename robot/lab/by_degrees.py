@@ -12,7 +12,7 @@ from robot.lab.habits import beside_pilot, ssd_in_place, taught_by
 from robot.lab.simulated_pilots.habits import HABITS, STEERED
 from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
-from robot.store.table import Table
+from robot.study.table import Table
 from robot.types import Mode
 
 PLACES = ("box", "office", "corridor")

@@ -20,7 +20,7 @@ from robot.policy.features import Features
 from robot.policy.image import to_rgb
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
-from robot.store.table import Cell, Table
+from robot.study.table import Cell, Table
 from robot.types import Action, Encoding, Frame, Point
 
 if TYPE_CHECKING:

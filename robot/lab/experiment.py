@@ -9,7 +9,7 @@ from typing import Any
 
 from robot.errors import ConfigurationError
 from robot.lab.task import Params, Result, Task
-from robot.store.table import Table
+from robot.study.table import Table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

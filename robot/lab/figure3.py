@@ -15,7 +15,7 @@ from robot.lab.ideas import make_learner, make_trial
 from robot.lab.lessons import TRIALS
 from robot.lab.tables import Columns, of, tables_of
 from robot.lab.task import Params, Result, Task
-from robot.store.table import Table
+from robot.study.table import Table
 from robot.types import DEFAULT_MOVES, Action, Frame, Mode
 
 LEARNERS = ("knn-3", "knn-9", "published-32", "published-64", "published-128", "default-32")

@@ -16,7 +16,7 @@ from robot.lab.trial import PATIENT_LINK
 from robot.policy.autosize import sample_frames
 from robot.simulator.camera import SimCamera
 from robot.simulator.driver import SimDriver
-from robot.store.table import Cell, Table
+from robot.study.table import Cell, Table
 from robot.types import DEFAULT_MOVES, Action, Mode, PilotCommand
 
 NODES = (2, 4, 8, 16, 32, 64, 128)

@@ -9,7 +9,6 @@ from dataclasses import replace
 from itertools import chain, product
 from typing import Any
 
-from robot.control.profile import compare
 from robot.lab import metrics
 from robot.lab.chance import difference_by_chance
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group
@@ -20,7 +19,8 @@ from robot.lab.simulated_pilots.pilot import SimulatedPilot
 from robot.lab.tables import Columns, mean_percent, of, percent, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial, drive_by_hand
-from robot.store.table import Cell, Table
+from robot.study.profile import compare
+from robot.study.table import Cell, Table
 from robot.types import Action, Mode
 
 WORLDS = ("box", "office", "corridor", "fork", "clutter")

@@ -9,14 +9,14 @@ from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from robot.control.profile import compare
 from robot.lab import metrics
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, seeded
 from robot.lab.ideas import make_trial
 from robot.lab.metrics import DriveLog
 from robot.lab.tables import SSD_COLUMNS, tables_of
 from robot.lab.task import Params, Result
-from robot.store.table import Cell, Table
+from robot.study.profile import compare
+from robot.study.table import Cell, Table
 from robot.types import Mode
 
 TRIALS: dict[int, dict[str, Any]] = {

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from robot.control.profile import Profile, behavior_profile, compare
 from robot.driver import point_of
 from robot.lab.simulated_pilots.situation import Situation
+from robot.study.profile import Profile, behavior_profile, compare
 from robot.types import Action, DrivenBy, Point, Pose
 
 STAY_M, STUCK_S = 0.15, 20.0

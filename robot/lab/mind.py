@@ -13,7 +13,7 @@ from robot.lab.tables import Columns, percent, tables_of
 from robot.lab.task import Params, Result, Task
 from robot.lab.trial import Trial, drive_by_hand
 from robot.policy.policy import Policy
-from robot.store.table import Table
+from robot.study.table import Table
 from robot.types import Action, Mode
 
 WORLDS = ("box", "office", "clutter")

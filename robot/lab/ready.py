@@ -12,7 +12,7 @@ from robot.lab.habits import RATES_HZ, WORLDS, taught_by
 from robot.lab.simulated_pilots.habits import HABITS
 from robot.lab.tables import Columns, mean_percent, of, percent, tables_of
 from robot.lab.task import Params, Result, Task
-from robot.store.table import Table
+from robot.study.table import Table
 from robot.types import Mode
 
 PILOTS = 40

@@ -13,7 +13,7 @@ from typing import Any
 
 from robot.errors import need
 from robot.lab.experiment import Experiment, Plot, Runs
-from robot.store.table import Table, format_cell
+from robot.study.table import Table, format_cell
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 75rem; margin: 2rem auto; padding: 0 1rem;

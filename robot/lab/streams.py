@@ -20,7 +20,7 @@ from robot.lab.adapters.for_sklearn import BSOCEstimator
 from robot.lab.chance import mean_in_interval
 from robot.lab.experiment import Experiment, ExperimentSettings, Runs, group, seeded
 from robot.lab.task import Params, Result, Task
-from robot.store.table import Table
+from robot.study.table import Table
 
 try:
     from river import datasets, linear_model, naive_bayes, neighbors, preprocessing, tree

@@ -10,7 +10,7 @@ from typing import Any
 
 from robot.lab.chance import deviation
 from robot.lab.task import Result
-from robot.store.table import Cell, Table
+from robot.study.table import Cell, Table
 
 
 def percent(share: float, digits: int = 0) -> str:

@@ -24,7 +24,7 @@ class PublishedBSOC(Clusters):
 
     It has no groups. With `integer`, vectors are bytes and so are images, rounded to nearest on a
     merge as in the authors' program: no floating-point operation on any pixel. Else images are
-    exact means. Pinning is not in the paper; the gallery needs it.
+    exact means. Pinning is not in the paper; pages need it.
     """
 
     measures_novelty = False

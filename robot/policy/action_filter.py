@@ -224,7 +224,7 @@ class ActionFilter(PolicyPart):
         """Return the best move that is not barred; the first on a tie."""
         under_way, shares, turns, pace = seen.under_way, seen.shares, self._kinds.turns, self.pace
         urge = 0.0
-        if self._gives_up:  # on an EV3 each comparison of pictures counts
+        if self._gives_up:  # on a slow computer each comparison of pictures counts
             self._stall_detector.look(seen, pace)
             urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.longest_debt_s)
         futile = self._stall_detector.futile

@@ -87,7 +87,7 @@ class TrainingHistory:
 
     Args:
         policy: What learns. From now on only the history may change it.
-        on_event: Called with everything that changes the learner, in order; for the recorder.
+        on_event: Called with everything that changes the learner, in order, to be written down.
         declared: What the body says of its moves; each policy here is told of it.
     """
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robot.learner.base import Vector
 from robot.learner.part import Value
 from robot.learner.values import number
-from robot.policy.part import Lesson, PolicyPart, Seen
+from robot.policy.part import PolicyPart, Seen, TaughtExample
 
 ANOTHER_LIGHT = 1.5
 """Brighter or darker than the lesson by so many times is another light; less is another view."""
@@ -48,7 +48,7 @@ class LightAdaptation(PolicyPart):
         if self._examples and not 1.0 / ANOTHER_LIGHT <= gain <= ANOTHER_LIGHT:
             seen.x = self._brighten(seen.x, gain)
 
-    def on_example(self, lesson: Lesson) -> None:
+    def on_example(self, lesson: TaughtExample) -> None:
         if lesson.is_learned:
             self._examples = min(self._examples + 1.0, EXAMPLES)
             self._taught += (_brightness(lesson.picture) - self._taught) / self._examples

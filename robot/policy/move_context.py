@@ -19,7 +19,7 @@ import math
 from robot.learner.part import Value
 from robot.learner.values import name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.part import Lesson, PolicyPart, Seen
+from robot.policy.part import PolicyPart, Seen, TaughtExample
 from robot.policy.pilot_pace import PAUSE_S
 from robot.types import Action
 
@@ -41,7 +41,7 @@ class ExampleRate(PolicyPart):
     def __init__(self) -> None:
         self._last_learned: tuple[float, str] | None = None  # since when there was room for it
 
-    def on_example(self, lesson: Lesson) -> None:
+    def on_example(self, lesson: TaughtExample) -> None:
         at_s, label = lesson.at_s, str(lesson.label)
         if at_s is None:
             self._last_learned = None
@@ -82,7 +82,7 @@ class MoveContext(PolicyPart):
         if seen.under_way is not None:
             seen.context = self._of(seen.under_way)
 
-    def on_example(self, lesson: Lesson) -> None:
+    def on_example(self, lesson: TaughtExample) -> None:
         label, at_s = lesson.label, lesson.at_s
         if not lesson.is_learned:
             return

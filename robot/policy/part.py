@@ -60,7 +60,7 @@ class Seen:
 
 
 @dataclass(slots=True, kw_only=True)
-class Lesson:
+class TaughtExample:
     """An example on its way: what `Policy.learn` is told of it, and how it is learned.
 
     Attributes:
@@ -86,7 +86,7 @@ class PolicyPart(Stateful):
     def on_frame(self, seen: Seen) -> None:
         """Add to what is known of a frame."""
 
-    def on_example(self, lesson: Lesson) -> None:
+    def on_example(self, lesson: TaughtExample) -> None:
         """Learn one example, or say how the parts after this one do."""
 
     def reset(self) -> None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from robot.learner.part import Array, Value
 from robot.learner.values import many, name, number, optional, row
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.part import Lesson, PolicyPart
+from robot.policy.part import PolicyPart, TaughtExample
 from robot.types import Action, Point
 
 STUCK_S = 0.5
@@ -236,7 +236,7 @@ class PilotPace(PolicyPart):
         run_s = self.usual_run_s
         return TO_AND_FRO_S if run_s is None else min(TO_AND_FRO_S, OF_A_RUN * run_s)
 
-    def on_example(self, lesson: Lesson) -> None:
+    def on_example(self, lesson: TaughtExample) -> None:
         label, at_s = lesson.label, lesson.at_s
         if at_s is None:
             return

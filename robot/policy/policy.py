@@ -15,7 +15,7 @@ from robot.policy.features import Features
 from robot.policy.light import LightAdaptation
 from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.part import USUAL_STEP_S, Lesson, PolicyPart, Seen
+from robot.policy.part import USUAL_STEP_S, PolicyPart, Seen, TaughtExample
 from robot.policy.recognition import Degrees, Recognition
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
@@ -190,7 +190,7 @@ class Policy(Stateful):
             checked_vector(x, self._n_values)
         if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
             raise ValueError(f"steering and throttle are from -1 to 1, not {tuple(point)}")
-        lesson = Lesson(
+        lesson = TaughtExample(
             number=self.n_seen + 1,
             x=x,
             picture=self.features.grey(x),

@@ -24,7 +24,7 @@ from robot.learner.clusters import MOST_FRAMES
 from robot.learner.part import Array, Value
 from robot.learner.values import Names, count, demand, table
 from robot.policy.move_kinds import MoveKinds
-from robot.policy.part import Lesson, PolicyPart, Seen
+from robot.policy.part import PolicyPart, Seen, TaughtExample
 from robot.types import Action, Point
 
 BAND = 2.5
@@ -59,7 +59,7 @@ class Degrees(PolicyPart):
         self.angle: float | None = None
         self._steering: float | None = None  # the running average
 
-    def angle_of(self, lesson: Lesson) -> float | None:
+    def angle_of(self, lesson: TaughtExample) -> float | None:
         """Return the angle that the learner is to learn with an example; None if it learns none."""
         if not self._is_angular or (self._sums is None and lesson.point is None):
             return None
@@ -68,7 +68,7 @@ class Degrees(PolicyPart):
             self._learner.begin_angles({move: point.steering for move, point in points.items()})
         return (lesson.point or points.get(lesson.label, Point(0.0, 0.0))).steering
 
-    def note(self, lesson: Lesson) -> None:
+    def note(self, lesson: TaughtExample) -> None:
         """Take note of how an example was steered that the learner has learned."""
         if lesson.point is not None:
             if self._sums is None:
@@ -148,7 +148,7 @@ class Recognition(PolicyPart):
         }
         self._note(self.used, seen.evidence.node, seen.number)
 
-    def on_example(self, lesson: Lesson) -> None:
+    def on_example(self, lesson: TaughtExample) -> None:
         if lesson.is_learned:
             angle = self._degrees.angle_of(lesson)
             if angle is None and not lesson.contexts:

@@ -141,7 +141,7 @@ def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MO
         raise
     except (ImportError, AttributeError) as error:
         raise PluginError(f"the learner {kind!r} cannot be loaded: {error}") from error
-    is_whole = platform.machine().startswith("armv5")  # the EV3's processor
+    is_whole = platform.machine().startswith("armv5")  # a processor without fast floats
     return maker(number, name, moves, is_whole)
 
 

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from robot.control.profile import THRESHOLDS_M, Profile
 from robot.errors import ConfigurationError, told_as
-from robot.store.table import Table, format_cell
 from robot.study import figures
 from robot.study.events import read_events, write_csv, write_events
 from robot.study.plan import CODE, StudyPlan, parse_plan
+from robot.study.profile import THRESHOLDS_M, Profile
 from robot.study.rows import ConditionLog, Row, columns, condition_logs, rows_of
+from robot.study.table import Table, format_cell
 from robot.study.tables import make_tables, measures, values_of
 from robot.types import Action, DrivenBy
 

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from robot.control.profile import THRESHOLDS_M, Profile, behavior_profile, compare
 from robot.errors import RecordingError, told_as
-from robot.store.table import Cell
 from robot.study.events import StudyEvent, check_begun, number_in, read_events
 from robot.study.plan import Condition, PhaseKind, PlannedPhase, StudyPlan
 from robot.study.plan_table import refuse_twins
+from robot.study.profile import THRESHOLDS_M, Profile, behavior_profile, compare
 from robot.study.questions import SCORES, scores
+from robot.study.table import Cell
 from robot.types import Action, DrivenBy, Mode
 
 QUESTIONS = "questions"

@@ -7,10 +7,10 @@ import statistics
 from collections import Counter
 from collections.abc import Sequence
 
-from robot.store.table import Cell, Table
 from robot.study.plan import StudyPlan
 from robot.study.questions import SCORES
 from robot.study.rows import QUESTIONS, Row
+from robot.study.table import Cell, Table
 
 _DIGITS = 6
 _OF_KIND = {

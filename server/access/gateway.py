@@ -135,7 +135,7 @@ class NetworkGateway(Gateway):
 
             now = dt.datetime.now(dt.UTC)
             renewed = RenewedCertificates(config.data / "tls", self.surroundings.certified, now)
-            self.certificates = str(renewed.files.key), str(renewed.files.chain)
+            self.tls_files = str(renewed.files.key), str(renewed.files.chain)
             self._renewed = renewed
         if config.needs_pairing:
             failures = getattr(config.limits, "pairing_failures", 10)

@@ -119,10 +119,10 @@ def _own(request: Request) -> str:
     """Return this robot's address as its own socket has it; no header can change that."""
     address, port = request.scope.get("server") or ("", 0)
     own = endpoint(str(address), int(port or 0))
-    certificates = services_of(request).gateway.certificates
-    if certificates is None:
+    files = services_of(request).gateway.tls_files
+    if files is None:
         return own
-    chain = Path(certificates[1]).read_text("ascii")
+    chain = Path(files[1]).read_text("ascii")
     first = chain[: chain.index(ssl.PEM_FOOTER) + len(ssl.PEM_FOOTER)]
     return f"{own} {hashlib.sha256(ssl.PEM_cert_to_DER_cert(first)).hexdigest()}"
 

@@ -41,8 +41,8 @@ def commands() -> dict[str, str]:
 
     A command is an entry point of `drivelesson.commands`: a module with `configure(parser)` and
     `run(args) -> int`. Where options depend on other options, `extend(parser, words)` declares
-    those. Modules are imported only when asked for, because on an EV3 every import costs seconds:
-    the line of help is read from the source, where it stands first.
+    those. Modules are imported only when asked for, because every import costs seconds on a slow
+    computer: the line of help is read from the source, where it stands first.
     """
     names = sorted(_points(), key=lambda name: (name != FIRST, name))
     return {name: _summary(name) for name in names}

@@ -148,7 +148,7 @@ def run(args: argparse.Namespace) -> int:
 
     gateway.open(identity.now.name, rig.driver.announce)
     end_by_signals()
-    starting = StartingPage([] if gateway.certificates else listeners, rig.clock)
+    starting = StartingPage([] if gateway.tls_files else listeners, rig.clock)
     with starting, rig, persistence, gateway.serving(greet_more):
         starting.part = Part.MODEL
         _choose_model(persistence.autosave, args, learner)

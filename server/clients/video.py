@@ -55,7 +55,7 @@ class Encoder:
 
     @cached_property
     def _compress(self) -> Encode | None:
-        """Import OpenCV when it is first needed; on an EV3 it never is."""
+        """Import OpenCV when it is first needed; where frames are JPEG it never is."""
         try:
             return jpeg_encoder(self._quality)
         except MissingExtraError:

@@ -45,8 +45,8 @@ class Gateway:
     """
 
     limits_type: ClassVar[type[Limits]] = Limits
-    certificates: tuple[str, str] | None = None
-    """Files of key and certificates where the page is served by https."""
+    tls_files: tuple[str, str] | None = None
+    """The files of key and chain where the page is served by https."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         self.config, self.clock = config, clock
@@ -73,7 +73,7 @@ class Gateway:
         return contextlib.nullcontext()
 
     def use_tls(self, context: ssl.SSLContext) -> None:
-        """Take the context of the running server, whose certificate may be renewed."""
+        """Take the context of the running server, whose files may be renewed."""
 
     @property
     def admits_all(self) -> bool:
@@ -87,7 +87,7 @@ class Gateway:
 
     def addresses(self) -> list[str]:
         """Return the addresses of the page, the best first."""
-        host, scheme = self.config.host, "https" if self.certificates else "http"
+        host, scheme = self.config.host, "https" if self.tls_files else "http"
         return [f"{scheme}://{f'[{host}]' if ':' in host else host}:{self.config.port}"]
 
     def address_for(self, role: Role) -> str:

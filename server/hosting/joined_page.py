@@ -22,8 +22,8 @@ from pathlib import Path
 
 ENTRY = "js/main.js"
 _ICONS = (".png", ".svg", ".webmanifest")
-_APART = "-study.js"
-"""Not fetched by every visitor: the study is kept once it was opened."""
+_APART = "-apart-"
+"""In the names of files that not every visitor fetches: they are kept once they were used."""
 STYLES = ("base.css", "drive.css", "screens.css")
 _BLOCK = r"/\*(?:[^*]|\*(?!/))*\*/"
 _COMMENT = re.compile(
@@ -97,7 +97,7 @@ def _join(folder: Path, _version: tuple[int, int], icons: tuple[str, ...]) -> Jo
     )
     script = (folder / "js" / "pair.js").read_text("utf-8")
     script = script.replace("{/* pair. */}", _literal(pair))
-    shell = ["./", *(name for name in joiner.files if not name.endswith(_APART)), *icons]
+    shell = ["./", *(name for name in joiner.files if _APART not in name), *icons]
     return JoinedPage(html.encode(), inline, joiner.files, script.encode(), shell)
 
 
@@ -137,7 +137,7 @@ class _Joiner:
             below = [f"js/{room.name}/{path.name}" for path in sorted(room.glob("*.js"))]
             modules = [module for module in self._closure(below) if module not in known]
             if room.name != "messages" and modules:
-                name = "screens" if room.name == "components" else room.name
+                name = "screens" if room.name == "components" else f"apart-{room.name}"
                 text = "const { modules: $m, load: $load } = globalThis.joined;\n"
                 chunks.append(_beside(self.add(f"js/{name}.js", text + self._text(modules))))
                 addresses.update({module: list(chunks) for module in modules})

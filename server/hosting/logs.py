@@ -34,8 +34,8 @@ class OneLine(logging.Formatter):
 class RepeatFilter(logging.Filter):
     """Passes a few lines of one kind a minute, and reports how many it left out.
 
-    A kind is a logger, a level and a message before formatting. An unpaired client can cause any
-    number of some lines; they must not fill the robot's disk.
+    A kind is a logger, a level and a message before formatting. A client without a session can
+    cause any number of some lines; they must not fill the robot's disk.
     """
 
     def __init__(self) -> None:

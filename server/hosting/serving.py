@@ -79,7 +79,7 @@ def open_sockets(host: str, port: int) -> list[socket.socket]:
     return found
 
 
-def _make_server(app: Any, certificates: tuple[str, str] | None) -> Server:
+def _make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
     """Return uvicorn's server, with the newest websocket backend that it has."""
     import uvicorn
 
@@ -87,8 +87,8 @@ def _make_server(app: Any, certificates: tuple[str, str] | None) -> Server:
 
     config = uvicorn.Config(
         app,
-        ssl_keyfile=certificates[0] if certificates else None,
-        ssl_certfile=certificates[1] if certificates else None,
+        ssl_keyfile=tls_files[0] if tls_files else None,
+        ssl_certfile=tls_files[1] if tls_files else None,
         ws=make_protocol() or "websockets",
         ws_per_message_deflate=False,
         ws_max_size=MAX_MESSAGE_BYTES,
@@ -121,8 +121,8 @@ def leave_out_of_collections() -> None:
 def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
     """Serve until SIGINT or SIGTERM."""
     gateway = gateway_of(app)
-    server = _make_server(app, gateway.certificates)
-    if gateway.certificates is not None:
+    server = _make_server(app, gateway.tls_files)
+    if gateway.tls_files is not None:
         server.config.load()
         if server.config.ssl is not None:
             gateway.use_tls(server.config.ssl)
@@ -172,13 +172,13 @@ def served(app: Any, config: Config) -> Iterator[str]:
     """Serve on a thread of its own inside the block; yield the address. For tests."""
     gateway = gateway_of(app)
     listener = gateway.limit(open_socket(config.host, config.port))
-    server = _make_server(app, gateway.certificates)
+    server = _make_server(app, gateway.tls_files)
     thread = threading.Thread(target=lambda: _run(_serve(server, gateway, listener)), name="server")
     thread.start()
     try:
         while not server.started and thread.is_alive():
             thread.join(0.01)
-        scheme = "https" if gateway.certificates else "http"
+        scheme = "https" if gateway.tls_files else "http"
         yield f"{scheme}://{config.host}:{listener.getsockname()[1]}"
     finally:
         server.should_exit = True

@@ -19,7 +19,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "bodies": (),
     "coaching": (),
     "exchange": ("recordings",),
-    "lab": ("simulator", "recordings", "exchange"),
+    "lab": ("simulator", "recordings", "exchange", "study"),
     "recordings": (),
     "simulator": (),
     "study": (),

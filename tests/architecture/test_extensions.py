@@ -1,12 +1,13 @@
-"""Each extension can be taken away without a trace: the core's own tests pass where it never was.
+"""Each extension can be taken away without a trace, and with it those that need it.
 
-By default a few quick ones; with DRIVELESSON_EXTENSIONS=all every quick one that does not use the
-extension.
+A server boots in memory from the tree without it; the words of an extension stand nowhere in the
+core. With DRIVELESSON_FULL=1 the core's own quick tests run in each tree as well.
 """
 
 from __future__ import annotations
 
 import ast
+import json
 import os
 import re
 import shutil
@@ -15,22 +16,31 @@ import sys
 import tomllib
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import robot
+from tests.kit.sizes import in_ci
 
-from .extensions import EXTENSIONS
+from . import rules
+from .extensions import EXTENSIONS, NEEDS, extension_of
 
 ROOT = Path(__file__).parents[2]
-QUICK = ("tests/robot/control/test_gate.py", "tests/server/clients/test_lease.py")
-QUICK += ("tests/server/cli/test_main.py", "tests/robot/devices/test_options.py")
 EVERYTHING = ("tests/robot", "tests/server", "tests/faults", "tests/contract")
 
 
-def packages_of(extension: str) -> set[str]:
-    """Return the packages of an extension."""
-    return {f"robot.{extension}", f"server.{extension}"}
+def gone_with(extension: str) -> set[str]:
+    """Return the extension and those that need it."""
+    gone, before = {extension}, set[str]()
+    while gone != before:
+        before, gone = gone, gone | {name for name, needs in NEEDS.items() if gone & {*needs}}
+    return gone
+
+
+def packages_of(extensions: set[str]) -> set[str]:
+    """Return the packages of extensions."""
+    return {f"{package}.{name}" for package in rules.PACKAGES for name in extensions}
 
 
 def imports(module: str, file: Path) -> set[str]:
@@ -80,11 +90,11 @@ def uses(names: set[str], packages: set[str]) -> bool:
     return any(name == each or name.startswith(f"{each}.") for name in names for each in packages)
 
 
-def copy_without(extension: str, folder: Path) -> set[str]:
-    """Copy the tree without an extension; return the packages that are gone."""
-    gone = packages_of(extension)
+def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
+    """Copy the tree without extensions; return the packages that are gone."""
+    gone = packages_of(extensions)
     ignored = shutil.ignore_patterns("__pycache__", "node_modules", "*.webp")
-    for name in ("robot", "server", "web", "tests", "docs"):
+    for name in names:
         shutil.copytree(ROOT / name, folder / name, ignore=ignored)
     for package in gone:
         for path in (package.replace(".", "/"), f"tests/{package.replace('.', '/')}"):
@@ -107,45 +117,101 @@ def copy_without(extension: str, folder: Path) -> set[str]:
     return gone
 
 
+@pytest.fixture(scope="module")
+def booted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
+    """What the core is without each extension: `boot.py` starts all of them, one after another."""
+    if not hasattr(os, "fork"):
+        pytest.skip("this system has no fork")
+    folders = {}
+    for extension in EXTENSIONS:
+        folders[extension] = folder = tmp_path_factory.mktemp(extension)
+        copy_without(gone_with(extension), folder, *rules.PACKAGES)
+        (folder / "web").symlink_to(ROOT / "web")
+    script = Path(__file__).with_name("boot.py")
+    command = [sys.executable, script, *map(str, folders.values())]
+    done = subprocess.run(command, cwd=folders["lab"], capture_output=True, text=True, check=False)
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    found = {Path(line.pop("folder")): line for line in lines}
+    assert done.returncode == 0, [line.get("error") for line in lines] + [done.stderr[-2000:]]
+    return {extension: found[folder] for extension, folder in folders.items()}
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]]) -> None:
+    boot = booted[extension]
+    assert "/api/stop" in boot["paths"] and "/api/models" in boot["paths"]
+    assert not uses(set(boot["modules"]), packages_of(gone_with(extension)))
+    homes = {"board": "board", "study": "study", "evaluate": "lab", "episodes": "recordings"}
+    for command, home in {**homes, "brick": "bodies", "export": "exchange"}.items():
+        if command != "export":
+            assert (command in boot["commands"]) is (home not in gone_with(extension)), command
+    paths = {"/api/gallery": "coaching", "/api/world": "simulator", "/api/pair": "access"}
+    for path, home in {**paths, "/api/episodes": "recordings", "/api/session": "study"}.items():
+        assert (path in boot["paths"]) is (home not in gone_with(extension)), path
+
+
+def test_what_is_missing_is_said(booted: dict[str, dict[str, Any]]) -> None:
+    assert "needs the extension access" in booted["access"]["unreachable"]
+    assert "choose a robot with --robot NAME: one of " in booted["simulator"]["no_robot"]
+    assert "models" in booted["recordings"]["folders"]
+    assert "episodes" not in booted["recordings"]["folders"]
+
+
+WORDS = {
+    "access": r"pairing|paired|certificat|behind-proxy|admission|mdns",
+    "board": r"teacher|classroom|pupil|class_key",
+    "bodies": r"\bev3\b(?!dev)|pybricks|gymnasium|the robot's eye|\"phone\"",
+    "coaching": r"readiness|\bgallery\b|\btrail\b|coach",
+    "exchange": r"donkeycar|lerobot",
+    "lab": r"ablation|benchmark",
+    "recordings": r"episode|recorder",
+    "simulator": r"simulator|--robot sim|simulation",
+    "study": r"\bstud(y|ies)\b|participant|questionnaire",
+    "testing": r"(?<!>>> )from robot\.testing|import robot\.testing",
+}
+"""What only an extension speaks of."""
+
+
+@pytest.mark.parametrize("extension", EXTENSIONS)
+def test_the_core_says_no_word_of(extension: str) -> None:
+    word = re.compile(WORDS[extension], re.IGNORECASE)
+    said = [
+        f"{file.relative_to(ROOT)}:{number}: {line.strip()}"
+        for file in rules.modules(ROOT)
+        if extension_of(file.relative_to(ROOT)) == "core"
+        for number, line in enumerate(file.read_text("utf-8").splitlines(), 1)
+        if word.search(line)
+    ]
+    assert said == []
+
+
+@in_ci
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize("extension", EXTENSIONS)
-def test_the_core_works_without(extension: str, tmp_path: Path) -> None:
-    gone = copy_without(extension, tmp_path)
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-
-    def run(*words: str) -> str:
-        done = subprocess.run(
-            [sys.executable, "-m", *words],
-            cwd=tmp_path,
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]
-        return done.stdout
-
-    told = run("server", "--help")
-    assert "serve" in told
-    homes = {"board": "board", "study": "study", "evaluate": "lab", "learn": "lab"}
-    for name, at_home in {**homes, "brick": "bodies"}.items():
-        assert (f"  {name} " in told) is (not uses({f"server.{at_home}"}, gone))
-    everything = os.environ.get("DRIVELESSON_EXTENSIONS") == "all"
-    folders = tuple(f"{folder}/" for folder in (EVERYTHING if everything else QUICK))
+def test_the_core_s_tests_pass_without(extension: str, tmp_path: Path) -> None:
+    extensions = gone_with(extension)
+    gone = copy_without(extensions, tmp_path, *rules.PACKAGES, "web", "tests", "docs")
     kept = [
         path
         for name, names in sorted(imports_of_tests().items())
         if name.rpartition(".")[2].startswith("test_")
-        and not uses({name.removeprefix("tests.")}, set().union(*map(packages_of, EXTENSIONS)))
+        and not uses({name.removeprefix("tests.")}, packages_of({*EXTENSIONS}))
         and not uses({each.removeprefix("tests.") for each in {name, *names}}, gone)
-        and f"{(path := name.replace('.', '/') + '.py')}/".startswith(folders)
+        and f"{(path := name.replace('.', '/') + '.py')}/".startswith(EVERYTHING)
     ]
     assert kept
-    without = ["cacheprovider", "randomly"]
-    if uses({"robot.testing"}, gone):  # The installed program still names its plugin of pytest.
-        without.append("drivelesson")
-    options = [option for plugin in without for option in ("-p", f"no:{plugin}")]
+    plugins = ["cacheprovider", "randomly"]
+    if "testing" in extensions:  # The installed program still names its plugin of pytest.
+        plugins.append("drivelesson")
+    options = [option for plugin in plugins for option in ("-p", f"no:{plugin}")]
     quick = "not slow and not browser and not realtime"
-    printed = run("pytest", "-q", *options, "-m", quick, *kept)
-    assert " passed" in printed
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", *options, "-m", quick, *kept],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-4000:]

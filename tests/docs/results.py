@@ -20,7 +20,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from robot.lab.experiment import load_experiment
-from robot.store.table import Table, format_cell
+from robot.study.table import Table, format_cell
 
 FOLDER = Path(__file__).parents[2] / "docs/results"
 PAGE = FOLDER / "README.md"

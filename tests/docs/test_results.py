@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from robot.store.table import Table
+from robot.study.table import Table
 from tests.docs import results
 
 SCHEMA = json.loads((results.FOLDER / "schema.json").read_text("utf-8"))

@@ -69,7 +69,7 @@ def running_class(
             if config.tls:
                 now = dt.datetime.now(dt.UTC)
                 made = make_certificates(data / "tls", ["127.0.0.1"], now)
-                gateway.certificates = str(made.key), str(made.chain)
+                gateway.tls_files = str(made.key), str(made.chain)
             services = make_services(
                 config,
                 rig,

@@ -78,7 +78,7 @@ def live_server(
     persistence = Persistence(Storage(data), rig) if data else None
     gateway = NetworkGateway(config, rig.clock, pairing)
     if certificates is not None:
-        gateway.certificates = str(certificates.key), str(certificates.chain)
+        gateway.tls_files = str(certificates.key), str(certificates.chain)
     services = make_services(config, rig, name="bench", persistence=persistence, gateway=gateway)
     with (
         rig,

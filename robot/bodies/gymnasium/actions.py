@@ -75,7 +75,7 @@ class Number:
         return f"{self.name} ({kind}{self.least:g} to {self.most:g})"
 
 
-class Form:
+class ActionForm:
     """An action space as numbers.
 
     Attributes:
@@ -118,7 +118,7 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
         ConfigurationError: If the table cannot be read or does not fit, or there are too many moves
             to choose from, or too few.
     """
-    form = Form(env.action_space, name)
+    form = ActionForm(env.action_space, name)
     if not table and is_car_racing(name):
         table = _CAR_RACING[form.is_one_choice]
     if table:
@@ -235,7 +235,7 @@ _Chosen = list[tuple[str, list[float]]]
 """What each move is called, and the numbers of its action."""
 
 
-def _read(table: str, form: Form) -> _Chosen:
+def _read(table: str, form: ActionForm) -> _Chosen:
     chosen: _Chosen = []
     for part in filter(None, (part.strip() for part in table.split(";"))):
         name, _, text = part.partition("=")
@@ -257,7 +257,7 @@ def _read(table: str, form: Form) -> _Chosen:
     return chosen
 
 
-def _named(env: Any, form: Form) -> Iterator[tuple[str, list[float]]]:
+def _named(env: Any, form: ActionForm) -> Iterator[tuple[str, list[float]]]:
     """Yield the moves of an environment that nobody has made a table for."""
     if form.is_one_choice:
         [number] = form.numbers
@@ -312,7 +312,7 @@ def _describe(name: str, word: str) -> Move:
     return Move(Action(name), label, steering=side, throttle=throttle)
 
 
-def _help(form: Form) -> str:
+def _help(form: ActionForm) -> str:
     rest = [number.rest for number in form.numbers]
     values = [value for _, value in form.numbers[0].others][:2]
     moves = [

@@ -14,7 +14,7 @@ from robot.lab.ground.run import TEACHER, run_ground
 from robot.lab.ground.worlds import WORLDS
 from robot.lab.tables import Columns, tables_of
 from robot.lab.task import Result, Task
-from robot.store.table import Table
+from robot.study.table import Table
 
 LEARNERS = (
     *("default-32", "published-32", "linear-alone-32", "fair-knn-9", "eyes-32"),

@@ -17,7 +17,7 @@ from collections.abc import AsyncIterator
 from itertools import pairwise
 from typing import Any
 
-from robot.store.table import Table
+from robot.study.table import Table
 from server.cli.parser import whole
 from server.lab.bench import link
 from server.lab.bench.report import add_usual, percentiles, report

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robot.learner.bsoc import BSOC
 from robot.policy import autosize
-from robot.store.table import Table
+from robot.study.table import Table
 from server.lab.bench.report import add_json, report
 
 N_BYTES = 2400

@@ -13,7 +13,7 @@ import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from typing import Any
 
-from robot.store.table import Cell, Table
+from robot.study.table import Cell, Table
 from server.cli.parser import several, whole
 from server.lab.bench.report import add_usual, in_turns, percentiles, report
 from server.lab.bench.subject import ServerUnderTest

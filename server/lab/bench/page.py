@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from robot.errors import ConfigurationError, need
-from robot.store.table import Table
+from robot.study.table import Table
 from server.cli.parser import number, several, whole
 from server.lab.bench.report import add_usual, report
 from server.lab.bench.subject import ServerUnderTest

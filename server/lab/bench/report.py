@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.store.table import Table
+from robot.study.table import Table
 from server.cli.parser import number
 from server.lab.output import write_json
 

@@ -5,7 +5,7 @@ import pytest
 
 from robot.coaching.gallery import images
 from robot.learner.base import Evidence
-from robot.policy.part import Lesson, Seen
+from robot.policy.part import Seen, TaughtExample
 from robot.policy.registry import make_policy
 from robot.types import Action
 
@@ -29,7 +29,7 @@ def use(policy, node, number):
 def teach(policy, node, number):
     policy.learner.last_node_ = node
     policy.learner.learn_one = lambda x, y: None
-    lesson = Lesson(number=number, x=NOTHING, picture=NOTHING, label=Action.FORWARD)
+    lesson = TaughtExample(number=number, x=NOTHING, picture=NOTHING, label=Action.FORWARD)
     policy.recognition.on_example(lesson)
 
 

@@ -13,7 +13,7 @@ from robot.lab.experiment import EXPERIMENTS, ExperimentSettings, load_experimen
 from robot.lab.report import write_html
 from robot.lab.task import Task
 from robot.lab.variants import VARIANTS
-from robot.store.table import Table
+from robot.study.table import Table
 from server.__main__ import main
 
 QUICK = ExperimentSettings(quick=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.policy.part import Lesson, PolicyPart, Seen
+from robot.policy.part import PolicyPart, Seen, TaughtExample
 from robot.types import Action
 
 _NOTHING = np.zeros(1200, np.uint8)
@@ -20,9 +20,9 @@ def see(part: PolicyPart, **known: Any) -> Seen:
     return seen
 
 
-def teach(part: PolicyPart, label: Action, at_s: float | None, **known: Any) -> Lesson:
+def teach(part: PolicyPart, label: Action, at_s: float | None, **known: Any) -> TaughtExample:
     """Teach a part one example, and return what has become of it."""
     picture = known.setdefault("picture", _NOTHING)
-    lesson = Lesson(**{"number": 1, "x": picture, "label": label, "at_s": at_s, **known})
+    lesson = TaughtExample(**{"number": 1, "x": picture, "label": label, "at_s": at_s, **known})
     part.on_example(lesson)
     return lesson

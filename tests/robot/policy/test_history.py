@@ -21,7 +21,7 @@ from robot.policy.history import (
     TrainingHistory,
     Undone,
 )
-from robot.policy.part import Lesson, PolicyPart
+from robot.policy.part import PolicyPart, TaughtExample
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import Action, Example, Point
@@ -161,7 +161,7 @@ class Plugin(PolicyPart):
         theirs = type("Theirs", (type(policy.learner),), {"__module__": "somebodys.plugin"})
         policy.learner.__class__ = theirs
 
-    def on_example(self, lesson: Lesson) -> None:
+    def on_example(self, lesson: TaughtExample) -> None:
         if self.refuses:
             raise self.error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.control.profile import THRESHOLDS_M, behavior_profile, compare
+from robot.study.profile import THRESHOLDS_M, behavior_profile, compare
 from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
