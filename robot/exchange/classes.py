@@ -94,10 +94,10 @@ def _read(
     unknown = [name for name, move in moves.items() if move is None]
     if unknown:
         told = ", ".join(f"{name[:40]} ({len(classes[name])} pictures)" for name in unknown[:8])
-        asked = ",".join(f"{name[:40]}=forward" for name in unknown[:3])
+        asked = ",".join(f"{name[:40]}=MOVE" for name in unknown[:3])
         raise RecordingError(
-            f"{folder} has pictures of {told}, which is not a move; say which move each is, as "
-            f'--moves "{asked}", or stop for none'
+            f"{folder} has pictures named {told}, which is not the name of a move; say which move "
+            f'each is by --moves "{asked}", with stop for none'
         )
 
     def read(place: str, of: tuple[Path, Action | None]) -> FrameEvent:

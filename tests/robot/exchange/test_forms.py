@@ -88,9 +88,12 @@ def test_what_a_person_says_of_columns_decides(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("names", "complaint"),
     [
-        (["free/1.jpg", "blocked/2.jpg"], r"--moves .*blocked=forward,free=forward"),
-        (["left/1.jpg", "other/2.jpg"], r"pictures of other \(1 pictures\), which is not a move"),
-        (["photos/1.jpg"], "which is not a move"),
+        (["free/1.jpg", "blocked/2.jpg"], r"--moves .*blocked=MOVE,free=MOVE"),
+        (
+            ["left/1.jpg", "other/2.jpg"],
+            r"pictures named other \(1 pictures\), which is not the name",
+        ),
+        (["photos/1.jpg"], "which is not the name of a move"),
         (["keras_model.h5", "labels.txt"], "a model that was trained elsewhere"),
         (["drive.mp4"], "a film without labels"),
         (["left.zip"], "archives within"),
