@@ -1,7 +1,7 @@
 """What is around a robot's server while it serves: addresses, names, the wall clock.
 
 Nothing of it holds for long: Wi-Fi comes late, a router gives another address, the clock of a small
-computer leaps from 1970. One watch looks every two seconds; whatever depends on it follows.
+computer leaps from 1970. One watch looks every second; whatever depends on it follows.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from server.access.config import NetworkConfig
 from server.access.network import host_names, lan_addresses, names_in_network, page_addresses
 
 log = logging.getLogger(__name__)
-LOOK_EVERY_S = 2.0
-"""A change is followed within twice this time."""
+LOOK_EVERY_S = 1.0
+"""A change is shown after at most this time, in seconds, and announced some three later: asking
+whether a name is free and announcing it take their time."""
 ASK_EVERY_S = 60.0
 """How often the resolver is asked for this machine's names, besides at each change."""
 
@@ -96,13 +97,13 @@ class Surroundings:
         """Look once; True if something has changed."""
         before = self.now
         addresses = tuple(self._look(self._config))
-        hostname = before.hostname
-        if not self._is_claimed or addresses != before.addresses:
-            self._is_claimed = True
-            self._asked_s = None
+        is_new = addresses != before.addresses
+        self._change(dataclasses.replace(before, addresses=addresses))  # they serve already
+        if is_new or not self._is_claimed:
+            self._is_claimed, self._asked_s = True, None
             if self._claim is not None:
                 hostname = self._claim(addresses)
-        self._change(dataclasses.replace(before, hostname=hostname, addresses=addresses))
+                self._change(dataclasses.replace(self.now, hostname=hostname))
         for tick in self.ticks:
             tick(self.now)
         return self.now != before
