@@ -15,9 +15,9 @@ pytestmark = pytest.mark.browser
 
 
 def test_a_phone_is_the_eye_and_its_stop_is_obeyed(tmp_path: Path) -> None:
-    film = tmp_path / "film.mjpeg"
-    colours = np.random.default_rng(1).integers(60, 255, (40, 1, 1, 3), np.uint8)
-    write_film(film, np.broadcast_to(colours, (40, 120, 160, 3)))
+    film = tmp_path / "film.y4m"
+    colours = np.random.default_rng(1).integers(60, 255, (10, 1, 1, 3), np.uint8)
+    write_film(film, np.broadcast_to(colours, (10, 120, 160, 3)))
     with robot_with_an_eye() as (rig, address), phone_with_film(film) as context:
         assert "No phone" in (rig.camera.fault or "No phone")
         page = context.new_page()
@@ -50,8 +50,8 @@ def test_a_phone_is_the_eye_and_its_stop_is_obeyed(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_an_eye_that_loses_its_place_its_camera_or_its_worker_goes_on(tmp_path: Path) -> None:
-    film = tmp_path / "film.mjpeg"
-    write_film(film, np.random.default_rng(1).integers(60, 255, (40, 120, 160, 3), np.uint8))
+    film = tmp_path / "film.y4m"
+    write_film(film, np.random.default_rng(1).integers(60, 255, (10, 120, 160, 3), np.uint8))
     with robot_with_an_eye() as (rig, address), phone_with_film(film) as context:
         context.route(re.compile("eye-worker"), lambda route: route.abort())
         first = context.new_page()
@@ -78,8 +78,8 @@ def test_an_eye_that_loses_its_place_its_camera_or_its_worker_goes_on(tmp_path: 
 
 
 def test_a_covered_lens_is_told(tmp_path: Path) -> None:
-    film = tmp_path / "film.mjpeg"
-    nights = np.random.default_rng(1).integers(0, 12, (40, 120, 160, 3), np.uint8)
+    film = tmp_path / "film.y4m"
+    nights = np.random.default_rng(1).integers(0, 12, (10, 120, 160, 3), np.uint8)
     write_film(film, nights)
     with robot_with_an_eye() as (rig, address), phone_with_film(film) as context:
         page = context.new_page()
