@@ -118,7 +118,7 @@ def test_a_link_that_falls_silent_and_comes_back(chromium: Any, world: World, pr
     fingers = drive(page, world)
     proxy.fall_silent()
     wait_until_standing(world)
-    page.locator(".notice", has_text="out of reach").wait_for(timeout=40_000)
+    page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
     proxy.speak_again()
     page.wait_for_selector("drive-pad.idle")
     page.wait_for_selector("[data-mode=train][aria-disabled=false]", timeout=40_000)
@@ -155,7 +155,7 @@ def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
     choose(page, world, Mode.TRAIN)
     context.set_offline(True)
     proxy.fall_silent()
-    page.locator(".notice", has_text="out of reach").wait_for(timeout=40_000)
+    page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
     with page.expect_event("requestfailed", lambda request: request.url.endswith("/api/stop")):
         if by == "finger":
             page.locator("drive-pad .stop").tap()

@@ -179,9 +179,9 @@ def test_without_the_robot_the_page_still_opens_and_says_so(chromium: Any, tmp_p
         page.wait_for_selector("video-view[data-frames]")
         page.wait_for_timeout(500)
         address = world.address
-    page.locator(".notice", has_text="out of reach").wait_for(timeout=40_000)
+    page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
     page.goto(address)
-    page.locator(".notice", has_text="out of reach").wait_for(timeout=40_000)
+    page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
     assert page.locator("drive-pad .move").count() == 3
     context.close()
 
