@@ -54,6 +54,7 @@ VARIANTS: dict[str, Design] = {
     "without-clock": Design(action_filter=NoClock),
     "without-pace": Design(action_filter=NoPace),
     "without-rate": Design(thins=False),
+    "without-repeats": Design(knows_repeats=False),
     "without-balance": Design(balance=0.0),
     "without-smoothness": Design(is_smooth=False),
     "without-context": Design(is_contextual=False),

@@ -66,7 +66,7 @@ class TaughtExample:
     Attributes:
         number: Which example of the policy it is.
         picture: The frame's grey values.
-        is_learned: False for one that is only counted (`move_context.py`).
+        is_learned: False for one that is only counted (`move_context.py`, `repeats.py`).
         contexts: In which contexts it counts, if a part knows.
     """
 

@@ -17,6 +17,7 @@ from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import USUAL_STEP_S, PolicyPart, Seen, TaughtExample
 from robot.policy.recognition import Degrees, Recognition
+from robot.policy.repeats import Repeats
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _DOUBT = 0.5
@@ -41,6 +42,7 @@ class Policy(Stateful):
         thins: Learn at most ten examples a second of one label (`move_context.py`).
         brighten: Returns a view with its grey values multiplied; with it the learner is shown each
             view in the light that it was taught in (`light.py`).
+        knows_repeats: Learn a view that was taught already only if its label is new (`repeats.py`).
 
     Attributes:
         kinds: Which of the moves are turns, and which drive straight: `describe` tells it what a
@@ -66,6 +68,7 @@ class Policy(Stateful):
         action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter,
         thins: bool = True,
         brighten: Callable[[Vector, float], Vector] | None = None,
+        knows_repeats: bool = False,
     ) -> None:
         self.name = name
         self.max_nodes = max_nodes
@@ -84,6 +87,8 @@ class Policy(Stateful):
         parts: list[tuple[str, PolicyPart]] = [("", ExampleRate())] if thins else []
         if learner.abilities.contexts:
             parts.append(("context", MoveContext(self.kinds)))
+        if knows_repeats:
+            parts.append(("", Repeats(moves)))
         if brighten is not None:
             parts.append(("light", LightAdaptation(brighten)))
         parts += [("", recognition), ("pace", smoothing.pace)]

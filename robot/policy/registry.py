@@ -54,6 +54,7 @@ class Design:
     """Whole numbers alone, on any machine."""
     forgets: bool = True
     thins: bool = True
+    knows_repeats: bool = True
     adapts: bool = True
     policy: type[Policy] = Policy
 
@@ -86,6 +87,7 @@ class Design:
             action_filter=self.action_filter,
             thins=self.thins,
             brighten=brighten,
+            knows_repeats=self.knows_repeats and not is_whole,
         )
 
 

@@ -1,0 +1,67 @@
+"""What was taught already: the same lap taught sixteen times is no sixteen laps.
+
+A linear part that counts each of them in full loses its penalty and learns the noise of one lap by
+heart; images that each stand for sixteen times as many frames no longer follow what is new. So a
+view that comes again with the label that it had last is counted, and not learned again. A view that
+is new is learned in full, and so is one with another label than the last time.
+
+A view is known by a sketch: which of two values is larger, for 128 fixed pairs of them (binary
+features, as in BRIEF; Calonder et al. 2010), hashed to 64 bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from hashlib import blake2b
+
+import numpy as np
+
+from robot.learner.base import Vector
+from robot.learner.part import Array
+from robot.policy.part import Lesson, PolicyPart
+from robot.types import Action
+
+_BITS, _SETS, _WAYS = 128, 4096, 4
+"""Pairs of a sketch; 16,384 sketches are remembered, in sets of four: at ten lessons a second a lap
+of 27 minutes."""
+_STEPS = 16
+"""Steps of steering either way: another angle is another label."""
+
+
+class Repeats(PolicyPart):
+    """Remembers the latest views, each with its label. Constant time and memory.
+
+    Args:
+        moves: The labels.
+    """
+
+    fields = (
+        Array("repeats", np.uint64, (_SETS, _WAYS), high=2.0**64, attribute="_sketches", older=0),
+        Array("repeats_labels", np.int16, (_SETS, _WAYS), attribute="_labels", older=0),
+    )
+
+    def __init__(self, moves: Sequence[Action]) -> None:
+        self._moves = moves
+        self._pairs = np.zeros((2, 0), np.intp)
+        self._sketches = np.zeros((_SETS, _WAYS), np.uint64)
+        self._labels = np.zeros((_SETS, _WAYS), np.int16)  # 0: this place is empty
+
+    def on_example(self, lesson: Lesson) -> None:
+        if not lesson.is_learned:
+            return
+        angle = 0.0 if lesson.point is None else lesson.point.steering
+        label = (1 + self._moves.index(lesson.label)) * 2 * _STEPS + round(angle * (_STEPS - 1))
+        sketch = self._sketch(lesson.x)
+        row = sketch % _SETS
+        sketches, labels = self._sketches[row].tolist(), self._labels[row].tolist()
+        ways = [way for way in range(_WAYS) if labels[way] and sketches[way] == sketch]
+        lesson.is_learned = not ways or labels[ways[0]] != label
+        empty = [way for way in range(_WAYS) if not labels[way]]
+        way = (ways or empty or [lesson.number % _WAYS])[0]
+        self._sketches[row, way], self._labels[row, way] = sketch, label
+
+    def _sketch(self, x: Vector) -> int:
+        if not self._pairs.size or self._pairs.max() >= len(x):
+            self._pairs = np.random.default_rng(0).integers(0, len(x), (2, _BITS))
+        bits = x[self._pairs[0]] > x[self._pairs[1]]
+        return int.from_bytes(blake2b(np.packbits(bits).tobytes(), digest_size=8).digest(), "big")
