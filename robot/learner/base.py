@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,18 @@ class Evidence:
     spread: float | None = None
 
 
+class Mirror(NamedTuple):
+    """How a view and its label look in a mirror.
+
+    Attributes:
+        places: Of each value of a vector that a linear part uses, which value is in its place.
+        labels: Of each label that is another one, which.
+    """
+
+    places: NDArray[np.intp]
+    labels: Mapping[Label, Label]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Abilities:
     """What a learner can do beyond learning and predicting. All can be undone: see `get_state`.
@@ -75,6 +87,7 @@ class Abilities:
         novelty: `Evidence.novelty` shows how unlike all that was learned a view is.
         contexts: What it predicts can depend on what is under way: `learn_in`, `explain_in`.
         angles: It learns an angle beside the label: `begin_angles`.
+        mirrors: It can learn what it is taught in the mirror, too: `reflect`.
     """
 
     images: bool = False
@@ -82,6 +95,7 @@ class Abilities:
     novelty: bool = False
     contexts: bool = False
     angles: bool = False
+    mirrors: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,6 +135,8 @@ class Learner(Protocol):
     """What it can do beyond learning and predicting."""
     sharpness: float = 1.0
     """The power that turns shares of votes into calibrated chances; 1 for none."""
+    mirror: Mirror | None = None
+    """Where left and right are alike: each example is also learned as it is in this mirror."""
     last_node_: int | None = None
     """Id of the image that took in the latest example; None if there is none."""
 
@@ -201,6 +217,14 @@ class Learner(Protocol):
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
         """Keep one image from being merged or deleted; raises as `relabel_node`."""
         raise ValueError(f"a {type(self).__name__} keeps no images to edit")
+
+    def reflect(self, mirror: Mirror, on: bool) -> None:
+        """Learn all that was taught, and is taught from now on, in a mirror, too; or no longer.
+
+        Raises:
+            ValueError: If the learner cannot.
+        """
+        raise ValueError("This learner cannot be told that left and right are alike.")
 
     def outdate(self) -> None:
         """Let what is taught from now on count more than what was taught before.

@@ -85,7 +85,7 @@ class BSOC(Clusters):
 
     def train(self, x: Vector, group: int = 0) -> int:
         """Add one frame in time O(max_nodes * d + max_nodes ** 2); see `Clusters.train`."""
-        if self._images.is_empty:
+        if self.n_trained_ == 0:
             self._images.begin(x)
         size = self.n_nodes_
         distances = self._images.measure(x, size)  # halved, here and in all that follows

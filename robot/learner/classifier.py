@@ -15,6 +15,7 @@ from robot.learner.base import (
     Evidence,
     Label,
     Learner,
+    Mirror,
     Node,
     NotFittedError,
     State,
@@ -25,7 +26,7 @@ from robot.learner.change_of_mind import ChangeOfMind
 from robot.learner.clusters import MOST_FRAMES, Clusters
 from robot.learner.part import Array, Stateful, Value
 from robot.learner.published import PublishedBSOC
-from robot.learner.ridge import EVERY, LinearPart
+from robot.learner.ridge import EVERY, MIRRORED, LinearPart
 from robot.learner.values import count
 
 GROUP_COST = 1000.0
@@ -34,6 +35,8 @@ N_VOTERS = 3
 LINEAR_SHARE = 0.7
 CONTEXT_SHARE = 0.85
 """Weight of the linear part within a context: images do not know what is under way."""
+_TURNED = np.array([-1.0, 1.0])
+"""What an angle and its size are multiplied by in the mirror."""
 SHARPNESS = 1.6
 """Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
 
@@ -125,6 +128,7 @@ class BSOCClassifier(Stateful, Learner):
             novelty=cluster.measures_novelty,
             contexts=linear is not None and linear.knows_contexts,
             angles=True,
+            mirrors=linear is not None and linear.knows_mirrors,
         )
         self.balance = balance
         self.novelty_ = votes.Novelty(margin=novelty_margin)
@@ -169,6 +173,8 @@ class BSOCClassifier(Stateful, Learner):
         cluster = self.cluster
         node = cluster.train(x, column)
         self._know(y)
+        if self.mirror is not None:
+            self._know(self.mirror.labels.get(y, y))
         if self._mind is not None:  # as it was before any merge
             distances, taught = cluster.last_distances_, cluster.last_touched_
             owners = self._counted(len(distances)).owners
@@ -193,6 +199,29 @@ class BSOCClassifier(Stateful, Learner):
             targets = np.zeros(len(self.labels_))
             targets[column] = 1.0
             self.linear.learn(x, targets, steered, contexts)
+            if self.mirror is not None:
+                self.linear.learn_mirrored(*self._mirrored(x, targets, steered), contexts)
+
+    def reflect(self, mirror: Mirror, on: bool) -> None:
+        if not self.abilities.mirrors or self.linear is None:
+            super().reflect(mirror, on)
+        elif on != (self.mirror is not None):
+            for label in [*self.labels_] if on else ():
+                self._know(mirror.labels.get(label, label))
+            self.linear.reflect(mirror.places, self._columns(mirror), on)
+            self.mirror, self._counts = mirror if on else None, None
+
+    def _columns(self, mirror: Mirror) -> list[int]:
+        """Return which label each label is in the mirror; one that nobody taught stays itself."""
+        known = {label: column for column, label in enumerate(self.labels_)}
+        return [known.get(mirror.labels.get(label, label), known[label]) for label in self.labels_]
+
+    def _mirrored(
+        self, x: Vector, per_label: votes.Floats, angle: votes.Floats | float
+    ) -> tuple[Vector, votes.Floats, votes.Floats | float]:
+        """Return a vector, what each label has of it, and its angle and size in the mirror."""
+        assert self.mirror is not None
+        return x[self.mirror.places], per_label[self._columns(self.mirror)], angle * _TURNED
 
     def _counted(self, n: int) -> _Counted:
         """Return what follows from the labels counted of the first `n` nodes.
@@ -231,10 +260,14 @@ class BSOCClassifier(Stateful, Learner):
             shares = share * scores + (1.0 - share) * shares
         counted = self._counted(cluster.n_nodes_)
         if self.balance:
-            shares = shares * votes.rarity(counted.per_label, self.balance)
+            per_label = counted.per_label
+            if self.mirror is not None:
+                per_label = per_label + MIRRORED * per_label[self._columns(self.mirror)]
+            shares = shares * votes.rarity(per_label, self.balance)
         if mind is not None:
             shares = mind.applied(shares, distances, counted.owners, cluster.touched_)
-        shares = votes.shares(shares)
+        total = float(shares.sum())
+        shares = shares / total if total > 0.0 else np.full(shares.size, 1.0 / shares.size)
         node = int(distances.argmin())
         listed = shares.tolist()
         best = listed.index(max(listed))
@@ -319,7 +352,10 @@ class BSOCClassifier(Stateful, Learner):
             turned, self._node_angles[index] = turned - self._node_angles[index], turned
         if self.linear is not None:
             change = (self._histograms[index] - before).astype(np.float64)
-            self.linear.retarget(self.cluster.nodes_[index], change, turned[:2])
+            image, steered = self.cluster.nodes_[index], turned[:2]
+            self.linear.retarget(image, change, steered)
+            if self.mirror is not None:
+                self.linear.retarget(*self._mirrored(image, MIRRORED * change, MIRRORED * steered))
         self.cluster.set_group(index, column)
 
     def delete_node(self, node_id: int) -> None:
@@ -328,7 +364,11 @@ class BSOCClassifier(Stateful, Learner):
         last, self._counts = self.cluster.delete(index), None
         angle = 0.0 if self._node_angles is None else self._node_angles[index, :2] / frames
         if self.linear is not None:
-            self.linear.forget(image, self._histograms[index] / frames, frames, angle)
+            shares = self._histograms[index] / frames
+            self.linear.forget(image, shares, frames, angle)
+            if self.mirror is not None:
+                image, shares, angle = self._mirrored(image, shares, angle)
+                self.linear.forget(image, shares, MIRRORED * frames, angle)
         for sums in self._sums():
             sums[index] = sums[last]
             sums[last] = 0

@@ -30,6 +30,7 @@ from robot.learner.values import demand
 from robot.learner.votes import Floats
 
 Singles = NDArray[np.float32]
+Places = NDArray[np.intp]
 Angle = Floats | float
 """An angle and its size, shape (2,), or 0 where no angle is learned."""
 _WAITING = 32
@@ -42,6 +43,9 @@ _MOST_INVERSE = 1e3
 """Beyond what an inverse holds: 1 / penalty at first, and less with every frame."""
 _EITHER = np.float32, np.float64
 """Earlier versions kept the inverse in double precision."""
+MIRRORED = 0.3
+"""Weight of a frame's mirror image, where left and right are alike. A whole one gains as much from
+few frames, and costs more after many."""
 N_CONTEXTS = 2
 EVERY = range(N_CONTEXTS)
 
@@ -56,6 +60,7 @@ class LinearPart(Stateful, ABC):
     """A linear score per label, learned one frame at a time."""
 
     knows_contexts: ClassVar[bool] = False
+    knows_mirrors: ClassVar[bool] = False
     n_features: int
     """How many values of a vector it uses, from the first."""
 
@@ -88,6 +93,22 @@ class LinearPart(Stateful, ABC):
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
         """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
 
+    def learn_mirrored(
+        self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
+    ) -> None:
+        """Add the mirror image of a frame, told as it is in the mirror."""
+        raise ValueError("it knows no mirror images")
+
+    def reflect(self, places: Places, columns: Sequence[int], on: bool) -> None:
+        """Add the mirror images of all frames so far, or take them out again.
+
+        Args:
+            places: Which value of a vector each value of its mirror image is.
+            columns: Which label each label is in the mirror.
+            on: True to add them.
+        """
+        raise ValueError("it knows no mirror images")
+
 
 class RecursiveRidge(LinearPart):
     """A linear score per label, from the first `n_features` values of a vector.
@@ -103,6 +124,7 @@ class RecursiveRidge(LinearPart):
             It costs nothing later on, for it is where the inverse begins.
     """
 
+    knows_mirrors = True
     fields: Sequence[Array] = (
         Array("triangle", _EITHER, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
         Array("linear", np.float64, ("size", "n_labels"), -1e9, 1e9, attribute="_weights"),
@@ -130,6 +152,7 @@ class RecursiveRidge(LinearPart):
         self.n_features, self.penalty, self.scale = n_features, penalty, scale
         self.size = size = n_features + 1
         self.n_triangle = size * (size + 1) // 2
+        self._alike = alike
         self._inverse = np.eye(size, dtype=np.float32) / np.float32(penalty)
         self._most = 2.0 / penalty
         if alike is not None:
@@ -161,6 +184,31 @@ class RecursiveRidge(LinearPart):
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
         self._add(1.0, self._scaled(x), targets, angle)
+
+    def learn_mirrored(
+        self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
+    ) -> None:
+        self._add(MIRRORED, self._scaled(x), targets, angle)
+
+    def reflect(self, places: Places, columns: Sequence[int], on: bool) -> None:
+        alike = np.eye(self.size)
+        if self._alike is not None:
+            alike[:-1, :-1] = self._alike
+        begun = np.linalg.inv(alike) * self.penalty
+        waiting = self._waiting.astype(np.float64)
+        seen = np.linalg.inv(self._inverse - waiting.T @ waiting)
+        sums = seen @ self._weights
+        angles = None if self._angles is None else seen @ self._angles
+        # What was seen is a sum over frames, so that its mirror image is that of the frames.
+        seen, turned = seen - begun, np.append(places, self.size - 1)
+        share, rest = (MIRRORED, 1.0) if on else (-MIRRORED, 1.0 - MIRRORED**2)
+        seen = (seen + share * seen[np.ix_(turned, turned)]) / rest
+        inverse = np.linalg.inv(seen + begun)
+        self._weights = inverse @ (sums + share * sums[turned][:, list(columns)]) / rest
+        if angles is not None:
+            self._angles = inverse @ (angles + share * angles[turned] * [-1.0, 1.0]) / rest
+        self._waiting[:], self._n_waiting = 0.0, 0
+        self._inverse = (0.5 * (inverse + inverse.T)).astype(np.float32)
 
     def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
         self._add(-frames, self._scaled(x), targets, angle)
@@ -312,6 +360,18 @@ class ContextRidge(RecursiveRidge):
             if self._ridges:
                 self._ridges[context]._add(1.0, z, targets)
 
+    def learn_mirrored(
+        self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
+    ) -> None:
+        super().learn_mirrored(x, targets, angle)
+        for context in contexts if self._ridges else ():
+            self._ridges[context].learn_mirrored(x, targets)
+
+    def reflect(self, places: Places, columns: Sequence[int], on: bool) -> None:
+        super().reflect(places, columns, on)
+        for ridge in self._ridges:
+            ridge.reflect(places, columns, on)
+
     def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
         super().forget(x, targets, frames, angle)
         for ridge, shares in zip(self._ridges, self._shares(), strict=False):
@@ -333,10 +393,11 @@ class ContextRidge(RecursiveRidge):
 
     def _copy(self) -> RecursiveRidge:
         """Return a ridge that knows what all contexts have in common so far, but no angles."""
-        ridge = RecursiveRidge(self.n_features, penalty=self.penalty, scale=self.scale)
+        ridge = RecursiveRidge(
+            self.n_features, penalty=self.penalty, scale=self.scale, alike=self._alike
+        )
         for name in ("_inverse", "_weights", "_waiting"):
             setattr(ridge, name, getattr(self, name).copy())
-        ridge._most = self._most
         ridge.restored()
         return ridge
 

@@ -42,6 +42,12 @@ def count(high: int = WHOLE) -> Reader:
     return read
 
 
+def flag(plain: Any, names: Names) -> bool:
+    """Read True or False."""
+    demand(isinstance(plain, bool))
+    return bool(plain)
+
+
 def name(plain: Any, names: Names) -> str:
     """Read one of the model's names."""
     demand(isinstance(plain, str) and plain != "" and (not names or plain in names))

@@ -88,7 +88,7 @@ def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
     return powers[best] / total if total > 0 else 0.0
 
 
-def rarity(counts: NDArray[np.int64], power: float) -> Floats:
+def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:
     """Return what to multiply each label's votes by, so that a rare one weighs more.
 
     A few examples show mostly the most frequent label, and whatever was learned from them leans
@@ -98,7 +98,7 @@ def rarity(counts: NDArray[np.int64], power: float) -> Floats:
         counts: How many examples each label has.
         power: Of a label's frequency; with 1 frequencies no longer count.
     """
-    weights: Floats = (np.maximum(counts, 1) / max(int(counts.sum()), 1)) ** -power
+    weights: Floats = (np.maximum(counts, 1) / max(float(counts.sum()), 1.0)) ** -power
     return weights
 
 

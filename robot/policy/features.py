@@ -113,6 +113,16 @@ class GradientFeatures(PictureFeatures):
 
     @classmethod
     @cache
+    def mirror(cls) -> NDArray[np.intp]:
+        """Return which gradient value is in each one's place in a mirror, shape (384,).
+
+        Columns of cells change places, and so do the directions to the left and to the right.
+        """
+        places = np.arange(cls.n_gradients).reshape(cls.n_rows, cls.n_columns, cls.n_bins)
+        return places[:, ::-1, (cls.n_bins // 2 - np.arange(cls.n_bins)) % cls.n_bins].ravel()
+
+    @classmethod
+    @cache
     def alike(cls) -> NDArray[np.float64]:
         """Return how alike a linear part's weights of each two values are, shape (384, 384).
 

@@ -38,8 +38,8 @@ class Taught:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Edited:
-    """One change that a person made: `relabel`, `delete` or `pin` of a learned image, or `outdate`
-    of all that was taught before, whose node is 0."""
+    """One change that a person made: `relabel`, `delete` or `pin` of a learned image; or with node
+    0 `outdate` of all that was taught before, or `alike`: left and right are alike here."""
 
     verb: str
     node_id: int
@@ -153,7 +153,7 @@ class TrainingHistory:
 
     def edit(self, verb: str, node_id: int = 0, value: Any = None) -> None:
         """Relabel (`value`: an Action), delete, or pin (`value`: a bool) one learned image, or
-        outdate all that was taught before.
+        outdate all that was taught before; or say whether left and right are `alike` (a bool).
 
         Raises:
             LookupError: If there is no such image.
@@ -272,5 +272,8 @@ def _make(policy: Policy, event: LogEvent) -> None:
         policy.learner.pin_node(event.node_id, bool(event.value))
     elif event.verb == "outdate":
         policy.learner.outdate()
+    elif event.verb == "alike":
+        policy.set_alike(bool(event.value))
     else:
-        raise ValueError(f"unknown edit {event.verb!r}; known: relabel, delete, pin, outdate")
+        known = "relabel, delete, pin, outdate, alike"
+        raise ValueError(f"unknown edit {event.verb!r}; known: {known}")

@@ -46,6 +46,14 @@ class MoveKinds(Stateful):
         )
         self.restored()
 
+    def mirrored(self) -> dict[Action, Action]:
+        """Return of each turn the one that is as hard to the other side, where there is one."""
+        points = {(point.steering, point.throttle): Action(n) for n, point in self.points.items()}
+        pairs = {
+            points[point]: points.get((-point[0], point[1]), points[point]) for point in points
+        }
+        return {move: other for move, other in pairs.items() if move != other}
+
     def restored(self) -> None:
         sides = ((-1, self._left), (1, self._right))
         self.turns = {Action(name): side for side, own in sides for name in own}

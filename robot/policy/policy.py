@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from robot.learner import votes
-from robot.learner.base import Learner, NotFittedError, State, Vector, checked_vector
+from robot.learner.base import Learner, Mirror, NotFittedError, State, Vector, checked_vector
 from robot.learner.part import Stateful, Value
-from robot.learner.values import count
+from robot.learner.values import count, flag
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import Features
 from robot.policy.light import LightAdaptation
@@ -48,12 +48,15 @@ class Policy(Stateful):
         kinds: Which of the moves are turns, and which drive straight: `describe` tells it what a
             body says of its own.
         n_seen: How many examples were learned.
+        alike: The pilot says that left and right are alike here: what is right on one side is so in
+            the mirror. The linear part learns it so, the images do not.
         recognition: Knows when each learned image was met last.
     """
 
     fields = (
         Value("name", lambda plain, names: str(plain), "name", is_fixed=True),
         Value("lessons", count(), "n_seen"),
+        Value("alike", flag, "alike", older=(False,)),
     )
     dropped = ("calibration",)
 
@@ -77,6 +80,7 @@ class Policy(Stateful):
         self.features = features
         self.kinds = MoveKinds(moves)
         self.n_seen = 0
+        self.alike = False
         self._n_proposals = 0
         self._n_values: int | None = None
         self._now_s = 0.0
@@ -94,6 +98,10 @@ class Policy(Stateful):
         parts += [("", recognition), ("pace", smoothing.pace)]
         parts += [("", smoothing), ("degrees", degrees)]
         self._parts = parts
+        self._seeing, self._learning = (
+            [part for _, part in parts if getattr(type(part), of) is not getattr(PolicyPart, of)]
+            for of in ("on_frame", "on_example")
+        )
         self._begun, _ = self.save()
 
     @property
@@ -149,7 +157,7 @@ class Policy(Stateful):
             by_degrees=by_degrees,
         )
         try:
-            for _, part in self._parts:
+            for part in self._seeing:
                 part.on_frame(seen)
         except NotFittedError:
             return Prediction(frame_id=frame_id)
@@ -203,7 +211,7 @@ class Policy(Stateful):
             at_s=at_s,
             point=point,
         )
-        for _, part in self._parts:
+        for part in self._learning:
             part.on_example(lesson)
         self.n_seen, self._n_values = self.n_seen + 1, len(x)
 
@@ -256,6 +264,7 @@ class Policy(Stateful):
 
     def restored(self) -> None:
         self._n_proposals, self._last_s = 0, None
+        self.learner.mirror = self._mirror() if self.alike else None
         self._n_values = next((len(node.image) for node in self.learner.nodes()), None)
         self._smoothing.reset()
 
@@ -266,6 +275,33 @@ class Policy(Stateful):
             if not node.votes.keys() <= set(self.moves):
                 yield "it has labels that are not among its moves"
                 break
+
+    @property
+    def can_be_alike(self) -> bool:
+        """True if it can be told that left and right are alike: a turn has its counterpart."""
+        return self._mirror() is not None
+
+    def set_alike(self, alike: bool) -> None:
+        """Learn all that was and will be taught in a mirror, too; or no longer.
+
+        Raises:
+            ValueError: If its learner, features or moves have no mirror image.
+        """
+        mirror = self._mirror()
+        if mirror is None:
+            raise ValueError(
+                "This learner cannot be told that left and right are alike: it needs a linear part "
+                "and two moves that mirror each other."
+            )
+        if alike != self.alike:
+            self.learner.reflect(mirror, alike)
+            self.alike = alike
+
+    def _mirror(self) -> Mirror | None:
+        pairs, places = self.kinds.mirrored(), getattr(self.features, "mirror", None)
+        if places is None or not pairs or not self.learner.abilities.mirrors:
+            return None
+        return Mirror(places(), {str(move): str(other) for move, other in pairs.items()})
 
     def relabel_node(self, node_id: int, label: Action) -> None:
         """Let one learned image vote for `label` alone.

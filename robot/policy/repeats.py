@@ -24,8 +24,6 @@ from robot.types import Action
 _BITS, _SETS, _WAYS = 128, 4096, 4
 """Pairs of a sketch; 16,384 sketches are remembered, in sets of four: at ten lessons a second a lap
 of 27 minutes."""
-_STEPS = 16
-"""Steps of steering either way: another angle is another label."""
 
 
 class Repeats(PolicyPart):
@@ -49,8 +47,7 @@ class Repeats(PolicyPart):
     def on_example(self, lesson: Lesson) -> None:
         if not lesson.is_learned:
             return
-        angle = 0.0 if lesson.point is None else lesson.point.steering
-        label = (1 + self._moves.index(lesson.label)) * 2 * _STEPS + round(angle * (_STEPS - 1))
+        label = 1 + self._moves.index(lesson.label)
         sketch = self._sketch(lesson.x)
         row = sketch % _SETS
         sketches, labels = self._sketches[row].tolist(), self._labels[row].tolist()

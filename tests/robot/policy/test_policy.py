@@ -77,7 +77,8 @@ def test_gallery_shows_every_node_and_its_edits():
     policy = taught("default-6")
     gallery = images(policy)
     assert len(gallery) == policy.n_nodes == 6
-    assert sum(image.frames for image in gallery) == policy.n_seen == 40
+    assert policy.n_seen == 40
+    assert sum(image.frames for image in gallery) == policy.learner.n_seen_
     assert all(image.thumbnail.shape == (30, 40) for image in gallery)
     first, second = gallery[0].node_id, gallery[1].node_id
     policy.relabel_node(first, R)

@@ -5,7 +5,7 @@ import pytest
 
 from robot.policy.registry import make_policy
 from robot.policy.repeats import _SETS, _WAYS
-from robot.types import Action, Point
+from robot.types import Action
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 
@@ -49,13 +49,6 @@ def test_what_is_contrary_is_learned_however_often_the_other_label_came():
     for n, move in enumerate((Action.LEFT, Action.RIGHT, Action.LEFT)):
         teach(policy, [(x, move)], 3)
         assert policy.learner.n_seen_ == n + 2
-
-
-def test_another_angle_is_another_lesson():
-    policy, (x, _) = make_policy("default-8"), lap(0)[0]
-    for steering in (-1.0, -1.0, -0.5, -0.5, -1.0):
-        policy.learn(x, Action.LEFT, None, Point(steering, 1.0))
-    assert policy.learner.n_seen_ == 3
 
 
 def test_its_memory_is_bounded_and_saved():

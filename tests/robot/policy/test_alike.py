@@ -1,0 +1,173 @@
+"""Left and right are alike here: the pilot's word."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot.policy.features import GradientFeatures
+from robot.policy.history import TrainingHistory
+from robot.policy.registry import make_policy
+from robot.types import Action, Encoding, Example, Frame, Point
+
+F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
+
+
+def picture(wall: str, seed: int) -> np.ndarray:
+    """A floor with a slanted edge on one side, and a little noise."""
+    rows, columns = np.mgrid[0:120, 0:160]
+    at = {"left": 60 - rows // 3, "right": 100 + rows // 3, "none": 400}[wall]
+    dark = columns < at if wall == "left" else columns > at
+    noise = np.random.default_rng(seed).normal(0, 4, (120, 160))
+    return np.clip(np.where(dark, 60, 170) + noise, 0, 255).astype(np.uint8)
+
+
+def frame(grey: np.ndarray, number: int = 1) -> Frame:
+    rgb = np.repeat(grey[:, :, None], 3, axis=2)
+    return Frame(
+        frame_id=number,
+        captured_s=number / 10,
+        width=160,
+        height=120,
+        encoding=Encoding.RGB,
+        data=np.ascontiguousarray(rgb).tobytes(),
+    )
+
+
+def one_sided(policy, n: int = 30):
+    """Only walls on the left were met: the robot was driven to the right."""
+    xs = []
+    for i in range(n):
+        wall, label = ("none", F) if i % 2 else ("left", R)
+        xs.append((policy.extract(frame(picture(wall, i))), label))
+    return xs
+
+
+def says(policy, wall: str) -> Action:
+    policy.reset()
+    return policy.propose(1, policy.extract(frame(picture(wall, 999)))).action
+
+
+def test_turning_the_vector_is_turning_the_picture():
+    grey = picture("left", 0)
+    features = GradientFeatures()
+    x, mirrored = (features.extract(frame(g)) for g in (grey, grey[:, ::-1]))
+    n = features.n_gradients
+    turned = x[features.mirror()].astype(float)
+    # Samples lie at every second pixel, so that it is not the same to the last bit.
+    apart = [np.abs(each - mirrored[:n]).mean() for each in (turned, x[:n].astype(float))]
+    assert apart[0] < 0.5 * apart[1]
+    np.testing.assert_array_equal(x[features.mirror()][features.mirror()], x[:n])
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_one_word_teaches_the_other_side_whenever_it_is_said(first):
+    policy = make_policy("default-8", (F, L, R))
+    drive = one_sided(policy)
+    if first:
+        policy.set_alike(True)
+    for x, label in drive:
+        policy.learn(x, label)
+    assert first or says(policy, "right") is not L
+    policy.set_alike(True)
+    assert says(policy, "right") is L and says(policy, "left") is R and says(policy, "none") is F
+
+
+def scores(policy, context=None):
+    return [
+        policy.learner.linear.scores(policy.extract(frame(picture(wall, 77))), context)
+        for wall in ("left", "right", "none")
+    ]
+
+
+def test_said_before_or_after_it_is_the_same():
+    before, after = (make_policy("default-8", (F, L, R)) for _ in range(2))
+    before.set_alike(True)
+    for policy in (before, after):
+        policy.learn(*one_sided(policy)[0], 0.0, Point(0.8, 0.5))
+        for i, (x, label) in enumerate(one_sided(policy)):
+            policy.learn(x, label, i / 10, Point(0.6 if label is R else 0.0, 0.5))
+    after.set_alike(True)
+    assert before.learner.labels_ and set(before.learner.labels_) == set(after.learner.labels_)
+    order = [after.learner.labels_.index(label) for label in before.learner.labels_]
+    for context in (None, 0, 1):
+        for one, two in zip(scores(before, context), scores(after, context), strict=True):
+            np.testing.assert_allclose(one, two[order], atol=1e-3)
+    x = before.extract(frame(picture("right", 5)))
+    np.testing.assert_allclose(
+        before.learner.linear.angle(x), after.learner.linear.angle(x), atol=1e-3
+    )
+    assert before.learner.linear.angle(x)[0] < 0.0, "it was only ever steered to the right"
+
+
+def test_taken_back_it_is_as_if_it_had_not_been_said():
+    policy, plain = (make_policy("default-8", (F, L, R)) for _ in range(2))
+    for one in (policy, plain):
+        for x, label in one_sided(one):
+            one.learn(x, label)
+    policy.set_alike(True)
+    policy.set_alike(False)
+    for one, two in zip(scores(policy), scores(plain), strict=True):
+        np.testing.assert_allclose(one[:2], two, atol=1e-3)
+
+
+def test_undo_and_replay_are_exact():
+    def history():
+        return TrainingHistory(make_policy("default-8", (F, L, R)))
+
+    def teach(to, drive, start=0):
+        for i, (x, label) in enumerate(drive, start):
+            to.teach(Example(frame_id=i, label=label, is_intervention=False), x, i / 10)
+
+    one, two = history(), history()
+    drive = one_sided(one.policy)
+    for it in (one, two):
+        teach(it, drive[:10])
+    before = one.policy.get_state()
+    one.edit("alike", value=True)
+    assert one.policy.alike
+    assert one.undo_edit() and not one.policy.alike
+    assert same(before, one.policy.get_state())
+    for it in (one, two):
+        it.edit("alike", value=True)
+        teach(it, drive[10:20], 10)
+    teach(one, drive[20:], 20)
+    gone = one.undo(0.95)
+    assert gone and len(gone) == 10
+    assert one.policy.alike and same(one.policy.get_state(), two.policy.get_state())
+    again = make_policy("default-8", (F, L, R))
+    again.set_state(one.policy.get_state())
+    for policy in (again, one.policy):
+        policy.learn(*drive[25])
+    assert same(again.get_state(), one.policy.get_state())
+    again.check()
+
+
+def same(one, two) -> bool:
+    if one.params != two.params or one.labels != two.labels:
+        return False
+    return all(np.array_equal(one.arrays[k], two.arrays[k]) for k in one.arrays | two.arrays)
+
+
+def test_an_image_that_is_deleted_is_forgotten_in_the_mirror_too():
+    policy = make_policy("default-8", (F, L, R))
+    policy.set_alike(True)
+    for x, label in one_sided(policy, 2):
+        policy.learn(x, label)
+    for node in policy.learner.nodes():
+        policy.learner.delete_node(node.id)
+    for each in scores(policy):
+        np.testing.assert_allclose(each, 0.0, atol=3e-3)
+
+
+@pytest.mark.parametrize("name", ["published-8", "knn-3", "integer-8", "without-linear-8"])
+def test_who_cannot_refuses(name):
+    policy = make_policy(name)
+    assert not policy.can_be_alike
+    with pytest.raises(ValueError, match="cannot be told"):
+        policy.set_alike(True)
+
+
+def test_without_a_counterpart_there_is_nothing_to_be_alike():
+    assert not make_policy("default-8", (F, L)).can_be_alike
+    assert make_policy("default-8").can_be_alike
