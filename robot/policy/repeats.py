@@ -18,7 +18,7 @@ import numpy as np
 
 from robot.learner.base import Vector
 from robot.learner.part import Array
-from robot.policy.part import Lesson, PolicyPart
+from robot.policy.part import PolicyPart, TaughtExample
 from robot.types import Action
 
 _BITS, _SETS, _WAYS = 128, 4096, 4
@@ -44,7 +44,7 @@ class Repeats(PolicyPart):
         self._sketches = np.zeros((_SETS, _WAYS), np.uint64)
         self._labels = np.zeros((_SETS, _WAYS), np.int16)  # 0: this place is empty
 
-    def on_example(self, lesson: Lesson) -> None:
+    def on_example(self, lesson: TaughtExample) -> None:
         if not lesson.is_learned:
             return
         label = 1 + self._moves.index(lesson.label)
