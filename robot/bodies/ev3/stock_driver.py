@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 from robot.bodies.ev3.driver import ChassisBody, ChassisDriver, ChassisOptions
 from robot.bodies.ev3.stock import codec
 from robot.bodies.ev3.stock.lines import BEACON_PORT, BrickLine, open_line
+from robot.clock import Clock
 from robot.devices.options import option
 from robot.errors import ConfigurationError, DriveError
 
@@ -168,8 +169,19 @@ class Ev3StockDriver(ChassisDriver):
     is_remote: ClassVar[bool] = True
     options: Ev3StockOptions
 
+    def __init__(self, options: Ev3StockOptions, clock: Clock | None = None) -> None:
+        super().__init__(options, clock)
+        self._serial = options.brick
+        """Of the brick that is driven: after a lost line no other one is taken."""
+
+    @property
+    def device(self) -> str:
+        return self._serial
+
     def _open(self) -> ChassisBody:
-        options = self.options
-        return StockBody(
-            lambda: open_line(options.line, options.brick, options.beacon_port), options.ports()
-        )
+        return StockBody(self._open_line, self.options.ports())
+
+    def _open_line(self) -> BrickLine:
+        line = open_line(self.options.line, self._serial, self.options.beacon_port)
+        self._serial = self._serial or line.serial
+        return line

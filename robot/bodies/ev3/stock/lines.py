@@ -24,6 +24,7 @@ _BEACON_S = 8.0
 _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 _ID = re.compile("[0-9a-f]{12}")
+_HIDRAW = Path("/sys/class/hidraw")
 
 
 class BrickLine(ABC):
@@ -33,8 +34,10 @@ class BrickLine(ABC):
     _remedy: ClassVar[str]
     _device: socket.socket | FileIO
 
-    def __init__(self, name: str, device: socket.socket | FileIO) -> None:
+    def __init__(self, name: str, device: socket.socket | FileIO, serial: str = "") -> None:
         self._name, self._device = name, device
+        self.serial = serial
+        """The brick's serial number; empty where it is not told."""
 
     def ask(self, message: bytes) -> bytes:
         """Send a message and return the answer; raises DriveError if none comes."""
@@ -108,7 +111,11 @@ def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> Bri
         return _open_wifi(wanted, beacon_port)
     if kind == "bluetooth":
         return _open_bluetooth(wanted)
-    return _open_usb(find_usb(wanted))
+    path = find_usb(wanted)
+    line = _open_usb(path)
+    serials = [one for one, at in _usb_bricks(_HIDRAW).items() if at == path]
+    line.serial = next((one for one in serials if _ID.fullmatch(one)), wanted)
+    return line
 
 
 def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
@@ -122,7 +129,7 @@ def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
         sock.sendall(f"GET /target?sn={serial} VMTP1.0\r\nProtocol: EV3\r\n\r\n".encode())
         if not sock.recv(64).startswith(b"Accept:EV340"):
             raise DriveError(f"what answers at {host}:{port} is no EV3, or busy with another")
-    return SocketLine(f"Wi-Fi, {host}", sock)
+    return SocketLine(f"Wi-Fi, {host}", sock, serial)
 
 
 @contextlib.contextmanager
@@ -188,7 +195,7 @@ def _open_bluetooth(wanted: str) -> BrickLine:
     ):
         sock.settimeout(_CONNECT_S)
         sock.connect((address, 1))
-    return SocketLine(f"Bluetooth, {address}", sock)
+    return SocketLine(f"Bluetooth, {address}", sock, wanted)
 
 
 def _open_usb(path: Path) -> BrickLine:
@@ -197,19 +204,13 @@ def _open_usb(path: Path) -> BrickLine:
         return UsbLine(str(path), FileIO(os.open(path, os.O_RDWR | os.O_NONBLOCK), "r+"))
 
 
-def find_usb(wanted: str = "", root: Path = Path("/sys/class/hidraw")) -> Path:
+def find_usb(wanted: str = "", root: Path = _HIDRAW) -> Path:
     """Return the device of the brick at the cable; of several, of the one that is wanted.
 
     Raises:
         DriveError: If it is not there, or nobody says which; names those that are there.
     """
-    bricks: dict[str, Path] = {}
-    for entry in sorted(root.glob("hidraw*")):
-        with contextlib.suppress(OSError):
-            told = (entry / "device/uevent").read_text()
-            if _USB_ID in told:
-                serial = re.search(r"^HID_UNIQ=(\S+)", told, re.MULTILINE)
-                bricks[_plain_id(serial[1]) if serial else entry.name] = Path("/dev") / entry.name
+    bricks = _usb_bricks(root)
     if not bricks:
         raise DriveError(
             "no EV3 with LEGO's firmware is at a USB cable; is it switched on? (--line usb works "
@@ -222,6 +223,18 @@ def find_usb(wanted: str = "", root: Path = Path("/sys/class/hidraw")) -> Path:
             + f"; those at USB cables: {', '.join(there)}; name one with --brick {there[0]}"
         )
     return bricks.get(wanted) or next(iter(bricks.values()))
+
+
+def _usb_bricks(root: Path) -> dict[str, Path]:
+    """Return the bricks at USB cables by their serial numbers, or by their devices."""
+    bricks: dict[str, Path] = {}
+    for entry in sorted(root.glob("hidraw*")):
+        with contextlib.suppress(OSError):
+            told = (entry / "device/uevent").read_text()
+            if _USB_ID in told:
+                serial = re.search(r"^HID_UNIQ=(\S+)", told, re.MULTILINE)
+                bricks[_plain_id(serial[1]) if serial else entry.name] = Path("/dev") / entry.name
+    return bricks
 
 
 def _plain_id(brick: str) -> str:

@@ -8,6 +8,7 @@ import socket
 import struct
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -286,3 +287,17 @@ def test_the_cable_carries_reports_of_1024_bytes() -> None:
     thread.join()
     theirs.close()
     assert {len(report) for report in reports} == {1025} and not brick.is_moving
+
+
+def test_a_brick_that_was_lost_is_not_replaced_by_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+
+    def open_any(kind: str, brick: str, beacon_port: int) -> SimpleNamespace:
+        asked.append(brick)
+        return SimpleNamespace(serial=brick or SERIAL)
+
+    monkeypatch.setattr("robot.bodies.ev3.stock_driver.open_line", open_any)
+    driver = Ev3StockDriver(Ev3StockOptions(line="wifi"))
+    for _ in range(3):
+        driver._open_line()
+    assert asked == ["", SERIAL, SERIAL] and driver.device == SERIAL
