@@ -37,7 +37,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def frame_rate_hz() -> float:
-    """Pictures a second; a file whose tests must teach much first overrides it with more."""
+    """Pictures per second; a file whose tests must teach much first overrides it with more."""
     return 10.0
 
 

@@ -119,7 +119,7 @@ def test_recordings_beyond_their_space_are_offered(
     episodes = shelf.persistence.part(Recordings).episodes
     monkeypatch.setattr(episodes, "budget_bytes", 0)
     rovers_phone.evaluate("location.hash = 'home'")
-    rovers_phone.wait_for_selector("text=Nothing is deleted by itself")
+    rovers_phone.wait_for_selector("text=Nothing is deleted automatically")
     assert len(episodes.ids()) == 1
 
 
@@ -169,7 +169,7 @@ def test_two_relabels_repair_a_recording_and_before_and_after_say_so(
                 "(e, to) => { e.value = to; e.dispatchEvent(new Event('input')); }", index
             )
         phone.locator(".row button", has_text="Forward" if right is FORWARD else "Left").tap()
-        phone.get_by_role("button", name=f"Take back the last of {number}").wait_for()
+        phone.get_by_role("button", name=f"Undo the last of {number}").wait_for()
     phone.get_by_role("button", name="Teach again", exact=True).tap()
     phone.locator(".sides").wait_for(timeout=150_000)
     before, after = (float(s.split()[0]) for s in phone.locator(".sides strong").all_inner_texts())
@@ -177,7 +177,7 @@ def test_two_relabels_repair_a_recording_and_before_and_after_say_so(
     assert after >= before + 5
     assert phone.locator("home-screen .strip img").count() > 0
     phone.get_by_role("button", name="Keep and use it").tap()
-    phone.locator("toast-bar, .toasts", has_text="is in use now").first.wait_for()
+    phone.locator("toast-bar, .toasts", has_text="is now in use").first.wait_for()
     assert world.lessons == len(shots)
     assert len(world.services.persistence.models.names()) == 1
 

@@ -151,7 +151,7 @@ def test_mending_is_read_out_with_times_and_states(desktop: Any, world: World) -
         "button Keep only this",
         "button Leave this out",
         "button Split here",
-        "group Here it should go",
+        "group The robot should go here",
         "button Forward",
         "button Teach again",
         "button Delete",

@@ -193,7 +193,7 @@ def test_models_are_renamed_copied_deleted_and_brought_back(phone: Any, world: W
     phone.locator(".model small", has_text="at home").wait_for()
     phone.get_by_role("button", name="Copy").tap()
     phone.locator(".model >> nth=1").wait_for()
-    phone.get_by_role("button", name="Begin anew").tap()
+    phone.get_by_role("button", name="Start over").tap()
     phone.locator("toast-bar", has_text="knows nothing").wait_for()
     wait_for(lambda: world.lessons == 0, "the robot begins with nothing")
     use = phone.get_by_role("button", name="Use this one")

@@ -55,3 +55,15 @@ test('the person chooses before the browser does, and English comes last', () =>
   assert.equal(pickLanguage(['qaa', 'zh-Hant-TW'], null), 'zh');
   assert.equal(pickLanguage(['qaa'], 'xx'), 'en');
 });
+
+test('the name of a link begins with the words that are seen on it', async () => {
+  for (const code of Object.keys(LANGUAGES)) {
+    const { like, like_long: name } = await read(code);
+    assert.equal(name.slice(0, like.length).toLowerCase(), like.toLowerCase(), code);
+  }
+});
+
+test('no sentence says what is private to this project, or asks for a choice without saying which', async () => {
+  const odd = /by itself|as if it had never been|begin anew|hand near|choose a mode|elige un modo|选择(一个)?模式/i;
+  for (const code of Object.keys(LANGUAGES)) for (const [key, sentence] of Object.entries(await read(code))) assert.doesNotMatch(sentence, odd, `${code} ${key}`);
+});
