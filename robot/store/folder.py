@@ -241,7 +241,7 @@ def sync_folder(folder: Path) -> None:
 def make_private(folder: Path) -> None:
     """Make a folder that only its owner can enter, or take others' rights to one that is there.
 
-    It holds pictures of a classroom, and secrets. A folder of another owner, or on a file system
+    It holds pictures of a room, and secrets. A folder of another owner, or on a file system
     without owners, stays as it is.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     from server.app import create_app
     from server.clients.hub import Hub
     from server.hosting.serving import end_by_signals, open_sockets, serve
-    from server.hosting.starting_page import Part, StartingPage
+    from server.hosting.starting_page import StartingPage, StartingPart
     from server.identity import IdentityFile
     from server.persistence import Persistence
 
@@ -150,7 +150,7 @@ def run(args: argparse.Namespace) -> int:
     end_by_signals()
     starting = StartingPage([] if gateway.tls_files else listeners, rig.clock)
     with starting, rig, persistence, gateway.serving(greet_more):
-        starting.part = Part.MODEL
+        starting.part = StartingPart.MODEL
         _choose_model(persistence.autosave, args, learner)
         starting.stop()
         print(gateway.greet(greet_more()), flush=True)

@@ -28,7 +28,7 @@ _PAGE = """<!doctype html><html><head><meta charset="utf-8"><title>Drivelesson</
 """
 
 
-class Part(Enum):
+class StartingPart(Enum):
     """What is still starting, in the page's languages."""
 
     ROBOT = "the robot and its camera", "el robot y su cámara", "机器人和摄像头"
@@ -43,7 +43,7 @@ class StartingPage(StartStop):
     """
 
     def __init__(self, listeners: Sequence[socket.socket], clock: Clock) -> None:
-        self.part = Part.ROBOT
+        self.part = StartingPart.ROBOT
         self._listeners, self._clock = list(listeners), clock
         self._wake, self._woken = socket.socketpair()
         self._thread: Worker | None = None

@@ -8,7 +8,7 @@ import pytest
 
 from robot.clock import RealClock
 from server.hosting.serving import open_socket
-from server.hosting.starting_page import Part, StartingPage
+from server.hosting.starting_page import StartingPage, StartingPart
 
 pytestmark = pytest.mark.realtime
 
@@ -27,7 +27,7 @@ def test_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> No
     with listener, StartingPage([listener], RealClock()) as page:
         assert ask(listener).startswith(b"HTTP/1.1 503 ")
         assert b"the robot and its camera" in ask(listener)
-        page.part = Part.MODEL
+        page.part = StartingPart.MODEL
         assert b"what it has learned" in ask(listener)
         with socket.create_connection(listener.getsockname()):
             pass  # one that leaves at once holds up nobody
