@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import errno
 import importlib.util
 import sys
 from collections.abc import Sequence
@@ -80,7 +81,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def status_of(error: RobotError | OSError) -> int:
     """Return the exit status that tells a supervisor whether another start can help."""
     is_lasting = isinstance(error, _LASTING) and not isinstance(error, InUseError)
-    return CHANGE_FIRST if is_lasting else TRY_AGAIN
+    is_full = getattr(error.__cause__, "errno", None) in (errno.ENOSPC, errno.EDQUOT)
+    return CHANGE_FIRST if is_lasting and not is_full else TRY_AGAIN
 
 
 def make_parser(

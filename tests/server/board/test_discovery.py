@@ -28,5 +28,5 @@ def test_a_list_of_robots_is_read_whatever_editor_wrote_it(
 
 
 def test_a_list_that_is_not_there_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
-    told = say("board --robots /nowhere/robots.txt", capsys, status=1)
+    told = say("board --robots /nowhere/robots.txt", capsys, status=2)
     assert "robots.txt: No such file" in told.splitlines()[-1]

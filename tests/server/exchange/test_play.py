@@ -28,11 +28,11 @@ def test_a_file_that_is_no_recording_is_told(data: Path, tmp_path: Path) -> None
     (tmp_path / "broken.mcap").write_bytes(b"no recording")
     words = [*PLAY, str(tmp_path / "broken.mcap"), "--port", "0", "--data", str(data)]
     played = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert (played.returncode, played.stdout) == (1, "")
+    assert (played.returncode, played.stdout) == (2, "")
     assert played.stderr.splitlines()[-1] == "drivelesson: broken.mcap is not an MCAP file"
 
 
 def test_a_name_that_nothing_has_is_told(
     episode_id: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert "no episode of this name" in say("episodes play nobody", capsys, status=1)
+    assert "no episode of this name" in say("episodes play nobody", capsys, status=2)

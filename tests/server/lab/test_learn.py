@@ -46,7 +46,7 @@ def test_a_full_disk_is_told_in_a_sentence_and_nothing_is_lost(
 def test_what_cannot_be_learned_is_one_clear_line(
     episode_id: str, words: str, complaint: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    told = say(words, capsys, status=1)
+    told = say(words, capsys, status=2)
     assert complaint in told.splitlines()[-1]
 
 
@@ -76,7 +76,7 @@ def test_what_could_not_be_saved_is_said_before_anything_is_learned(
     else:
         Path("LINK.npz").symlink_to("nowhere")
     there = sorted(tmp_path.iterdir())
-    assert complaint in say(f"learn last {words}", capsys, status=1)
+    assert complaint in say(f"learn last {words}", capsys, status=2)
     assert sorted(tmp_path.iterdir()) == there
 
 
@@ -90,7 +90,7 @@ def test_a_file_that_is_there_is_said_before_anything_is_learned(
     footage = tmp_path / "footage.npz"
     say(f"episodes export last --as npz --out {footage}", capsys)
     before = footage.read_bytes()
-    assert "footage.npz exists already" in say(f"learn last --out {footage}", capsys, status=1)
+    assert "footage.npz exists already" in say(f"learn last --out {footage}", capsys, status=2)
     assert footage.read_bytes() == before
 
 
@@ -98,7 +98,7 @@ def test_an_edited_recording_is_no_longer_what_was_driven(
     episode_id: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     say("episodes trim last --from 0.5 --to 2.5", capsys)
-    assert "it was edited" in say("learn last --check", capsys, status=1)
+    assert "it was edited" in say("learn last --check", capsys, status=2)
 
 
 @pytest.mark.parametrize("name", ["0", "zz"])

@@ -22,7 +22,7 @@ def test_a_question_that_is_called_like_another_column_is_refused_in_a_new_plan(
     text = f'{PLAN}[[question]]\nname = "{name}"\ntext = "Well?"\n'
     plan = tmp_path / "plan.toml"
     plan.write_text(text)
-    assert main(["study", "check", str(plan)]) == 1
+    assert main(["study", "check", str(plan)]) == 2
     said = f"plan.toml: two of the phases.csv columns are called '{name}'; give each its own name"
     assert said in capsys.readouterr().err
     with pytest.raises(ConfigurationError, match=f"phases.csv columns are called '{name}'"):

@@ -164,5 +164,5 @@ def test_nobody_to_answer_is_one_clear_line(
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO(""))
     words = ["calibrate", "--config", str(tmp_path / "c.toml"), "--brick-root", str(brick.root)]
-    assert main(words) == 1
+    assert main(words) == 2
     assert "run it in a terminal" in capsys.readouterr().err

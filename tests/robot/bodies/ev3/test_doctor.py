@@ -245,7 +245,7 @@ def a_busy_brick_is_one_clear_line(
     error = capsys.readouterr().err
     assert "busy: 127.0.0.1 has the robot; stop the other server first" in error
     assert error.count("\n") == 1
-    assert main(["brick", "doctor"]) == 1
+    assert main(["brick", "doctor"]) == 2
     assert "which brick? drivelesson brick doctor ADDRESS, or --fake" in capsys.readouterr().err
 
 

@@ -25,5 +25,5 @@ def test_writes_figures_for_every_size(tmp_path, capsys):
 
 
 def test_an_unknown_learner_is_one_clear_line(capsys):
-    assert main(["bench", "learner", "--learner", "nobody"]) == 1
+    assert main(["bench", "learner", "--learner", "nobody"]) == 2
     assert "default-NUMBER" in capsys.readouterr().err
