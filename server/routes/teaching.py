@@ -14,6 +14,8 @@ from server.services import services_of
 
 router = APIRouter(prefix="/api/teaching", route_class=Route)
 _LAST = Query(5.0, gt=0, le=UNDO_HORIZON_S, description="a number above 0 up to 35")
+_ONE_SIDED = 20
+"""Examples of a turn to one side, and none to the other: then the page asks about symmetry."""
 _STRIP = 24
 """How many frames a strip shows at most."""
 
@@ -22,6 +24,21 @@ class TrainingUndo(RawValue):
     """How much of the latest training is undone."""
 
     seconds: float = number(above=0, most=UNDO_HORIZON_S)
+
+
+class AlikeWord(RawValue):
+    """The pilot's word on symmetry."""
+
+    alike: bool
+
+
+@dataclass
+class AlikeAnswer:
+    """Whether left and right are alike here, if that can be said, and if it is to be asked."""
+
+    alike: bool
+    possible: bool
+    one_sided: bool
 
 
 @dataclass
@@ -67,6 +84,35 @@ async def outdate(request: Request) -> dict[str, int]:
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
     return {"outdated": sum(services.robot.loop.state.taught.values())}
+
+
+@router.get("/alike")
+async def show_alike(request: Request) -> AlikeAnswer:
+    """Return whether the pilot said that left and right are alike here."""
+    services = services_of(request)
+    return await services.on_loop(lambda: _alike(services.robot.loop.history))
+
+
+@router.post("/alike")
+async def set_alike(request: Request, body: AlikeWord) -> AlikeAnswer:
+    """Let what was and will be taught on one side be right in the mirror, too; or no longer."""
+    services = services_of(request)
+    try:
+        await services.change_learner(lambda history: history.edit("alike", value=body.alike))
+    except ValueError as error:
+        raise HTTPException(409, str(error)) from error
+    return await show_alike(request)
+
+
+def _alike(history: TrainingHistory) -> AlikeAnswer:
+    """Describe what is said of symmetry; on the loop's thread."""
+    policy, taught = history.policy, history.taught
+    pairs = policy.kinds.mirrored().items()
+    return AlikeAnswer(
+        alike=policy.alike,
+        possible=policy.can_be_alike,
+        one_sided=any(taught[one] >= _ONE_SIDED and not taught[other] for one, other in pairs),
+    )
 
 
 def _preview(history: TrainingHistory, seconds: float) -> LastExamples:

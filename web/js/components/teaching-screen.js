@@ -18,6 +18,7 @@ export class TeachingScreen extends Screen {
     this.readiness = h('div', { class: 'panel stack' });
     this.chart = h('figure', { class: 'panel chart' });
     this.moves = h('div', { class: 'panel bars', role: 'list' });
+    this.alike = h('div', { class: 'panel stack', hidden: true });
     append(this, [
       h('h2', {}, t('ready.title')), this.readiness,
       h('h2', {}, t('teaching.agreement')), this.chart,
@@ -25,6 +26,7 @@ export class TeachingScreen extends Screen {
       h('div', { class: 'row' },
         h('a', { class: 'button', href: '#undo' }, icon('undo'), t('screen.undo')),
         h('a', { class: 'button', href: '#gallery' }, t('screen.gallery'))),
+      this.alike,
       h('h2', {}, t('outdate.title')), h('p', { class: 'hint' }, t('outdate.lead')),
       h('div', { class: 'row' }, h('button', { type: 'button', onclick: () => this.outdate() }, t('outdate.say'))),
     ]);
@@ -41,11 +43,29 @@ export class TeachingScreen extends Screen {
   }
 
   async refresh() {
-    const [teaching, readiness] = await Promise.all([ask('GET', 'api/teaching').catch(() => null), askReadiness(true)]);
+    const [teaching, readiness, word] = await Promise.all([
+      ask('GET', 'api/teaching').catch(() => null), askReadiness(true), ask('GET', 'api/teaching/alike').catch(() => null)]);
     if (!this.isConnected) return;
     if (!teaching || !readiness) this.drawn = undefined; // lost on the way: asked for again
     if (teaching && !this.page?.store.state.session) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
+    if (word) this.drawAlike(word);
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
+  }
+
+  /** One switch; once a single side was taught, it is a question. @param {{ alike: boolean, possible: boolean, one_sided: boolean }} word */
+  drawAlike(word) {
+    const panel = /** @type {HTMLElement} */ (this.alike);
+    panel.hidden = !word.possible;
+    const box = h('input', { type: 'checkbox', checked: word.alike, onchange: () => this.sayAlike(box.checked) });
+    fill(panel, h('label', {}, box, ` ${t('alike.say')}`),
+      h('p', { class: 'hint' }, t(word.one_sided && !word.alike ? 'alike.ask' : 'alike.lead')));
+  }
+
+  /** @param {boolean} alike */
+  async sayAlike(alike) {
+    await this.attempt(() => ask('POST', 'api/teaching/alike', { alike }));
+    this.drawn = undefined;
+    await this.refreshIfTaught();
   }
 
   async outdate() {
