@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.kit.sizes import in_ci
 from tests.wall_clock import MOST
 
 MANY = f"""
@@ -25,7 +26,7 @@ def test_of_many(n):
     "workers",
     [
         pytest.param((), id="alone"),
-        pytest.param(("-p", "xdist", "-n", "2"), id="workers", marks=pytest.mark.slow),
+        pytest.param(("-p", "xdist", "-n", "2"), id="workers", marks=in_ci),
     ],
 )
 def test_too_many_tests_that_wait_for_real_end_the_run_with_a_sentence(

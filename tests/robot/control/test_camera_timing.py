@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robot.control.camera_timing import USUAL_PERIOD_S, CameraTiming, CameraTimingConfig
 from robot.types import Action, Encoding, Mode, PilotCommand, StopReason
-from tests.kit.sizes import crossed, examples
+from tests.kit.sizes import crossed, examples, size
 from tests.robot.bench_robot import BenchRobot
 
 SHORTEST_S = 0.2
@@ -221,7 +221,14 @@ def test_with_an_ordinary_camera_it_drives_and_learns(
 def test_a_camera_that_is_slow_or_sends_in_bursts_drives_slowly(
     pause_s: float, burst: int, age_s: float, seed: int
 ) -> None:
-    result = drive(pause_s, age_s, jitter_s=age_s / 4, burst=burst, seconds=20.0, seed=seed)
+    result = drive(
+        pause_s,
+        age_s,
+        jitter_s=age_s / 4,
+        burst=burst,
+        seconds=float(size("DRIVE", 8, 20)),
+        seed=seed,
+    )
     assert result.starts == 1, result.stops
     assert result.moving >= 0.95
     assert result.taught >= 0.6 * result.pictures / burst - 3

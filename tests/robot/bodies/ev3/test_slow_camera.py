@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from robot.bodies.ev3.fake_brick import FakeBrick
-from tests.kit.sizes import IS_FULL
+from tests.kit.sizes import in_ci
 from tests.robot.bodies.ev3.fake_video import C270_ON_EV3, DEVICE, QUICK, CameraTraits, FakeVideo
 from tests.robot.bodies.ev3.own_server import own_server
 from tests.robot.bodies.ev3.running_agent import SECRET, RunningAgent
@@ -72,14 +72,14 @@ def teach(pilot: Pilot) -> Shares:
     )
 
 
-# What the loop does with each is tested in virtual time: CI alone drives with all of them.
-NAMES = list(TRAITS) if IS_FULL else ["a C270 on an EV3"]
+# In virtual time: tests/robot/control/test_camera_timing.py.
 
 
+@in_ci
 def test_it_drives_and_learns_with_the_camera_that_it_has(
     brick: FakeBrick, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for number, name in enumerate(NAMES):
+    for number, name in enumerate(TRAITS):
         folder = tmp_path / str(number)
         folder.mkdir()
         shares = drive_with(TRAITS[name], brick, folder)
