@@ -26,6 +26,9 @@ from server.gateway.roles import Role
 from tests.kit.sizes import IS_FULL, size
 
 from .browsers import WAYS, check_nobody_s_page_is_dead
+from .hosting.starting import (
+    check_it_names_what_is_still_starting_and_then_lets_the_server_answer,
+)
 from .live_robot import WEB, LiveServer, Pilot, live_server, wait_until
 
 _PATIENCE_S = 60.0
@@ -36,6 +39,7 @@ def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     a_pilot_drives_and_the_robot_stands_when_it_vanishes()
+    check_it_names_what_is_still_starting_and_then_lets_the_server_answer()
     tls_with_an_authority_of_our_own(tmp_path)
     (tmp_path / "browsers").mkdir()
     certificates = make_certificates(tmp_path / "tls", ["127.0.0.1"], dt.datetime.now(dt.UTC))

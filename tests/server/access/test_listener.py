@@ -19,6 +19,8 @@ from server.config import Limits
 from server.gateway.roles import Role, Session
 from server.hosting.serving import open_socket
 
+from .unread import check_what_a_client_has_not_read_is_known_though_its_system_has_taken_it
+
 
 def _listener(admission: AdmissionControl) -> AdmissionListener:
     listener = AdmissionListener(admission, VirtualClock(), open_socket("127.0.0.1", 0))
@@ -56,6 +58,7 @@ def test_a_listening_socket_counts_evicts_turns_away_and_lets_others_work(
         without_descriptors_it_turns_away_and_does_not_spin(number, monkeypatch)
     what_has_come_is_read_before_it_is_pushed_out()
     of_all_that_wait_a_stop_is_handed_on_first_and_of_one_person_a_share()
+    check_what_a_client_has_not_read_is_known_though_its_system_has_taken_it()
 
 
 def a_connection_is_counted_from_accept_to_close() -> None:

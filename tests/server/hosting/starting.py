@@ -1,16 +1,15 @@
-"""The page while the robot starts names what is missing, and leaves the sockets to the server."""
+"""The page while the robot starts names what is missing, and leaves the sockets to the server.
+
+`test_real_server.py` checks it.
+"""
 
 from __future__ import annotations
 
 import socket
 
-import pytest
-
 from robot.clock import RealClock
 from server.hosting.serving import open_socket
 from server.hosting.starting_page import StartingPage, StartingPart
-
-pytestmark = pytest.mark.realtime
 
 
 def ask(listener: socket.socket, request: bytes = b"GET / HTTP/1.1\r\n\r\n") -> bytes:
@@ -22,7 +21,7 @@ def ask(listener: socket.socket, request: bytes = b"GET / HTTP/1.1\r\n\r\n") -> 
         return answer
 
 
-def test_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> None:
+def check_it_names_what_is_still_starting_and_then_lets_the_server_answer() -> None:
     listener = open_socket("127.0.0.1", 0)
     with listener, StartingPage([listener], RealClock()) as page:
         assert ask(listener).startswith(b"HTTP/1.1 503 ")
