@@ -17,7 +17,7 @@ import pytest
 from websockets.asyncio.client import connect
 
 from robot.types import Action, Mode
-from server import services
+from server.access import gateway
 from server.access.certificates import make_certificates
 from server.access.config import NetworkConfig
 from server.access.listener import connection_capacity
@@ -48,7 +48,7 @@ def test_a_pilot_drives_over_real_sockets_and_others_pair_over_tls(
     ways = WAYS if IS_FULL else ("TLS", "TLS through nginx")
     check_nobody_s_page_is_dead(tmp_path / "browsers", certificates, count, ways)
     # Windows has 384, and a class of 30 opens 240 at once: half of its pages lost a file.
-    monkeypatch.setattr(services, "connection_capacity", lambda: 100)
+    monkeypatch.setattr(gateway, "connection_capacity", lambda: 100)
     check_nobody_s_page_is_dead(tmp_path, None, 8, ["http"])
 
 
