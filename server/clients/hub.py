@@ -23,7 +23,7 @@ from server.clients.client import Client
 from server.clients.freshness import NonceLedger, why_refused
 from server.clients.lease import Lease
 from server.clients.rate_limit import RateLimit
-from server.clients.telemetry import STATE_EVERY_S, describe_body, describe_state, state_every_s
+from server.clients.telemetry import SOON_S, STATE_EVERY_S, describe_body, describe_state
 from server.clients.video import Encoder, VideoHub
 from server.config import Config
 from server.gateway.roles import Role
@@ -46,7 +46,7 @@ class Hub:
         self.robot = robot
         self.clock = robot.clock
         self.name = name
-        self._needed_every_s = 0.0
+        self._needed_every_s, self._is_watched = 0.0, False
         self.video = VideoHub(
             Encoder(config.jpeg_quality), robot.clock, robot.camera.for_the_eye, self._note_need
         )
@@ -76,7 +76,7 @@ class Hub:
             self._frame = tick.frame or self._frame
             if tick.refused:
                 self._soon(self._tell_refused, tick.refused)
-            is_wanted = (tick.frame and self.video.viewers) or (self.clients and self._is_due())
+            is_wanted = (tick.frame and self._is_watched) or (self.clients and self._is_due())
             if is_wanted and not self._is_tick_due:
                 self._is_tick_due = True
                 self._soon(self._note_tick)
@@ -277,6 +277,7 @@ class Hub:
 
     def _note_need(self) -> None:
         """Tell the loop how often anybody needs a picture, if that has changed."""
+        self._is_watched = self.video.viewers > 0
         is_shown = any(not client.is_idle for client in self.clients.values())
         every_s = 0.0 if is_shown else self.video.needed_every_s
         if every_s != self._needed_every_s and self.event_loop is not None:
@@ -318,20 +319,20 @@ class Hub:
         }
         texts: dict[bool, str] = {}  # encoded once for all viewers
         for client in self.clients.values():
-            if client.is_state_due(self._sent, self._sent_s):
+            if client.is_state_due((self._sent, owner), self._sent_s):
                 is_pilot = client.id == owner
                 if is_pilot not in texts:
                     texts[is_pilot] = encode_message("state", you_are_pilot=is_pilot, **state)
                 client.send_state(texts[is_pilot])
 
     def _urgent(self) -> object:
-        """What is published at once when it changes."""
+        """What is published at once when it changes; so is the pilot, where that changes."""
         state = self.robot.loop.state
         decision = state.decision
         return (
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
             *(state.link.level, state.emergency, state.fault),
-            *(self.stop_held_by, self.lease.owner),
+            self.stop_held_by,
         )
 
     def _tell_refused(self, refused: Sequence[PilotCommand]) -> None:
@@ -351,8 +352,9 @@ class Hub:
 
     def _is_due(self) -> bool:
         """True if the clients are to be told the state: something urgent changed, or it is time."""
-        since_s = self.clock.now_s() - self._sent_s
-        return since_s >= state_every_s(self.robot.loop.state) or self._urgent() != self._sent
+        state, since_s = self.robot.loop.state, self.clock.now_s() - self._sent_s
+        is_slow = state.camera.period_s > SOON_S and state.decision.mode is not Mode.STOPPED
+        return since_s >= (SOON_S if is_slow else STATE_EVERY_S) or self._urgent() != self._sent
 
     def show_newest(self) -> None:
         """Give the video the newest frame, which it does not get while nobody watches."""

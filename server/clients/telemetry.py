@@ -9,20 +9,13 @@ from typing import Any
 
 from robot.control.state import Tick
 from robot.driver import Driver, describe
-from robot.types import Mode, Prediction
+from robot.types import Prediction
 
 STATE_EVERY_S = 0.1
-_SOON_S = 0.05
-
-
-def state_every_s(state: Tick) -> float:
-    """Return how often the state is sent: oftener while a robot with a slow camera moves.
-
-    Its pictures alone bring the pilot too few nonces, and a short pause of the Wi-Fi would look
-    like a pilot who is gone.
-    """
-    is_slow = state.camera.period_s > _SOON_S and state.decision.mode is not Mode.STOPPED
-    return _SOON_S if is_slow else STATE_EVERY_S
+SOON_S = 0.05
+"""How often the state is sent while a robot with a slow camera moves, in seconds: its pictures by
+themselves bring the pilot too few nonces, and a short pause of the Wi-Fi would look like a pilot
+who is gone."""
 
 
 def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> dict[str, Any]:
