@@ -106,7 +106,9 @@ def come_and_go(served: Served, ending: threading.Event) -> None:
             viewer = Pilot(f"ws://127.0.0.1:{served.port}/ws/drive", sees=chance.random() < 0.5)
             viewer.is_silent = True
             ending.wait(chance.uniform(0.2, 2.0))
-            viewer.vanish() if chance.random() < 0.3 else viewer.close()
+            if chance.random() < 0.3:
+                viewer.vanish()
+            viewer.close()
 
 
 def drive(pilot: Pilot, minutes: float) -> Iterator[None]:

@@ -189,8 +189,7 @@ class Player {
     if (this.now >= this.last) this.show(0);
     this.isPlaying = true;
     this.face();
-    const { at_s: at, frame } = this.columns;
-    const n = this.isSampled ? frame[to] - frame[from] + 1 : to - from + 1;
+    const { at_s: at } = this.columns;
     const startedMs = performance.now() - at[this.now] * 1000;
     let drawnMs = -Infinity;
     const step = (/** @type {number} */ nowMs) => {
