@@ -32,7 +32,7 @@ def _code_of(page: str) -> Iterator[str]:
 
 
 def _faults(code: str) -> Iterator[str]:
-    for target in re.findall(r"(?:^|[$#:(&]) *make ([a-z-]+)", code):
+    for target in re.findall(r"(?:^|[$#(&]|: ) *make ([a-z-]+)", code):
         if target not in _targets():
             yield f"make {target}"
     for extras in re.findall(r"drivelesson\[([\w, ]+)\]", code):
