@@ -120,11 +120,13 @@ clean: ## Remove what was set up
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "Drivelesson needs Python 3.11 or newer; set it with: make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@echo "Making $(VENV), a Python of its own ..."
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --upgrade pip  # the one of Python 3.11 takes twice as long
 
 $(VENV)/.demo: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --no-compile --editable .
+	@echo "Installing what Drivelesson needs into $(VENV): this takes one to three minutes, once."
+	$(BIN)/python -m pip install --no-compile --editable .
 	@touch $@
 
 $(VENV)/.dev: pyproject.toml | $(BIN)/python

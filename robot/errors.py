@@ -20,7 +20,10 @@ from typing import Any
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ` (did you mean 'x'?)` for the nearest known word; nothing if none is near."""
     near = difflib.get_close_matches(word, list(known), n=1)
-    return f" (did you mean {near[0]!r}?)" if near else ""
+    # Words that begin otherwise must be nearer: `drive` is not meant as `new-driver`.
+    if not near or (near[0][:1] != word[:1] and not difflib.get_close_matches(word, near, 1, 0.75)):
+        return ""
+    return f" (did you mean {near[0]!r}?)"
 
 
 class RobotError(Exception):

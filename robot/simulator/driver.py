@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, did_you_mean
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import World, load_world, tinted, world_names
 from robot.types import Action, Point, Sensors
@@ -53,8 +53,9 @@ class SimDriver(ConnectedDriver[Simulation]):
         """Carry the robot to the start of one of its `worlds`; the caller has stopped it.
         ConfigurationError if there is none of this name."""
         if name not in self.worlds:
+            known = sorted(self.worlds)
             raise ConfigurationError(
-                f"unknown world {name!r}; there are: {', '.join(sorted(self.worlds))}"
+                f"unknown world {name!r}{did_you_mean(name, known)}; there are: {', '.join(known)}"
             )
         world = self._load(self.worlds[name])
         with self._lock:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from robot.errors import UNREADABLE, ConfigurationError
+from robot.errors import UNREADABLE, ConfigurationError, did_you_mean
 from robot.types import Pose
 
 Colour = tuple[int, int, int]
@@ -76,8 +76,9 @@ def load_world(name: str) -> World:
     """Load a built-in world by name, or another one by the path of its TOML file."""
     path = _FOLDER / f"{name}.toml" if name in world_names() else Path(name)
     if not path.is_file():
+        known = world_names()
         raise ConfigurationError(
-            f"unknown world {name!r}; there are: {', '.join(world_names())}, "
+            f"unknown world {name!r}{did_you_mean(name, known)}; there are: {', '.join(known)}, "
             "or the path of a TOML file"
         )
     try:

@@ -55,7 +55,14 @@ def split(text: str) -> tuple[int, str]:
     """Return how many simulated robots a list asks for, and the rest of it."""
     words = list(filter(None, map(str.strip, text.split(","))))
     count = sum(int(word) for word in words if word.isdecimal())
-    others = ",".join(word for word in words if not word.isdecimal())
+    listed = [word for word in words if not word.isdecimal()]
+    for word in listed:
+        if not (":" in word or "." in word or Path(word).is_file()):
+            raise ConfigurationError(
+                f"--robots {text}: {word!r} is neither a number of simulated robots, nor HOST:PORT "
+                "of a real one, nor a file of such lines"
+            )
+    others = ",".join(listed)
     if count > MOST or not (count or others):
         raise ConfigurationError(
             f"--robots {text}: a class has at least one robot, and at most {MOST} simulated ones"

@@ -27,6 +27,8 @@ from server.routes.sockets import first_of
 log = logging.getLogger(__name__)
 
 PING_EVERY_S, SILENCE_S = 1.0, 3.0
+START_S = 30.0
+"""For how long a robot that has never answered may still be starting, in seconds."""
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
@@ -69,7 +71,8 @@ class RobotLink:
         self._every_s: float | None = None
         self._rate_changed = asyncio.Event()
         self._hurry = asyncio.Event()
-        self._was_there = False
+        self._was_there, self._is_starting = False, True
+        self._added_s = clock.now_s()
         self._heard_s = 0.0
 
     def describe(self) -> dict[str, Any]:
@@ -133,8 +136,10 @@ class RobotLink:
             self.stop.close()
 
     def _lose(self, status: Status, detail: str) -> None:
-        if (status, detail) != (self.status, self.detail):  # a class's robots start after its board
-            level = logging.DEBUG if self.status is Status.CONNECTING else logging.WARNING
+        if (status, detail) != (self.status, self.detail) or self._is_starting:
+            age_s = self._clock.now_s() - self._added_s
+            self._is_starting = self._is_starting and status is Status.AWAY and age_s < START_S
+            level = logging.DEBUG if self._is_starting else logging.WARNING
             log.log(level, "robot=%s status=%s detail=%r", self.address, status.value, detail)
         self.status, self.detail, self.delay_ms = status, detail, None
         self.stop.channel = None
@@ -154,6 +159,7 @@ class RobotLink:
             await self.stop.send_again(channel)
             await channel.send(json.dumps({"type": "idle"}))
             self.stop.channel, self._was_there = channel, True
+            self._is_starting = False
             self.status, self.detail = Status.THERE, ""
             self._heard_s = self._clock.now_s()
             self._on_news(self)

@@ -35,6 +35,8 @@ _LASTING = (ConfigurationError, MissingExtraError, NotFoundError, PluginError, R
 
 GROUP = "drivelesson.commands"
 FIRST = "serve"
+_DRIVE = ("drive", "run", "start", "teach")
+"""Words with which people ask for a robot to drive, none of which is a command."""
 
 
 def commands() -> dict[str, str]:
@@ -60,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     name = words.pop(0) if words and not words[0].startswith("-") else FIRST
     if name not in _points():
-        hint = did_you_mean(name, _points())
+        hint = f" (did you mean {FIRST!r}?)" if name in _DRIVE else did_you_mean(name, _points())
         print(
             f"drivelesson: unknown command {name!r}{hint}; there are: {', '.join(commands())}",
             file=sys.stderr,

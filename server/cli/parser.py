@@ -17,10 +17,11 @@ _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
 
 
 class Parser(argparse.ArgumentParser):
-    """Names the nearest known option or choice when one is misspelt."""
+    """Says in one sentence what is wrong, and names the nearest known option or choice."""
 
     def error(self, message: str) -> NoReturn:
-        super().error(message + self._suggestion(message))
+        text = f"{self.prog}: {message}{self._suggestion(message)}; see {self.prog} --help\n"
+        self.exit(2, text)
 
     def _suggestion(self, message: str) -> str:
         unknown = re.match(r"unrecognized arguments: .*?(--[\w-]+)", message)

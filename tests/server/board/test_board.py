@@ -10,6 +10,7 @@ import pytest
 from robot.types import Action
 from server.board.board import Board, BoardViewer
 from server.board.class_key import ClassKey
+from server.board.robot_link import START_S
 from server.board.stopping import CONFIRM_S, Stopping
 from server.board.teacher_session import Status
 from server.board.transport import NetworkTransport
@@ -84,6 +85,22 @@ def test_whatever_a_robot_says_on_the_open_line_the_board_comes_back_to_it(text:
         await world.until_there(pupils)
 
     in_class(scenario, robots=2)
+
+
+def test_the_terminal_does_not_warn_of_a_robot_that_may_still_be_starting(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    def warned() -> list[str]:
+        mine = [one for one in caplog.records if one.name == "server.board.robot_link"]
+        return [one.getMessage() for one in mine if one.levelname == "WARNING"]
+
+    async def scenario(world: ClassWorld) -> None:
+        await world.clock.pause(START_S - 8.0)
+        assert not warned()
+        await world.clock.pause(16.0)
+        assert len(warned()) == 1 and "status=away" in warned()[0]
+
+    in_class(scenario, robots=1, faults=lambda dice, i: "silent")
 
 
 def _any_fault(dice: random.Random, number: int) -> str:

@@ -36,6 +36,10 @@ WRONG = [
     (["serve", "--max-nodes", "many"], "--max-nodes: must be a whole number from 1 to 1024"),
     (["serve", "--hostname", "bad name"], "--hostname: must be letters, digits and hyphens"),
     (["serve", "--port", "70000"], "--port: must be a whole number from 0 to 65535, not '70000'"),
+    (["drive"], "unknown command 'drive' (did you mean 'serve'?)"),
+    (["serve", "--world", "offce"], "unknown world 'offce' (did you mean 'office'?)"),
+    (["class", "--robots", "abc"], "'abc' is neither a number of simulated robots, nor HOST:PORT"),
+    (["class", "--robots", "2,rover"], "'rover' is neither a number"),
     (["serve", "--jpeg-quality", "0"], "--jpeg-quality: must be a whole number from 1 to 100"),
 ]
 INTERNAL = ("_published", "without-linear", "linear-alone", "Namespace", "Traceback", "<class")
