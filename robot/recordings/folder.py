@@ -21,7 +21,8 @@ def _debris(folder: Path) -> Iterable[Path]:
 FOLDER = FolderKind(
     name=NAME,
     about="one MCAP file a run: open with Foxglove, or with the mcap library\n"
-    "            NAME.edits.json beside it lists a person's edits; the recording is not touched",
+    "            NAME.edits.json beside it lists a person's edits; the recording is not touched\n"
+    "            drivelesson episodes empty-trash deletes what is in trash/ for good",
     reads=re.compile(r"[^.].*(\.mcap|\.edits\.json)", re.DOTALL),
     debris=_debris,
 )
