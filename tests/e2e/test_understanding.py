@@ -90,6 +90,19 @@ def test_a_pilot_says_that_he_does_it_differently_and_takes_that_back(
     wait_for(lambda: outdated_before() == 0, "it counts again")
 
 
+def test_a_pilot_says_that_left_and_right_are_alike_and_no_longer(phone: Any, world: World) -> None:
+    def alike() -> bool:
+        return bool(state_of(world).params["alike"])
+
+    teach_both_moves(phone, world)
+    phone.goto(world.address + "/#teaching")
+    word = phone.get_by_role("checkbox", name="Left and right are alike here")
+    word.check()
+    wait_for(alike, "it counts in the mirror, too")
+    word.uncheck()
+    wait_for(lambda: not alike(), "it no longer does")
+
+
 def _teaching_s(world: World) -> float:
     return world.rig.loop.submit(lambda: world.rig.loop.history.teaching_s).result(5)
 
