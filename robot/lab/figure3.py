@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Iterable, Iterator
+from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
 
@@ -19,6 +20,8 @@ from robot.study.table import Table
 from robot.types import DEFAULT_MOVES, Action, Frame, Mode
 
 LEARNERS = ("knn-3", "knn-9", "published-32", "published-64", "published-128", "default-32")
+RIVALS = ("som-32", "gng-32", "alvinn-8")
+"""Learners that the paper names, where their libraries are installed (extra `rivals`)."""
 KINDS = {"simulated_footage": "Simulated", "recorded_footage": "Recorded"}
 FRAMES = 700
 """Frames to train on, and as many to test on, as in the paper."""
@@ -34,7 +37,7 @@ PUBLISHED = {
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
     """Plan every learner on every place and seed, and on every pair of recordings."""
-    learners = settings.learners or LEARNERS
+    learners = settings.learners or (*LEARNERS, *(RIVALS if find_spec("minigng") else ()))
     cases = (
         {**settings.taught(trial), "trial": number, "learner": learner}
         for (number, trial), learner in product(TRIALS.items(), learners)

@@ -9,6 +9,7 @@ from typing import Any
 from robot.errors import need
 from robot.lab.baselines.baseline import AngleBaseline, AnglePolicy, Baseline
 from robot.lab.baselines.networks import BatchNetwork, ColourFeatures, ConvolutionalNetwork
+from robot.lab.baselines.of_the_paper import RotatingSet, gng, som
 from robot.policy.action_filter import ActionFilter
 from robot.policy.features import Features, GradientFeatures, GreyFeatures
 from robot.policy.policy import Policy
@@ -49,6 +50,13 @@ RIVALS = {
         make=lambda make, number, n_examples: make(number, random_state=0, min_samples_leaf=2),
         library=("sklearn.ensemble", "ExtraTreesClassifier", "evaluate"),
         is_eager=True,
+    ),
+    "som": Rival(make=som, library=("minisom", "MiniSom", "rivals"), features=GreyFeatures),
+    "gng": Rival(make=gng, library=("minigng", "MiniGNG", "rivals"), features=GreyFeatures),
+    "alvinn": Rival(
+        make=lambda make, number, n_examples: RotatingSet(make((number,), random_state=0)),
+        library=("sklearn.neural_network", "MLPClassifier", "rivals"),
+        features=GreyFeatures,
     ),
     "mlp": Rival(
         make=lambda make, number, n_examples: BatchNetwork(make((number,), random_state=0)),
