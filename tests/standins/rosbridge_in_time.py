@@ -27,7 +27,7 @@ class WatchedBridge:
             clock.start_thread(lambda: self._pass(self._to_server, self._tell), "to server"),
         ]
         self._on_message: Callable[[str, Any], None] = lambda topic, message: None
-        self.trouble = ""
+        self.trouble = self.refusal = ""
 
     def open(self, *_: Any, on_message: Callable[[str, Any], None], **topics: Any) -> Any:
         """Stand in for the class `RosBridge`."""

@@ -15,6 +15,7 @@ import websockets
 
 from robot.bodies.remote.orders import split_address
 from robot.bodies.remote.reconnecting import ReconnectingConnection
+from robot.bodies.ros.refusals import REFUSED_S, Refusals, Unwrapping
 from robot.clock import Clock
 from robot.errors import DriveError, told_as
 
@@ -27,6 +28,9 @@ GONE_S = 0.4
 MAX_BYTES = 6 * 2**20
 _LOST_S = 3.0
 """After so long the connection is closed and opened again."""
+_ASK_AGAIN_S = REFUSED_S / 2
+"""Pause before topics are asked for again after a refusal, in seconds: the node in the way may have
+ended, and until then the refusal is heard again."""
 
 Message = Mapping[str, Any]
 End = tuple[Message, float]
@@ -62,6 +66,7 @@ class RosBridge(ReconnectingConnection):
         self._socket: Any = None
         self._heard_s = clock.now_s()
         self._ends: dict[str, asyncio.TimerHandle] = {}
+        self._refusals, self._asking_again = Refusals(), False
         do = "is it running? ros2 launch rosbridge_server rosbridge_websocket_launch.xml"
         with told_as(DriveError, f"no rosbridge can be reached at {host}:{port}", do=do):
             super().__init__("rosbridge", clock)
@@ -70,6 +75,11 @@ class RosBridge(ReconnectingConnection):
     def silent_s(self) -> float:
         """Since when the bridge has given no sign of life."""
         return self._clock.now_s() - self._heard_s
+
+    @property
+    def refusal(self) -> str:
+        """What the bridge has refused of late, in its own words; empty if nothing."""
+        return self._refusals.at(self._clock.now_s())
 
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
         """Publish one message, and wait until it is sent; then what ends it. OSError if it cannot
@@ -92,17 +102,16 @@ class RosBridge(ReconnectingConnection):
             open_timeout=CONNECT_S,
             close_timeout=SEND_S,
         ) as socket:
-            for topic, kind in self._advertised.items():
-                await _tell(socket, op="advertise", topic=topic, type=kind)
-            for topic, kind in self._subscribed.items():
-                # One message at most waits for us: the newest counts.
-                await _tell(socket, op="subscribe", topic=topic, type=kind, queue_length=1)
+            await self._ask(socket)
+            unwrapping = Unwrapping()
             self._socket, self._heard_s = socket, self._clock.now_s()
             connected()
             pinging = asyncio.ensure_future(self._ping(socket))
             try:
                 async for data in socket:
-                    self._take(data)
+                    self._heard_s = self._clock.now_s()
+                    for message in unwrapping.messages(data):
+                        self._take(socket, message)
             finally:
                 pinging.cancel()
                 self._socket = None
@@ -121,17 +130,31 @@ class RosBridge(ReconnectingConnection):
                 await self._clock.pause(PING_EVERY_S)
         await socket.close()
 
-    def _take(self, data: str | bytes) -> None:
-        self._heard_s = self._clock.now_s()
+    async def _ask(self, socket: Any) -> None:
+        """Advertise and subscribe; a status about it names the `id`."""
+        for topic, kind in self._advertised.items():
+            await _tell(socket, op="advertise", id=f"advertise:{topic}", topic=topic, type=kind)
+        for topic, kind in self._subscribed.items():
+            name = f"subscribe:{topic}"
+            # One message at most waits for us: the newest counts.
+            await _tell(socket, op="subscribe", id=name, topic=topic, type=kind, queue_length=1)
+
+    def _take(self, socket: Any, told: Message) -> None:
+        if told.get("op") == "status":
+            if self._refusals.take(told, self._heard_s) and not self._asking_again:
+                self._asking_again = True
+                asyncio.ensure_future(self._ask_again(socket)).add_done_callback(_let_fail)
+        elif told.get("op") == "publish":
+            topic, message = str(told.get("topic")), told.get("msg")
+            if topic in self._subscribed and isinstance(message, dict):
+                self._on_message(topic, message)
+
+    async def _ask_again(self, socket: Any) -> None:
         try:
-            plain = json.loads(data)
-            topic, message = plain["topic"], plain["msg"]
-            if plain["op"] != "publish" or topic not in self._subscribed:
-                return
-        except (ValueError, KeyError, TypeError, RecursionError):
-            return
-        if isinstance(message, dict):
-            self._on_message(topic, message)
+            await self._clock.pause(_ASK_AGAIN_S)
+            await self._ask(socket)
+        finally:
+            self._asking_again = False
 
     async def _publish(self, topic: str, message: Message, ends: End | None) -> None:
         socket = self._socket
@@ -143,12 +166,18 @@ class RosBridge(ReconnectingConnection):
             end, for_s = ends
             loop = asyncio.get_running_loop()
             self._ends[topic] = loop.call_later(for_s, self._end, topic, end)
-        await _tell(socket, op="publish", topic=topic, msg=message)
+        await _tell(socket, op="publish", id=f"publish:{topic}", topic=topic, msg=message)
 
     def _end(self, topic: str, end: Message) -> None:
         self._ends.pop(topic, None)
         task = asyncio.ensure_future(self._publish(topic, end, None))
-        task.add_done_callback(lambda done: done.cancelled() or done.exception())
+        task.add_done_callback(_let_fail)
+
+
+def _let_fail(task: asyncio.Future[None]) -> None:
+    """Take the error of a task that nobody waits for: the connection has ended meanwhile."""
+    if not task.cancelled():
+        task.exception()
 
 
 async def _tell(socket: Any, **fields: Any) -> None:

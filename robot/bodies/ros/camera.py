@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from robot.bodies.ros.bridge import RosBridge
 from robot.bodies.ros.driver import check_topic
+from robot.bodies.ros.refusals import advice_for
 from robot.devices.options import Options, option
 from robot.devices.pictures import read_jpeg
 from robot.devices.watched_camera import WatchedCamera
@@ -76,4 +77,8 @@ class RosCamera(WatchedCamera):
             self._show_picture(picture, now_s)
 
     def _name_fault(self, wrong: str) -> str:
+        if self._bridge is not None and (refusal := self._bridge.refusal):
+            do = advice_for(refusal, is_stamped=False, has_watchdog=False)
+            said = f"rosbridge at {self.options.address} refuses: {refusal}"
+            return said + (f"; {do}" if do else "") + "."
         return f"The topic {self.options.image_topic} {wrong}{self._reason}."

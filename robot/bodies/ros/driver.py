@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from robot.bodies.remote.orders import moves_option, parse_moves
 from robot.bodies.ros.bridge import GONE_S, Message, RosBridge
+from robot.bodies.ros.refusals import advice_for
 from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
@@ -126,7 +127,7 @@ class RosDriver(ConnectedDriver[RosBridge]):
         self._check_heard(connection)
 
     def sense(self) -> Sensors:
-        """Sense nothing but that the bridge is there."""
+        """Sense nothing but that the bridge is there and refuses nothing."""
         self._check_heard(self._connected())
         return Sensors()
 
@@ -163,6 +164,13 @@ class RosDriver(ConnectedDriver[RosBridge]):
         return {"header": {"stamp": stamp, "frame_id": "base_link"}, "twist": twist}
 
     def _check_heard(self, bridge: RosBridge) -> None:
+        if refusal := bridge.refusal:
+            has_watchdog = self.options.watchdog
+            do = advice_for(refusal, is_stamped=self._is_stamped, has_watchdog=has_watchdog)
+            raise DriveError(
+                f"rosbridge at {self.options.address} refuses: {refusal}"
+                + (f"; {do}" if do else "")
+            )
         if bridge.silent_s > GONE_S:
             trouble = f" ({bridge.trouble})" if bridge.trouble else ""
             stops = "nothing stops its robot unless its base does"

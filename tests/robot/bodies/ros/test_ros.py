@@ -94,7 +94,7 @@ def moves_are_velocities_in_metres_and_radians(ros: RosBridgeServer) -> None:
 
 def test_stamped_velocities_carry_the_time() -> None:
     clock, bridge = VirtualClock(), mock.Mock()
-    bridge.return_value.silent_s = 0.0
+    bridge.return_value.silent_s, bridge.return_value.refusal = 0.0, ""
     options = RosOptions(address="base", stamped=True)
     driver = RosDriver(options, clock)
     driver.bridge_type = bridge  # type: ignore[misc]

@@ -1,0 +1,131 @@
+"""What rosbridge says beside messages: refusals, warnings, and the wrappings that hide them.
+
+Its protocol, version 2: a `status` has a level and a text (3.4.1 of ROSBRIDGE_PROTOCOL.md); a
+`fragment` is one part of a long message (3.1.1); a `png` has a message as the pixels of a picture
+(3.1.2). A refused message is dropped there, and nothing else tells of it.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import logging
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from robot.errors import MissingExtraError, need, told_as
+
+log = logging.getLogger(__name__)
+REFUSED_S = 1.0
+"""How long a refusal counts after it was heard last, in seconds; what is refused is asked for
+twice in that time."""
+_HARMLESS = ("info", "none")
+_LONGEST_TEXT = 300
+_MOST_PARTS, _MOST_BYTES = 1000, 6 * 2**20
+"""Limits of one message in fragments: parts, and characters."""
+_DEEPEST = 4
+"""How often a message may be wrapped: a picture in fragments is two."""
+
+
+class Refusals:
+    """Remembers the newest refusal, and writes each warning to the log once."""
+
+    def __init__(self) -> None:
+        self._text, self._heard_s = "", float("-inf")
+        self._warned: set[str] = set()
+
+    def at(self, now_s: float) -> str:
+        """Return the refusal that counts now, in rosbridge's own words; empty if there is none."""
+        return self._text if now_s - self._heard_s < REFUSED_S else ""
+
+    def take(self, status: Mapping[str, Any], now_s: float) -> bool:
+        """Take a status; return whether it is a refusal. An unknown level counts as one."""
+        level = str(status.get("level", "error")).lower()
+        text = str(status.get("msg") or "it gives no reason")[:_LONGEST_TEXT]
+        request = status.get("id")
+        if isinstance(request, str) and request and request.partition(":")[2] not in text:
+            text = f"{request[:_LONGEST_TEXT]}: {text}"
+        if level in _HARMLESS:
+            return False
+        if level == "warning":
+            if text not in self._warned and len(self._warned) < _MOST_PARTS:
+                self._warned.add(text)
+                log.warning("rosbridge warns: %s", text)
+            return False
+        self._text, self._heard_s = text, now_s
+        return True
+
+
+class Unwrapping:
+    """Takes what comes over the line, and gives the messages in it."""
+
+    def __init__(self) -> None:
+        self._parts: dict[str, dict[int, str]] = {}
+
+    def messages(self, text: str | bytes) -> Iterator[Mapping[str, Any]]:
+        """Give the messages that are whole by now; one or none. What cannot be read is left out."""
+        for _ in range(_DEEPEST):
+            try:
+                message = json.loads(text)
+                if not isinstance(message, dict):
+                    return
+                operation = message.get("op")
+                if operation == "fragment":
+                    whole = self._join(message)
+                elif operation == "png":
+                    whole = _text_of_png(message["data"])
+                else:
+                    yield message
+                    return
+            except (ValueError, KeyError, TypeError, RecursionError):
+                return
+            if whole is None:
+                return
+            text = whole
+
+    def _join(self, part: Mapping[str, Any]) -> str | None:
+        """Return the text when its last part has come, in any order."""
+        key, number, total = str(part["id"]), int(part["num"]), int(part["total"])
+        if not 0 <= number < total <= _MOST_PARTS:
+            raise ValueError(f"part {number} of {total}")
+        parts = self._parts.pop(key, {})
+        parts[number] = str(part["data"])
+        if len(parts) == total:
+            return "".join(parts[at] for at in range(total))
+        self._parts[key] = parts  # the newest key is last
+        while sum(len(data) for some in self._parts.values() for data in some.values()) > (
+            _MOST_BYTES
+        ):
+            del self._parts[next(iter(self._parts))]
+        return None
+
+
+def _text_of_png(data: str) -> str:
+    """Return the text whose bytes are the pixels; rosbridge fills the last row with newlines."""
+    import numpy as np
+
+    try:
+        cv2 = need("cv2", "a rosbridge that compresses by PNG", "camera")
+    except MissingExtraError as error:
+        raise ValueError(str(error)) from error
+    with told_as(ValueError, "no PNG", cv2.error):  # also of no bytes at all
+        pixels = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
+    if pixels is None:
+        raise ValueError("no PNG")
+    return bytes(pixels[:, :, ::-1].tobytes()).decode()
+
+
+def advice_for(refusal: str, *, is_stamped: bool, has_watchdog: bool) -> str:
+    """Return what to do about a refused velocity or picture, where it is known; else nothing."""
+    said = refusal.lower()
+    if "twiststamped" in said and not is_stamped:
+        return "start with --stamped true"
+    if "geometry_msgs" in said and "twiststamped" not in said and is_stamped:
+        return "another node uses the watchdog's topic" if has_watchdog else "leave --stamped out"
+    if "sensor_msgs" in said and "image" in said:
+        return "name a topic of sensor_msgs/CompressedImage with --image-topic"
+    if "already" in said and "type" in said:
+        return "name another topic, or end the node that uses this one"
+    if "glob" in said or "not allowed" in said or "not authorized" in said:
+        return "allow the topic in rosbridge's own settings (topics_glob)"
+    return ""
