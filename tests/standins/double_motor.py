@@ -5,6 +5,7 @@ The real library is driven by tests of its own, with the motor of `lego_educatio
 
 from __future__ import annotations
 
+import logging
 import random
 from collections import deque
 from collections.abc import Callable
@@ -19,12 +20,14 @@ class DoubleMotor:
 
     BUTTON_STATE_PRESSED = 1
     MOTOR_END_STATE_BRAKE = 1
+    logger = logging.getLogger("double motor")
 
     def __init__(self, clock: VirtualClock, chance: random.Random) -> None:
         self._clock, self._chance = clock, chance
         self._coming: deque[tuple[float, float]] = deque()
         self._noted_s = self._ends_s = 0.0
         self.connected, self.is_lost = False, False
+        self.name, self.address = "Double Motor", "AA:BB:CC:DD:EE:01"
         self.info_device = mock.Mock(batteryLevel=80)
         self.button = mock.Mock(state=0)
 
