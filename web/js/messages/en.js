@@ -229,7 +229,7 @@ export default {
   'home.damaged': 'This file is damaged.',
   'home.lessons': '{n} pictures learned',
   'settings.size': 'How many images it remembers',
-  'settings.size_hint': 'More images tell more views apart but need more time. A change starts over; what it knows now is kept in Models and recordings.',
+  'settings.size_hint': 'More images remember more rare views and tell better what is new; they need time and do not make it drive better. A change starts over; what it knows now is kept in Models and recordings.',
   'settings.rate': '{n} pictures a second',
   'settings.steering': 'Steering',
   'settings.steering_hint': 'By degrees, a thumb stick replaces the arrows, and a key steers further the longer you hold it. Remembered on this device.',

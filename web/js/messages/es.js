@@ -228,7 +228,7 @@ export default {
   'home.damaged': 'Este archivo está dañado.',
   'home.lessons': '{n} imágenes aprendidas',
   'settings.size': 'Cuántas imágenes recuerda',
-  'settings.size_hint': 'Con más imágenes distingue más vistas, pero necesita más tiempo. Si lo cambias, empieza de cero; lo que sabe ahora queda en Modelos y grabaciones.',
+  'settings.size_hint': 'Con más imágenes recuerda más vistas raras y nota mejor lo nuevo; necesita más tiempo y no conduce mejor. Si lo cambias, empieza de cero; lo que sabe ahora queda en Modelos y grabaciones.',
   'settings.rate': '{n} por segundo',
   'settings.steering': 'Dirección',
   'settings.steering_hint': 'Por grados, una palanca sustituye a las flechas, y una tecla gira más cuanto más la mantienes. Se recuerda en este dispositivo.',

@@ -228,7 +228,7 @@ export default {
   'home.damaged': '此文件已损坏。',
   'home.lessons': '已学 {n} 个画面',
   'settings.size': '记住多少张图像',
-  'settings.size_hint': '图像越多，能区分的画面越多，但需要更多时间。更改后会重新开始；现在会的保留在“模型和记录”。',
+  'settings.size_hint': '图像越多，能记住的少见画面越多，也更清楚什么是新的；需要更多时间，但不会开得更好。更改后会重新开始；现在会的保留在“模型和记录”。',
   'settings.rate': '每秒 {n} 个画面',
   'settings.steering': '转向方式',
   'settings.steering_hint': '按角度时，摇杆代替箭头；按键按得越久，转得越多。这台设备会记住。',
