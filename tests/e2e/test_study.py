@@ -155,7 +155,7 @@ class Person:
             self.page.reload()
             self.page.get_by_role("button", name="Send the answers").wait_for()
         self.page.get_by_role("button", name="Send the answers").click()
-        self.page.get_by_role("alert").filter(has_text="answer this, too").wait_for()
+        self.page.get_by_role("alert").filter(has_text="answer this too").wait_for()
         given["again"] = self.dice.randint(1, 3)
         self.page.locator(f"input[name=again][value='{given['again']}']").check()
         remark = self.page.locator("textarea")
