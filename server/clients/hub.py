@@ -17,7 +17,7 @@ from concurrent.futures import Future
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.driver import describe, move_at
-from robot.types import Frame, Mode, PilotCommand, StopReason
+from robot.types import DrivenBy, Frame, Mode, PilotCommand, StopReason
 from server import protocol
 from server.clients.client import Client
 from server.clients.freshness import NonceLedger, why_refused
@@ -329,7 +329,9 @@ class Hub:
         """What is published at once when it changes; so is the pilot, where that changes."""
         state = self.robot.loop.state
         decision = state.decision
+        is_pilots = decision.driven_by is DrivenBy.PILOT
         return (
+            decision.action if is_pilots else None,  # a program waits for what became of its order
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
             *(state.link.level, state.emergency, state.fault),
             self.stop_held_by,

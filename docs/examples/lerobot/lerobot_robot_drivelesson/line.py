@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import logging
+import math
 import struct
 import threading
 import time
 import urllib.request
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
@@ -15,14 +18,24 @@ import cv2
 import numpy as np
 from websockets.sync.client import ClientConnection, connect
 
-ACTION = ("steering.pos", "throttle.vel")
-"""What is done, and asked for: lerobot-rollout passes on such endings alone."""
+from lerobot_robot_drivelesson.nearest import ACTION, STANDS, nearest
+
+log = logging.getLogger(__name__)
 _FRAME = struct.Struct("<BBHHHIId")
 _ACKNOWLEDGEMENT = struct.Struct("<BBHI")
 _PATIENCE_S = 10.0
 _BEAT_S = 0.1
 _HOLD_S = 0.5
-"""A move that is not asked for again ends after so long: LeRobot may be stuck."""
+"""A move that is not asked for again ends after this time, in seconds: LeRobot may be stuck."""
+_DONE_WITHIN_S = 0.1
+"""How long an order may take until the robot's state shows it, in seconds; it takes some 5 ms."""
+_WARN_EVERY_S = 1.0
+_REMEMBERED = 100
+"""How many of the last orders are remembered, to know which one a refusal is about."""
+_WHEEL_S, _START_S, _STARTS = 3.0, 1.0, 5
+"""How long the wheel and the start are waited for, in seconds, and how often a start is tried."""
+_UNPROVEN = ("stale", "no_picture", "unknown_frame")
+"""Refusals of a mode that may be asked for again with the next picture."""
 
 
 def pair(address: str, token: str, kept: Path) -> str:
@@ -59,11 +72,17 @@ class Line:
         self._picture: np.ndarray | None = None
         self._frame = self._nonce = None
         self._seq, self._shown = 0, 0
-        self._held, self._held_s = None, 0.0
+        self._held: str | None = None
+        self._held_s = self._said_s = 0.0
+        self._asked: dict[int, str | None] = {}
+        self._refused: tuple[int, str, str] = (0, "", "")
+        self._n_states, self._warned_s = 0, -math.inf
+        self.role, self.robot = "", ""
         self.state: dict[str, Any] = {}
         self.fault = ""
+        self._declared: dict[str, tuple[float, float]] = {}
         self.points: dict[str, tuple[float, float]] = {}
-        """Steering and throttle of each move for which the body declares them."""
+        """Steering and throttle of each move that the robot takes now and that has them."""
 
     def open(self) -> None:
         """Connect, and wait for what the robot says of itself and for a picture."""
@@ -72,7 +91,80 @@ class Line:
         for work in (self._hear, self._watch, *([self._beat] if self._drives else [])):
             thread = threading.Thread(target=self._until_end, args=(work,), daemon=True)
             thread.start()
-        self._wait(lambda: self.points and self.state and self._picture is not None, "a picture")
+        self._wait(lambda: self.role and self.state and self._picture is not None, "a picture")
+
+    def begin(self) -> None:
+        """Have the wheel, and the robot wait for a pilot's moves.
+
+        Raises:
+            ConnectionError: If another has the wheel, or the robot does not start.
+        """
+        if self.role != "pilot":
+            raise ConnectionError(
+                f"this computer may only look on at {self.robot}; pair it as a pilot, with "
+                "--robot.token"
+            )
+        if not self._comes(lambda: self.state["you_are_pilot"], 0.3):
+            self._send(type="take")
+            if not self._comes(lambda: self.state["you_are_pilot"], _WHEEL_S):
+                raise ConnectionError(
+                    f"the wheel of {self.robot} is in other hands ({self.state['pilot']}, one of "
+                    f"{self.state['viewers'] + 1} who are connected): give it away on the page, "
+                    "or close the page"
+                )
+        for _ in range(_STARTS):
+            if self.state["emergency"] or not self._may_start():
+                break
+        if self.state["mode"] != "train":
+            raise ConnectionError(f"{self.robot} does not start: {self.why_it_stands}")
+
+    def _may_start(self) -> bool:
+        """Ask for the mode once; return whether it is worth asking again."""
+        seq, shown = self.choose("train"), self._shown
+        is_answered = lambda: self.state["mode"] == "train" or self._refused[0] == seq  # noqa: E731
+        self._comes(is_answered, _START_S)
+        if self.state["mode"] == "train":
+            return False
+        if self._refused[0] == seq and self._refused[1] not in _UNPROVEN:
+            return False
+        self._comes(lambda: self._shown > shown, _START_S)
+        return True
+
+    @property
+    def why_it_stands(self) -> str:
+        """Why the robot does not drive, in a sentence or a word."""
+        state = self.state
+        if state["emergency"]:
+            return "the emergency stop is on; release it on the page"
+        if not state["you_are_pilot"]:
+            return f"the wheel is in other hands ({state['pilot']})"
+        return state["fault"] or self._refused[2] or str(state["stop_reason"])
+
+    def drive(self, asked: Mapping[str, float]) -> tuple[float, float]:
+        """Hold the nearest move for half a second at most; return what the robot does then."""
+        move = nearest(asked, self.points)
+        is_new = move != self._held
+        self._held, self._held_s = move, time.monotonic()
+        if is_new:
+            seq, states = self._beat_once(), self._n_states
+
+            def is_answered() -> bool:
+                if self._refused[0] == seq:
+                    return True
+                stands = self.state["mode"] != "train" or not self.state["you_are_pilot"]
+                return self.state["action"] == (move or "stop") or (
+                    stands and self._n_states > states
+                )
+
+            self._comes(is_answered, _DONE_WITHIN_S)
+        return self.point()
+
+    def warn(self, text: str, *values: object) -> None:
+        """Write a warning to the log, once a second at most."""
+        now_s = time.monotonic()
+        if now_s - self._warned_s >= _WARN_EVERY_S:
+            self._warned_s = now_s
+            log.warning(text, *values)
 
     def close(self) -> None:
         """Let go, stop and disconnect."""
@@ -87,7 +179,7 @@ class Line:
     @property
     def is_open(self) -> bool:
         """True until the robot or `close` ends it."""
-        return bool(self.points) and not self._ended.is_set()
+        return bool(self.role) and not self._ended.is_set()
 
     def picture(self) -> np.ndarray:
         """Return the next picture, shape (height, width, 3), RGB."""
@@ -96,17 +188,15 @@ class Line:
         assert self._picture is not None
         return self._picture
 
-    def hold(self, move: str | None) -> None:
-        """Have the robot make a move, for half a second at most."""
-        self._held, self._held_s = move, time.monotonic()
-
     def point(self) -> tuple[float, float]:
         """Return steering and throttle of what the robot does now; zero where it stands."""
-        return self.points.get(self.state["action"], (0.0, 0.0))
+        if by_degrees := self.state["point"]:
+            return by_degrees["steering"], by_degrees["throttle"]
+        return self._declared.get(self.state["action"], STANDS)
 
-    def choose(self, mode: str) -> None:
-        """Ask for a mode: `train` lets a pilot drive."""
-        self._send(type="mode", mode=mode)
+    def choose(self, mode: str) -> int:
+        """Ask for a mode, and return the number of the message: `train` lets a pilot drive."""
+        return self._send(type="mode", mode=mode)
 
     def _connect(self, path: str) -> ClientConnection:
         return self._stack.enter_context(
@@ -127,14 +217,33 @@ class Line:
             said = json.loads(text)
             with self._news:
                 if said["type"] == "hello":
-                    self.points = {
-                        move["name"]: (move["steering"], move["throttle"])
-                        for move in said["declared_moves"]
-                        if None not in (move["steering"], move["throttle"])
-                    }
+                    self._take_hello(said)
                 elif said["type"] == "state":
                     self.state, self._nonce = said, said["nonce"] or self._nonce
+                    self._n_states += 1
+                elif said["type"] == "error":
+                    self._take_error(said)
                 self._news.notify_all()
+
+    def _take_hello(self, hello: dict[str, Any]) -> None:
+        self.role, self.robot = hello["role"], hello["robot"]
+        self._declared = {
+            move["name"]: (move["steering"], move["throttle"])
+            for move in hello["declared_moves"]
+            if None not in (move["steering"], move["throttle"])
+        }
+        self.points = {
+            name: self._declared[name] for name in hello["moves"] if name in self._declared
+        }
+
+    def _take_error(self, error: dict[str, Any]) -> None:
+        """Note a refusal; a move that is not taken any more is not asked for again."""
+        seq = error.get("seq") or 0
+        self._refused = seq, error["code"], error["message"]
+        move = self._asked.get(seq)
+        if error["code"] == "bad_field" and move in self.points:
+            self.points = {name: at for name, at in self.points.items() if name != move}
+        self.warn("the robot refuses: %s", error["message"])
 
     def _watch(self) -> None:
         for message in self._video:
@@ -154,14 +263,32 @@ class Line:
 
     def _beat(self) -> None:
         while not self._ended.wait(_BEAT_S):
-            is_fresh = time.monotonic() - self._held_s < _HOLD_S
-            self._send(type="drive", held=self._held if is_fresh else None)
+            is_due = time.monotonic() - self._said_s >= 0.9 * _BEAT_S
+            if is_due and self.state.get("you_are_pilot"):
+                self._beat_once()
 
-    def _send(self, **message: Any) -> None:
+    def _beat_once(self) -> int:
+        """Say what is held; return the number of the message."""
+        is_fresh = time.monotonic() - self._held_s < _HOLD_S
+        return self._send(type="drive", held=self._held if is_fresh else None)
+
+    def _send(self, **message: Any) -> int:
         with self._sending:
             self._seq += 1
+            self._asked[self._seq] = message.get("held")
+            self._asked.pop(self._seq - _REMEMBERED, None)
+            self._said_s = time.monotonic()
             proof = {"seq": self._seq, "frame": self._frame, "nonce": self._nonce}
             self._drive.send(json.dumps({**message, **proof}))
+            return self._seq
+
+    def _comes(self, is_so: Callable[[], Any], seconds: float) -> bool:
+        """Wait until something is so; False if it is not in time, ConnectionError at the end."""
+        with self._news:
+            self._news.wait_for(lambda: is_so() or self._ended.is_set(), seconds)
+            if self._ended.is_set():
+                raise ConnectionError(self.fault or "the robot has ended the connection")
+            return bool(is_so())
 
     def _wait(self, is_so: Any, what: str) -> None:
         with self._news:
@@ -200,8 +327,14 @@ class Served:
             self._line = None
 
     def _dial(self, *, drives: bool) -> None:
-        """Open the line, as the computer that was paired."""
+        """Open the line, as the computer that was paired; one that drives has the wheel then."""
         kept = self.calibration_dir / f"{self.id}.cookie"
         cookie = pair(self.config.address, self.config.token, kept)
         self._line = Line(self.config.address, cookie, drives=drives)
-        self._line.open()
+        try:
+            self._line.open()
+            if drives:
+                self._line.begin()
+        except BaseException:
+            self.disconnect()
+            raise

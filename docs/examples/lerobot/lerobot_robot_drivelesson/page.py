@@ -7,7 +7,8 @@ from typing import Any
 
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
-from lerobot_robot_drivelesson.line import ACTION, Served
+from lerobot_robot_drivelesson.line import Served
+from lerobot_robot_drivelesson.nearest import ACTION, STANDS
 
 
 @TeleoperatorConfig.register_subclass("drivelesson_page")
@@ -41,7 +42,7 @@ class DrivelessonPage(Served, Teleoperator):
         """Return steering and throttle of what the pilot does now; zero if nobody does."""
         assert self._line is not None, "connect first"
         is_pilots = self._line.state["driven_by"] == "pilot"
-        point = self._line.point() if is_pilots else (0.0, 0.0)
+        point = self._line.point() if is_pilots else STANDS
         return dict(zip(ACTION, point, strict=True))
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:

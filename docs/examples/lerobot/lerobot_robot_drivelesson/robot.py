@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import time
 from dataclasses import dataclass
@@ -11,9 +10,9 @@ from typing import Any
 import cv2
 from lerobot.robots import Robot, RobotConfig
 
-from lerobot_robot_drivelesson.line import ACTION, Line, Served
+from lerobot_robot_drivelesson.line import Line, Served
+from lerobot_robot_drivelesson.nearest import ACTION
 
-log = logging.getLogger(__name__)
 _AGAIN_S = 1.0
 
 
@@ -56,10 +55,13 @@ class DrivelessonRobot(Served, Robot):
         return {"front": picture, **dict.fromkeys(ACTION, float)}
 
     def connect(self, calibrate: bool = True) -> None:
-        """Connect, and have the robot wait for a pilot's moves."""
+        """Connect, and have the robot wait for a pilot's moves.
+
+        Raises:
+            ConnectionError: If another has the wheel, or the robot does not start; says why.
+        """
         self._dial(drives=self.config.drives)
-        if self.config.drives:
-            self._start()
+        self._started_s = time.monotonic()
 
     def get_observation(self) -> dict[str, Any]:
         """Return the next picture, and what the robot does meanwhile."""
@@ -68,28 +70,23 @@ class DrivelessonRobot(Served, Robot):
         return {"front": picture, **dict(zip(ACTION, line.point(), strict=True))}
 
     def send_action(self, action: dict[str, Any]) -> dict[str, Any]:
-        """Hold the nearest move, and return its steering and throttle."""
+        """Hold the nearest move; return steering and throttle of what the robot really does."""
         line = self._open_line()
-        asked = tuple(float(action.get(name, 0.0)) for name in ACTION)
-        points = {None: (0.0, 0.0), **line.points}
-        move = min(points, key=lambda name: math.dist(points[name], asked))
-        if self.config.drives:
-            line.hold(move)
-            if line.state["mode"] == "stopped" and move is not None:
-                self._start_again()
-        return dict(zip(ACTION, points[move], strict=True))
+        if not self.config.drives:
+            return dict(zip(ACTION, line.point(), strict=True))
+        done = line.drive(action)
+        if line.state["mode"] != "train" or not line.state["you_are_pilot"]:
+            self._start_again(line)
+        return dict(zip(ACTION, done, strict=True))
 
-    def _start(self) -> None:
-        self._started_s = time.monotonic()
-        self._open_line().choose("train")
-
-    def _start_again(self) -> None:
-        if time.monotonic() - self._started_s < _AGAIN_S:
-            return
-        state = self._open_line().state
-        log.warning("the robot stands: %s", state["fault"] or state["stop_reason"])
-        if self.config.restarts and not state["emergency"]:
-            self._start()
+    def _start_again(self, line: Line) -> None:
+        """Say that the robot stands, and start it if that is wanted; once a second at most."""
+        state = line.state
+        line.warn("%s stands: %s", line.robot, line.why_it_stands)
+        is_ours = state["you_are_pilot"] and not state["emergency"]
+        if self.config.restarts and is_ours and time.monotonic() - self._started_s >= _AGAIN_S:
+            self._started_s = time.monotonic()
+            line.choose("train")
 
     def _open_line(self) -> Line:
         if self._line is None:

@@ -1,0 +1,146 @@
+"""docs/examples/lerobot before a served robot, without LeRobot: its line needs none of it.
+
+DRIVELESSON_FULL=1 compares 10,000 orders (.ci/run).
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import random
+import sys
+import types
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from robot.driver import CLASSIC
+from robot.types import Action
+from server.config import Config, Limits
+from tests.server.live_robot import WEB, LiveServer, Pilot, live_server
+
+PACKAGE = "lerobot_robot_drivelesson"
+FOLDER = WEB.parent / "docs/examples/lerobot" / PACKAGE
+ORDERS = 10_000 if os.environ.get("DRIVELESSON_FULL") else 150
+MOVES = {"forward": (0.0, 0.5), "left": (-1.0, 0.5), "right": (1.0, 0.5)}
+MORE = {**MOVES, "backward": (0.0, -0.5), "spin_left": (-1.0, 0.0), "spin_right": (1.0, 0.0)}
+
+
+def part(name: str) -> Any:
+    """Import a module of the package, whose `__init__` needs LeRobot."""
+    if PACKAGE not in sys.modules:
+        bare = types.ModuleType(PACKAGE)
+        bare.__path__ = [str(FOLDER)]
+        sys.modules[PACKAGE] = bare
+    return importlib.import_module(f"{PACKAGE}.{name}")
+
+
+def asks(steering: float, throttle: float | None) -> dict[str, float]:
+    named = {"steering.pos": steering}
+    return named if throttle is None else {**named, "throttle.vel": throttle}
+
+
+@pytest.mark.parametrize(
+    ("asked", "taken", "move"),
+    [
+        (asks(0.0, 0.5), MOVES, "forward"),
+        (asks(-1.0, 0.5), MOVES, "left"),
+        (asks(0.7, 0.9), MOVES, "right"),
+        (asks(-1.0, 0.0), MOVES, None),
+        (asks(-1.0, 0.2), MOVES, None),
+        (asks(-1.0, 0.3), MOVES, "left"),
+        (asks(0.0, -0.5), MOVES, None),
+        (asks(0.0, -0.5), MORE, "backward"),
+        (asks(-1.0, 0.0), MORE, "spin_left"),
+        (asks(0.4, 0.0), MORE, None),
+        (asks(-1.0, None), MORE, None),
+        (asks(9.0, 7.0), MOVES, "right"),
+        (asks(float("nan"), 0.5), MOVES, None),
+        (asks(0.0, float("inf")), MOVES, None),
+        (asks(0.0, 0.5), {}, None),
+        ({}, MOVES, None),
+    ],
+)
+def test_an_action_counts_as_the_nearest_move_that_is_taken(
+    asked: dict[str, float], taken: dict[str, tuple[float, float]], move: str | None
+) -> None:
+    assert part("nearest").nearest(asked, taken) == move
+
+
+@pytest.fixture
+def server() -> Iterator[LiveServer]:
+    limits = Limits(messages_per_second=1e4, messages_burst=1e4)
+    with live_server(Config(port=0, web=WEB, limits=limits)) as running:
+        running.driver.declared_moves = tuple(CLASSIC.values())
+        yield running
+
+
+def line_to(server: LiveServer) -> Any:
+    line = part("line").Line(server.address, "", drives=True)
+    line.open()
+    return line
+
+
+@pytest.mark.realtime
+def test_random_actions_are_driven_and_what_is_returned_was_done(server: LiveServer) -> None:
+    line, chance = line_to(server), random.Random(1)
+    try:
+        line.begin()
+        assert set(line.points) < {str(move) for move in server.driver.moves}, "taken now, not all"
+        wrong = 0
+        for _ in range(ORDERS):
+            asked = asks(chance.uniform(-1.2, 1.2), chance.choice([0.0, 0.5, -0.5, 1.0, None]))
+            done = line.drive(asked)
+            if line.state["mode"] != "train":  # a busy machine made it stand
+                assert done == (0.0, 0.0)
+                line.begin()
+                continue
+            now = server.rig.loop.state.decision.action
+            wrong += done != {**line._declared, "stop": (0.0, 0.0)}[str(now)]
+        refused = server.hub.refused
+        assert not refused["bad_field"] and not refused["too_fast"], refused
+        print(f"{wrong} of {ORDERS} differ; refused: {dict(refused)}")
+        assert wrong <= ORDERS // 100, "but where a move ran out while we looked"
+    finally:
+        line.close()
+
+
+@pytest.mark.realtime
+def test_without_the_wheel_it_does_not_begin(
+    server: LiveServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(part("line"), "_WHEEL_S", 0.3)
+    with Pilot(server.ws("/ws/drive"), sees=True) as pilot:
+        pilot.drive_until(lambda: server.driver.now is Action.FORWARD)
+        line = line_to(server)
+        try:
+            with pytest.raises(ConnectionError, match=f"in other hands .{pilot.hello['client']}"):
+                line.begin()
+            assert server.driver.now is Action.FORWARD, "and nobody was disturbed"
+        finally:
+            line.close()
+
+
+@pytest.mark.realtime
+def test_what_the_server_refuses_is_read_and_said_once_a_second(
+    server: LiveServer, caplog: pytest.LogCaptureFixture
+) -> None:
+    line = line_to(server)
+    try:
+        line.begin()
+        line.points["spin_left"] = (-1.0, 0.0)  # taken when we joined, and not any more
+        assert line.drive(asks(-1.0, 0.0)) == (0.0, 0.0)
+        for _ in range(20):
+            line._send(type="drive", held="no_move")
+        line._comes(lambda: server.hub.refused["bad_field"] == 21, 30.0)
+        assert "spin_left" not in line.points
+        server.rig.loop.latch_emergency()
+        line._comes(lambda: line.state["emergency"], 30.0)
+        assert line.drive(asks(0.0, 0.5)) == (0.0, 0.0)
+        with pytest.raises(ConnectionError, match="emergency stop is on"):
+            line.begin()
+    finally:
+        line.close()
+    said = [record for record in caplog.records if "refuses" in record.message]
+    assert 1 <= len(said) <= 3 and "held" in said[0].message
