@@ -17,6 +17,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "access": (),
     "board": ("access",),
     "bodies": (),
+    "challenge": (),
     "coaching": (),
     "exchange": ("recordings",),
     "lab": ("simulator", "recordings", "exchange", "study"),

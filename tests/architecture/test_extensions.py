@@ -145,7 +145,12 @@ def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]
     for command, home in {**homes, "brick": "bodies", "export": "exchange"}.items():
         if command != "export":
             assert (command in boot["commands"]) is (home not in gone_with(extension)), command
-    paths = {"/api/gallery": "coaching", "/api/world": "simulator", "/api/pair": "access"}
+    paths = {
+        "/api/gallery": "coaching",
+        "/api/challenge": "challenge",
+        "/api/world": "simulator",
+        "/api/pair": "access",
+    }
     for path, home in {**paths, "/api/episodes": "recordings", "/api/session": "study"}.items():
         assert (path in boot["paths"]) is (home not in gone_with(extension)), path
 
@@ -161,6 +166,7 @@ WORDS = {
     "access": r"pairing|paired|certificat|behind-proxy|admission|mdns",
     "board": r"teacher|classroom|pupil|class_key",
     "bodies": r"\bev3\b(?!dev)|pybricks|gymnasium|the robot's eye|\"phone\"",
+    "challenge": r"robot\.challenge|server\.challenge|/api/challenge",
     "coaching": r"readiness|\bgallery\b|\btrail\b|coach",
     "exchange": r"donkeycar|lerobot",
     "lab": r"ablation|benchmark",

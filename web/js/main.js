@@ -76,6 +76,7 @@ async function start() {
 async function addTheRest(page) {
   await persist(() => import('./components/drive-map.js'));
   /** @type {any} */ (document.querySelector('drive-map')).start(page);
+  import('./challenge/offer.js').then(({ offerChallenge }) => offerChallenge(page), () => {});
   try {
     // Without it, or where it is forbidden, only the shell without a robot is lost.
     if (isSecureContext) await navigator.serviceWorker?.register('sw.js');

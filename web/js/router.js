@@ -11,12 +11,13 @@ const ELEMENTS = {
   teaching: 'teaching-screen',
   undo: 'undo-screen',
   study: 'study-screen',
+  challenge: 'challenge-screen',
   home: 'home-screen',
   settings: 'settings-screen',
 };
 
 /** @type {Record<string, string>} folders of screens that have one of their own */
-const ROOMS = { study: 'study' };
+const ROOMS = { study: 'study', challenge: 'challenge' };
 
 const AGAIN_MS = 3000;
 

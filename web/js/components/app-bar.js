@@ -6,8 +6,8 @@ import { percent, t } from '../i18n.js';
 import { makeStop } from '../stop.js';
 import { minutes } from './teach-panel.js';
 
-/** Studies are in the menu of those alone who take part in one; others find them in the settings. */
-const SCREENS = ['drive', 'gallery', 'teaching', 'study', 'home', 'settings'];
+/** Studies are in the menu only for those who take part in one; the challenge comes when the robot is ready. */
+const SCREENS = ['drive', 'gallery', 'teaching', 'challenge', 'study', 'home', 'settings'];
 const LOW_BATTERY = 0.2;
 
 export class AppBar extends HTMLElement {
@@ -59,7 +59,8 @@ export class AppBar extends HTMLElement {
     this.plate?.classList.toggle('off', robot?.mode === 'autonomous');
     if (this.menu?.hidden) return;
     say(/** @type {Element} */ (this.figures), this.list(state).join('\n'));
-    for (const link of this.links ?? []) link.hidden = link.hash === '#study' && !state.session;
+    const isReady = state.readiness?.stage === 'ready' && !state.session;
+    for (const link of this.links ?? []) link.hidden = (link.hash === '#study' && !state.session) || (link.hash === '#challenge' && !isReady);
   }
 
   /** @param {import('../store.js').PageState} state */

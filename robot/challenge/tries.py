@@ -1,0 +1,123 @@
+"""A challenge: three tries of a minute, in which the robot drives by itself. Pure.
+
+A try is armed by a person, begins when the robot drives by itself, and ends when somebody touches
+it, when it bumps or asks for help, when it is stopped, or after `TRY_S`. The best try is kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from robot.challenge.score import Score
+from robot.control.state import Tick
+from robot.policy.history import Replaced
+from robot.types import Action, DrivenBy, Mode
+
+TRIES = 3
+"""Number of tries in a challenge."""
+TRY_S = 60.0
+"""Length of a try, in seconds."""
+_PUSHED_S = 0.3
+"""For how long the robot may drive against something before that ends the try, in seconds."""
+_LONGEST_STEP_S = 0.25
+
+
+class Ending(StrEnum):
+    """What ended a try."""
+
+    TIME = "time"
+    TOUCHED = "touched"
+    BUMPED = "bumped"
+    ASKED = "asked"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class Try:
+    """One try that has ended."""
+
+    metres: float
+    seconds: float
+    ended_by: Ending
+
+
+class Challenge:
+    """Follows one robot; `note` and the methods are for the loop's thread."""
+
+    def __init__(self) -> None:
+        self.best_m: float | None = None
+        self.has_opted_in = False
+        self.tries: tuple[Try, ...] = ()
+        self.is_armed = False
+        self._score: Score | None = None
+        self._seconds = self._pushed_s = 0.0
+        self._last_s: float | None = None
+
+    @property
+    def is_on(self) -> bool:
+        """True while a try is driven."""
+        return self._score is not None
+
+    @property
+    def metres(self) -> float:
+        """What the try that is driven has reached."""
+        return self._score.metres if self._score is not None else 0.0
+
+    @property
+    def left_s(self) -> float:
+        """How long the try that is driven still lasts."""
+        return max(0.0, TRY_S - self._seconds)
+
+    def arm(self) -> None:
+        """Have the next drive count as a try; after the last one, a new challenge begins."""
+        if self.is_on:
+            return
+        if len(self.tries) >= TRIES:
+            self.tries = ()
+        self.is_armed = True
+
+    def cancel(self) -> None:
+        """Give up the try that is armed or driven; it does not count."""
+        self.is_armed, self._score = False, None
+
+    def note(self, tick: Tick) -> Try | None:
+        """Process one tick; return a try that has just ended."""
+        step_s = 0.0 if self._last_s is None else tick.now_s - self._last_s
+        step_s = min(max(step_s, 0.0), _LONGEST_STEP_S)
+        self._last_s = tick.now_s
+        if any(isinstance(event, Replaced) for event in tick.history_events):
+            self.cancel()  # another model is another robot
+            self.tries, self.best_m = (), None
+        is_alone = tick.decision.driven_by is DrivenBy.ROBOT
+        if self.is_armed and is_alone and tick.sensors.pose is not None:
+            self.is_armed, self._score = False, Score()
+            self._seconds = self._pushed_s = 0.0
+        if self._score is None:
+            return None
+        is_against = tick.prediction is not None and tick.prediction.is_stalled
+        is_against = tick.sent is not Action.STOP and (is_against or bool(tick.sensors.bumped))
+        self._pushed_s = self._pushed_s + step_s if is_against else 0.0
+        self._seconds += step_s
+        if is_alone and tick.sensors.pose is not None:
+            self._score.note(tick.sensors.pose)
+        ending = self._ending(tick)
+        return self._end(ending) if ending is not None else None
+
+    def _ending(self, tick: Tick) -> Ending | None:
+        decision = tick.decision
+        if decision.driven_by is DrivenBy.PILOT:
+            return Ending.TOUCHED
+        if self._pushed_s >= _PUSHED_S:
+            return Ending.BUMPED
+        if decision.mode is not Mode.AUTONOMOUS:
+            return Ending.STOPPED
+        if decision.asks_pilot:
+            return Ending.ASKED
+        return Ending.TIME if self._seconds >= TRY_S else None
+
+    def _end(self, ending: Ending) -> Try:
+        done = Try(round(self.metres, 2), round(self._seconds, 1), ending)
+        self.tries, self._score = (*self.tries, done), None
+        self.best_m = max(self.best_m or 0.0, done.metres)
+        return done

@@ -1,0 +1,104 @@
+"""The challenge as a part of a robot's server: `/api/challenge`. See docs/reference/http.md."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import HTTPConnection
+
+from robot.challenge.tries import TRIES, TRY_S, Challenge
+from robot.control.state import Tick
+from server.routes.answers import Route
+from server.services import Extension, Services, services_of
+
+router = APIRouter(prefix="/api/challenge", route_class=Route)
+
+
+class ChallengeExtension(Extension):
+    """Counts the tries of one robot."""
+
+    def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
+        self._loop = services.robot.loop
+        self.challenge = Challenge()
+        self._unsubscribe: Callable[[], None] = lambda: None
+
+    @property
+    def routers(self) -> Sequence[APIRouter]:
+        return (router,)
+
+    def start(self) -> None:
+        self._unsubscribe = self._loop.subscribe(self._note)
+
+    def stop(self) -> None:
+        self._unsubscribe()
+
+    def note_carried(self) -> None:
+        self.challenge.cancel()
+
+    def _note(self, tick: Tick) -> None:
+        self.challenge.note(tick)
+
+
+@dataclass
+class TryAnswer:
+    """One try that has ended."""
+
+    metres: float
+    seconds: float
+    ended_by: str
+
+
+@dataclass
+class ChallengeAnswer:
+    """Where the challenge stands; `can_measure` is false for a robot that does not know its way."""
+
+    can_measure: bool
+    is_armed: bool
+    is_on: bool
+    metres: float
+    left_s: float
+    tries: list[TryAnswer]
+    tries_of: int
+    try_s: float
+    best_m: float | None
+
+
+@router.get("")
+async def get_challenge(connection: HTTPConnection) -> ChallengeAnswer:
+    """Return where the challenge stands."""
+    return _answer(connection)
+
+
+@router.post("/try")
+async def post_try(connection: HTTPConnection) -> ChallengeAnswer:
+    """Have the next drive of the robot by itself count as a try."""
+    services = services_of(connection)
+    await services.on_loop(services.extension(ChallengeExtension).challenge.arm)
+    return _answer(connection)
+
+
+@router.delete("/try")
+async def delete_try(connection: HTTPConnection) -> ChallengeAnswer:
+    """Give up the try; it does not count."""
+    services = services_of(connection)
+    await services.on_loop(services.extension(ChallengeExtension).challenge.cancel)
+    return _answer(connection)
+
+
+def _answer(connection: HTTPConnection) -> ChallengeAnswer:
+    services = services_of(connection)
+    challenge = services.extension(ChallengeExtension).challenge
+    return ChallengeAnswer(
+        can_measure=services.robot.loop.state.sensors.pose is not None,
+        is_armed=challenge.is_armed,
+        is_on=challenge.is_on,
+        metres=round(challenge.metres, 2),
+        left_s=round(challenge.left_s, 1),
+        tries=[TryAnswer(one.metres, one.seconds, one.ended_by.value) for one in challenge.tries],
+        tries_of=TRIES,
+        try_s=TRY_S,
+        best_m=challenge.best_m,
+    )

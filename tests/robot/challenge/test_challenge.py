@@ -1,0 +1,166 @@
+"""The challenge: cheats score less than an honest mean robot, in virtual time."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from robot.challenge.score import Score
+from robot.challenge.tries import TRIES, TRY_S, Challenge, Ending
+from robot.control.state import Tick
+from robot.types import Action, Decision, DrivenBy, Mode, Pose, Sensors
+
+SPEED_M_S, TURN_RAD_S, STEP_S = 0.2, 1.6, 0.05
+Way = Iterator[tuple[float, float]]
+"""Speed and turn rate, one for each step: as shares of the robot's own."""
+
+
+def _go(steps: int, speed: float, turn: float) -> Way:
+    for _ in range(steps):
+        yield speed, turn
+
+
+def _for(seconds: float, speed: float, turn: float = 0.0) -> Way:
+    return _go(round(seconds / STEP_S), speed, turn)
+
+
+def _repeat(*parts: tuple[float, float, float]) -> Callable[[], Way]:
+    def way() -> Way:
+        while True:
+            for part in parts:
+                yield from _for(*part)
+
+    return way
+
+
+QUARTER_S = math.pi / 2 / TURN_RAD_S
+
+
+def _spiral() -> Way:
+    turn = 1.0
+    while True:
+        yield 1.0, turn
+        turn = max(0.5, turn * 0.999)
+
+
+def _shake() -> Way:
+    dice = random.Random(4)
+    while True:
+        yield from _for(0.1, dice.choice([-1.0, 1.0]), dice.uniform(-1, 1))
+
+
+CHEATS = {
+    "stand still": _repeat((1.0, 0.0, 0.0)),
+    "spin": _repeat((1.0, 0.0, 1.0)),
+    "circle": _repeat((1.0, 1.0, 1.0)),
+    "wide circle": _repeat((1.0, 1.0, 0.5)),
+    "figure of eight": _repeat((4 * QUARTER_S, 1.0, 1.0), (4 * QUARTER_S, 1.0, -1.0)),
+    "to and fro backwards": _repeat((4.0, 1.0, 0.0), (4.0, -1.0, 0.0)),
+    "to and fro with a turn": _repeat((4.0, 1.0, 0.0), (2 * QUARTER_S, 0.0, 1.0)),
+    "only backwards": _repeat((1.0, -1.0, 0.0)),
+    "spiral": _spiral,
+    "shake": _shake,
+    "small square": _repeat((1.2, 1.0, 0.0), (QUARTER_S, 0.0, 1.0)),
+}
+honest_box = _repeat((3.5, 1.0, 0.0), (QUARTER_S, 0.2, 1.0))
+"""Rounds of the smallest box, 1.15 m wide, as a mean robot drives them."""
+
+
+def tick(at_s: float, pose: Pose | None, by: DrivenBy = DrivenBy.ROBOT, **more: Any) -> Tick:
+    decision = Decision(
+        mode=more.pop("mode", Mode.AUTONOMOUS),
+        driven_by=by,
+        action=Action.FORWARD,
+        asks_pilot=more.pop("asks", False),
+    )
+    sensors = Sensors(pose=pose, bumped=more.pop("bumped", None))
+    return Tick(now_s=at_s, decision=decision, sent=Action.FORWARD, sensors=sensors)
+
+
+def poses(way: Way, until_s: float = TRY_S) -> Iterator[tuple[float, Pose]]:
+    x_m = y_m = heading = at_s = 0.0
+    for speed, turn in way:
+        yield at_s, Pose(x_m=x_m, y_m=y_m, heading_rad=heading)
+        heading += turn * TURN_RAD_S * STEP_S
+        x_m += speed * SPEED_M_S * STEP_S * math.cos(heading)
+        y_m += speed * SPEED_M_S * STEP_S * math.sin(heading)
+        at_s += STEP_S
+        if at_s > until_s:
+            return
+
+
+def score(way: Way) -> float:
+    counted = Score()
+    for _, pose in poses(way):
+        counted.note(pose)
+    return counted.metres
+
+
+@pytest.mark.parametrize("cheat", CHEATS)
+def test_no_cheat_scores_more_than_an_honest_mean_robot(cheat: str) -> None:
+    assert score(CHEATS[cheat]()) == 0.0 < 4.0 < score(honest_box())
+
+
+def test_a_larger_course_is_worth_more_than_rounds_of_a_small_one() -> None:
+    assert score(_repeat((8.0, 1.0, 0.0), (QUARTER_S, 0.2, 1.0))()) > 1.2 * score(honest_box())
+    straight_m = score(_repeat((1.0, 1.0, 0.0))())
+    assert straight_m == pytest.approx(TRY_S * SPEED_M_S, abs=0.4)
+
+
+def test_a_robot_that_is_carried_gets_nothing_for_it() -> None:
+    counted = Score()
+    for x_m in (0.0, 3.0, 6.0, math.inf, math.nan):
+        counted.note(Pose(x_m=x_m, y_m=0.0, heading_rad=0.0))
+    assert counted.metres == 0.0
+
+
+@pytest.mark.parametrize(
+    ("last", "ending"),
+    [
+        ({"by": DrivenBy.PILOT}, Ending.TOUCHED),
+        ({"asks": True}, Ending.ASKED),
+        ({"mode": Mode.STOPPED, "by": DrivenBy.NOBODY}, Ending.STOPPED),
+        ({"bumped": True}, Ending.BUMPED),
+    ],
+)
+def test_what_goes_wrong_ends_the_try_and_what_was_driven_counts(
+    last: dict[str, Any], ending: Ending
+) -> None:
+    challenge = Challenge()
+    challenge.arm()
+    driven = list(poses(_for(10.0, 1.0)))
+    assert not [one for at_s, pose in driven if (one := challenge.note(tick(at_s, pose)))]
+    at_s, pose = driven[-1]
+    ended = [challenge.note(tick(at_s + 0.1 * i, pose, **dict(last))) for i in range(1, 6)]
+    [done] = [one for one in ended if one is not None]
+    assert done.ended_by is ending
+    assert done.metres == pytest.approx(1.8, abs=0.2) and challenge.best_m == done.metres
+
+
+def test_three_tries_and_the_best_is_kept() -> None:
+    challenge, start_s = Challenge(), 0.0
+    for seconds in (5.0, 20.0, 10.0):
+        assert not challenge.is_on
+        challenge.arm()
+        for at_s, pose in poses(_for(seconds, 1.0)):
+            challenge.note(tick(start_s + at_s, pose))
+        challenge.note(tick(start_s + seconds, None, DrivenBy.PILOT))
+        start_s += 100.0
+    assert len(challenge.tries) == TRIES
+    assert challenge.best_m == max(one.metres for one in challenge.tries)
+    challenge.note(tick(start_s, Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)))
+    assert not challenge.is_on, "what nobody has armed is no try"
+    challenge.arm()
+    assert challenge.tries == () and challenge.best_m is not None
+
+
+def test_a_try_ends_after_its_time() -> None:
+    challenge = Challenge()
+    challenge.arm()
+    ended = [challenge.note(tick(at_s, pose)) for at_s, pose in poses(honest_box(), TRY_S + 1.0)]
+    [done] = [one for one in ended if one is not None]
+    assert done.ended_by is Ending.TIME and done.seconds == pytest.approx(TRY_S, abs=0.2)
