@@ -20,9 +20,12 @@ from robot.policy.history import Replaced, Taught, Undone
 from robot.types import Action, DrivenBy, Frame, StopReason
 
 TAUGHT_S = 40.0
-"""Teaching before a first trial, in seconds,"""
+"""Teaching before a first trial, in seconds, whatever was seen."""
+EARLY_S, EARLY_CHANGES, EARLY_FORESEEN, EARLY_KNOWN = 15.0, 6, 5, 0.9
+"""It may be tried from the first on if the robot foresaw five of the pilot's last six changes of
+move, and knew nine of ten views of the last ten seconds of teaching."""
 STARTS = 3
-"""and how often each move in use has to have been begun: fewer are chance."""
+"""How often each move in use has to have been begun before a first trial: fewer are chance."""
 RARE_SHARE = 0.02
 """A move on fewer of the examples has to have been begun twice as often. Who drives straight for
 minutes shows too little of what to do at a wall, and each further minute makes it less."""
@@ -41,6 +44,7 @@ PUSHED_S = 0.3
 BEFORE_S, AFTER_S = 0.5, 0.15
 """A change of move was foreseen if the robot proposed it this long before or after the pilot."""
 _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
+_COVERED_S = 10.0
 _GAPS, _CHANGES = 6, 40
 _FORGOTTEN_S = 2 * CLEAN_S
 """After so long half of a trial is forgotten."""
@@ -101,6 +105,7 @@ class Readiness:
         self._last: tuple[float, Action] | None = None
         self._proposed: deque[tuple[float, Action | None]] = deque(maxlen=64)
         self._foreseen: deque[bool] = deque(maxlen=_CHANGES)
+        self._known: deque[tuple[float, bool]] = deque()  # views of the last seconds of teaching
         self._gaps: deque[Gap] = deque(maxlen=_GAPS)
         self._was: DrivenBy = DrivenBy.NOBODY
         self._is_taken = False
@@ -147,6 +152,10 @@ class Readiness:
 
     def _note_taught(self, event: Taught, tick: Tick) -> None:
         label, before = event.example.label, self._last
+        if tick.prediction is not None:
+            self._known.append((event.at_s, tick.prediction.novelty < HARDLY_KNOWN))
+            while self._known[0][0] < event.at_s - _COVERED_S:
+                self._known.popleft()
         self._last = (event.at_s, label)
         self._examples[label] += 1
         step_s = event.at_s - before[0] if before is not None else 0.0
@@ -246,9 +255,22 @@ class Readiness:
             return []
         return [*self._missing_to_try(), *reversed(self._gaps)]
 
+    @property
+    def _is_covered(self) -> bool:
+        """True if it foresees what the pilot does, and what he shows is no longer new."""
+        lately, known = (
+            [*self._foreseen][-EARLY_CHANGES:],
+            [is_known for _, is_known in self._known],
+        )
+        return (
+            len(lately) == EARLY_CHANGES
+            and sum(lately) >= EARLY_FORESEEN
+            and sum(known) >= EARLY_KNOWN * len(known) > 0
+        )
+
     def _missing_to_try(self) -> list[Gap]:
         gaps = []
-        if self._taught_s < TAUGHT_S:
+        if self._taught_s < (EARLY_S if self._is_covered else TAUGHT_S):
             gaps.append(Gap(kind=GapKind.TOO_SHORT, have=self._taught_s, need=TAUGHT_S))
         for move in self.moves_in_use:
             is_rare = self._examples[move] < RARE_SHARE * self._examples.total()

@@ -76,13 +76,13 @@ class Drive:
             )
         )
 
-    def teach(self, action, seconds, proposed=None, *, is_intervention=False) -> None:
+    def teach(self, action, seconds, proposed=None, *, is_intervention=False, novelty=0.0) -> None:
         for _ in range(round(seconds / self.dt_s)):
             example = Example(
                 frame_id=self.number + 1, label=action, is_intervention=is_intervention
             )
             event = Taught(example=example, x=None, at_s=self.now_s + self.dt_s)
-            self.tick(DrivenBy.PILOT, action, proposed or action, events=[event])
+            self.tick(DrivenBy.PILOT, action, proposed or action, novelty=novelty, events=[event])
 
     def alone(self, seconds, action=F, **flags) -> None:
         for _ in range(round(seconds / self.dt_s)):
@@ -106,6 +106,24 @@ def test_a_robot_that_knows_nothing_is_to_be_taught() -> None:
     assert drive.readiness.stage is Stage.TEACH
     assert drive.kinds == [GapKind.TOO_SHORT]
     assert (drive.readiness.missing()[0].have, drive.readiness.missing()[0].need) == (0, TAUGHT_S)
+
+
+def early(seconds: float, *, foresees: bool = True, novelty: float = 0.0) -> Drive:
+    """Four turns within so many seconds of teaching."""
+    drive = Drive(10.0)
+    for _ in range(4):
+        drive.teach(F, seconds / 8, None if foresees else R, novelty=novelty)
+        drive.teach(L, seconds / 8, None if foresees else R, novelty=novelty)
+    return drive
+
+
+def test_it_may_be_tried_early_once_it_foresees_and_knows_what_it_is_shown() -> None:
+    assert early(18.0).readiness.stage is Stage.TRY
+    for drive in (early(12.0), early(18.0, foresees=False), early(18.0, novelty=0.9)):
+        assert drive.readiness.stage is Stage.TEACH
+        assert GapKind.TOO_SHORT in drive.kinds
+    for late in (early(42.0, foresees=False), early(42.0, novelty=0.9)):
+        assert late.readiness.stage is Stage.TRY, "never later than after forty seconds"
 
 
 @pytest.mark.parametrize("rate_hz", [10, 15, 30])
