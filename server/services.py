@@ -62,13 +62,16 @@ class Services:
         for extension in self.extensions.values():
             extension.note_carried()
 
-    async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> _T:
-        """Have the loop make a change; it is in the journal when this returns."""
+    async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> tuple[_T, bool]:
+        """Have the loop make a change; return what it returns, and whether a kill leaves it.
+
+        It is in the journal then. Where it is not, it is made all the same: the answer must say so.
+        """
         history = self.robot.loop.history
-        made = await self.on_loop(lambda: change(history))
-        if self.persistence is not None:
-            await self.persistence.journal.written(history.changes)
-        return made
+        made, number = await self.on_loop(lambda: (change(history), history.changes))
+        if self.persistence is None:
+            return made, False
+        return made, await self.persistence.journal.written(number)
 
 
 class Extension(StartStop):

@@ -47,10 +47,11 @@ _INVITATIONS = 16
 
 
 class Paired(NamedTuple):
-    """A paired browser: its role, and the secret in its cookie."""
+    """A paired browser: its role, the secret in its cookie, and whether a restart leaves it."""
 
     role: Role
     secret: str
+    is_kept: bool = True
 
 
 class _Kind(NamedTuple):
@@ -103,6 +104,8 @@ class Pairing:
         """By the hash of their secrets; who came last in this run stands last."""
         self._unused = set(self._sessions)
         """Those that were not used in this run: they are the first to go."""
+        self._is_saved = file is not None
+        """Whether the file has what is known; where it has not, the next answer tries again."""
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in browser_roles()}
         self._invitations: deque[tuple[str, float]] = deque(maxlen=_INVITATIONS)
@@ -161,14 +164,15 @@ class Pairing:
         """True of the first pilot that was paired by the terminal."""
         return name in self._sessions and self._sessions[name].owner
 
-    def forget(self, secret: str) -> None:
-        if self._sessions.pop(hash_of(secret), None) is not None:
-            self._save()
+    def forget(self, secret: str) -> bool:
+        """End a session; False if it may be back after a restart, as the disk refuses."""
+        known = self._sessions.pop(hash_of(secret), None)
+        return self._save() if known is not None else self._is_saved or self._save()
 
     def _pair(self, kind: _Kind, before: str) -> Paired | Refusal:
         known = self._sessions.get(hash_of(before))
         if known is not None and known.role is kind.role and (kind.invited or not known.invited):
-            return Paired(role=kind.role, secret=before)
+            return Paired(kind.role, before, self._is_saved or self._save())
         if not kind.invited and kind.role is Role.PILOT:
             has_owner = any(one.owner for one in self._sessions.values())
             kind = kind._replace(owner=not has_owner)
@@ -184,14 +188,16 @@ class Pairing:
         self._sessions[hash_of(secret)] = kind
         self._unused = (self._unused & self._sessions.keys()) | {hash_of(secret)}
         self._sessions.move_to_end(hash_of(secret), last=False)
-        self._save()
+        is_kept = self._save()
         log.info("paired role=%s", kind.role.value)
-        return Paired(role=kind.role, secret=secret)
+        return Paired(role=kind.role, secret=secret, is_kept=is_kept)
 
-    def _save(self) -> None:
-        """Write the sessions' hashes to a new file, which replaces the old one."""
+    def _save(self) -> bool:
+        """Write the sessions' hashes to a new file, which replaces the old one; False if it
+        could not be written."""
         if self._file is None:
-            return
+            return False
+        self._is_saved = False
         rows = [
             {"sha256": name, **kind._asdict(), "role": kind.role.value}
             for name, kind in self._sessions.items()
@@ -205,6 +211,9 @@ class Pairing:
             new.replace(self._file)
         except OSError as error:
             log.warning("pairing not saved file=%s error=%r", self._file, str(error))
+            return False
+        self._is_saved = True
+        return True
 
 
 def _load(file: Path) -> OrderedDict[str, _Kind]:

@@ -49,7 +49,7 @@ async def pair(request: Request, body: PairingToken) -> JSONResponse:
         return JSONResponse({"error": result.reason, "detail": result.sentence}, result.status)
     if result.secret != _secret(request):
         _end_sockets(request)
-    response = JSONResponse({"role": result.role.value})
+    response = JSONResponse({"role": result.role.value, "kept": result.is_kept})
     response.set_cookie(value=result.secret, max_age=_YEAR_S, **_cookie(request))
     return response
 
@@ -57,9 +57,9 @@ async def pair(request: Request, body: PairingToken) -> JSONResponse:
 @router.post("/api/unpair")
 async def unpair(request: Request) -> JSONResponse:
     """End the session of this browser, in all of its tabs."""
-    _require_pairing(request).forget(_secret(request))
+    is_kept = _require_pairing(request).forget(_secret(request))
     _end_sockets(request)
-    response = JSONResponse({"role": None})
+    response = JSONResponse({"role": None, "kept": is_kept})
     response.delete_cookie(**_cookie(request))
     return response
 

@@ -94,18 +94,24 @@ async def show_image(request: Request, node: int) -> Response:
 
 @router.post("/gallery/undo")
 async def undo_edit(request: Request) -> dict[str, bool]:
-    """Undo the last change to an image; `undone` is false if there is none to undo."""
-    undone = await services_of(request).change_learner(lambda history: history.undo_edit())
+    """Undo the last change to an image; `undone` is false if there is none to undo.
+
+    `kept` is false if the disk did not take it.
+    """
+    services = services_of(request)
+    undone, is_kept = await services.change_learner(lambda history: history.undo_edit())
     await progress_of(request).gallery(fresh=True)
-    return {"undone": bool(undone)}
+    return {"undone": bool(undone), "kept": is_kept}
 
 
 @router.post("/gallery/{node}")
-async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, int]:
-    """Change one image."""
+async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, int | bool]:
+    """Change one image; `kept` is false if the disk did not take it."""
     services = services_of(request)
     try:
-        await services.change_learner(lambda history: history.edit(body.verb, node, body.value))
+        _, is_kept = await services.change_learner(
+            lambda history: history.edit(body.verb, node, body.value)
+        )
     except LookupError as error:
         raise HTTPException(
             404, "That image is no longer there; it may have been merged."
@@ -113,7 +119,7 @@ async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, 
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
     await progress_of(request).gallery(fresh=True)
-    return {"node": node}
+    return {"node": node, "kept": is_kept}
 
 
 @router.get("/why")

@@ -73,9 +73,10 @@ def list_models(request: Request) -> ModelList:
 
 
 @router.post("", dependencies=[FREE_MODEL], status_code=201)
-def begin_model(request: Request, body: NewModel = _NEW) -> dict[str, str]:
+def begin_model(request: Request, body: NewModel = _NEW) -> dict[str, str | bool]:
     """Save the model in use and start an empty one."""
-    return {"name": persistence_of(request).autosave.begin(body.name, body.learner, body.place)}
+    name = persistence_of(request).autosave.begin(body.name, body.learner, body.place)
+    return _in_use(request, name)
 
 
 @router.post("/save")
@@ -91,10 +92,10 @@ def restore_model(request: Request, body: Key) -> dict[str, str]:
 
 
 @router.post("/{name}/load", dependencies=[FREE_MODEL])
-def load_model(request: Request, name: str) -> dict[str, str]:
+def load_model(request: Request, name: str) -> dict[str, str | bool]:
     """Save the model in use and load this one; 409 unless the robot is stopped."""
     persistence_of(request).autosave.load(name)
-    return {"name": name}
+    return _in_use(request, name)
 
 
 @router.patch("/{name}")
@@ -146,6 +147,11 @@ async def upload_model(request: Request, name: str) -> dict[str, str]:
     if not data:
         raise HTTPException(400, "The body must be a model's file.")
     return {"name": await do(persistence.models.add_file, name, data)}
+
+
+def _in_use(request: Request, name: str) -> dict[str, str | bool]:
+    """Say which model is in use; `kept` is false if the next start would use another one."""
+    return {"name": name, "kept": persistence_of(request).models.current == name}
 
 
 def _describe(saved: StoredModel) -> ModelAnswer:

@@ -55,6 +55,13 @@ class Changed:
 
 
 @dataclass
+class ChangeAnswer(Changed):
+    """What holds now; `kept` is false if the next start would use the model before."""
+
+    kept: bool
+
+
+@dataclass
 class SettingsAnswer(Changed):
     """The settings and their possible values."""
 
@@ -99,26 +106,29 @@ async def describe_settings(request: Request) -> SettingsAnswer:
 
 
 @router.put("")
-async def change_settings(request: Request, body: SettingsChange) -> Changed:
+async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswer:
     """Change settings; a new `max_nodes` or `moves` start an empty model, 409 if it drives."""
     services = services_of(request)
     loop = services.robot.loop
     given = {"name": body.name, "colour": body.colour}
     named = {field: value for field, value in given.items() if value is not None}
     replace(services.identity.now, **named)  # what is refused is refused before anything changes
+    is_kept = True
     if body.max_nodes is not None or body.moves is not None:
         require_free_model(request)
         kind, size = split_name(loop.state.learner)
         learner = f"{kind}-{body.max_nodes or size}"
         moves = loop.state.moves if body.moves is None else _choose(body.moves, request)
-        await do(persistence_of(request).autosave.begin, None, learner, None, moves)
+        kept = persistence_of(request)
+        begun = await do(kept.autosave.begin, None, learner, None, moves)
+        is_kept = kept.models.current == begun
     if named:
         now = await do(lambda: services.identity.change(**named))
         services.hub.name = now.name
         services.hub.announce("renamed", robot=now.name, colour=now.colour)
     if body.speed is not None:
         loop.speed_share = body.speed
-    return Changed(learner=loop.state.learner, speed=loop.speed_share)
+    return ChangeAnswer(loop.state.learner, loop.speed_share, is_kept)
 
 
 def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:

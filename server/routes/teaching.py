@@ -60,6 +60,13 @@ class LastExamples:
     strip: list[ExampleAnswer]
 
 
+@dataclass
+class AlikeChanged(AlikeAnswer):
+    """What is said of symmetry now; `kept` is false if the disk did not take it."""
+
+    kept: bool
+
+
 @router.get("/last")
 async def show_last(request: Request, seconds: float = _LAST) -> LastExamples:
     """Return the examples that undoing the last seconds would remove."""
@@ -68,22 +75,22 @@ async def show_last(request: Request, seconds: float = _LAST) -> LastExamples:
 
 
 @router.post("/undo")
-async def undo(request: Request, body: TrainingUndo) -> dict[str, int]:
-    """Undo the last seconds of training."""
+async def undo(request: Request, body: TrainingUndo) -> dict[str, int | bool]:
+    """Undo the last seconds of training; `kept` is false if the disk did not take it."""
     services = services_of(request)
-    gone = await services.change_learner(lambda history: history.undo(body.seconds))
-    return {"undone": len(gone)}
+    gone, is_kept = await services.change_learner(lambda history: history.undo(body.seconds))
+    return {"undone": len(gone), "kept": is_kept}
 
 
 @router.post("/outdate")
-async def outdate(request: Request) -> dict[str, int]:
-    """Let what is taught from now on count more than what was taught before."""
+async def outdate(request: Request) -> dict[str, int | bool]:
+    """Let what is taught from now on count more than what was taught before; `kept` as above."""
     services = services_of(request)
     try:
-        await services.change_learner(lambda history: history.edit("outdate"))
+        _, is_kept = await services.change_learner(lambda history: history.edit("outdate"))
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
-    return {"outdated": sum(services.robot.loop.state.taught.values())}
+    return {"outdated": sum(services.robot.loop.state.taught.values()), "kept": is_kept}
 
 
 @router.get("/alike")
@@ -94,14 +101,16 @@ async def show_alike(request: Request) -> AlikeAnswer:
 
 
 @router.post("/alike")
-async def set_alike(request: Request, body: AlikeWord) -> AlikeAnswer:
+async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
     """Let what was and will be taught on one side be right in the mirror, too; or no longer."""
     services = services_of(request)
     try:
-        await services.change_learner(lambda history: history.edit("alike", value=body.alike))
+        _, is_kept = await services.change_learner(
+            lambda history: history.edit("alike", value=body.alike)
+        )
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
-    return await show_alike(request)
+    return AlikeChanged(**vars(await show_alike(request)), kept=is_kept)
 
 
 def _alike(history: TrainingHistory) -> AlikeAnswer:

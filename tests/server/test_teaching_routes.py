@@ -100,15 +100,15 @@ def test_an_image_is_relabelled_pinned_deleted_and_all_is_undone(taught: Virtual
     assert edit(verb="delete") == 200
     assert node not in gallery(taught)
     for _ in range(4):
-        assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True}
+        assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True, "kept": True}
     assert gallery(taught) == before
-    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False}
+    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False, "kept": True}
 
 
 def test_the_word_of_a_changed_mind_is_taken_back_as_an_edit_is(taught: VirtualServer) -> None:
-    assert ask(taught, "POST", "/api/teaching/outdate").json() == {"outdated": 40}
-    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True}
-    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False}
+    assert ask(taught, "POST", "/api/teaching/outdate").json() == {"outdated": 40, "kept": True}
+    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True, "kept": True}
+    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": False, "kept": True}
 
 
 def test_the_word_on_symmetry_is_said_shown_and_taken_back(taught: VirtualServer) -> None:
@@ -118,8 +118,8 @@ def test_the_word_on_symmetry_is_said_shown_and_taken_back(taught: VirtualServer
 
     assert word()["possible"] and not word()["alike"]
     said = ask(taught, "POST", "/api/teaching/alike", json={"alike": True})
-    assert said.json() == word() and word()["alike"]
-    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True}
+    assert said.json() == {**word(), "kept": True} and word()["alike"]
+    assert ask(taught, "POST", "/api/gallery/undo").json() == {"undone": True, "kept": True}
     assert not word()["alike"]
     assert ask(taught, "POST", "/api/teaching/alike", json={"alike": "left"}).status_code == 400
     loop = taught.rig.loop
@@ -161,7 +161,7 @@ def test_undo_shows_what_goes_and_takes_it(taught: VirtualServer) -> None:
     assert sum(last["taught"].values()) == 10
     assert [lesson["frame"] for lesson in last["strip"]] == list(range(1030, 1040))
     undone = ask(taught, "POST", "/api/teaching/undo", json={"seconds": 1}).json()
-    assert undone == {"undone": 10}
+    assert undone == {"undone": 10, "kept": True}
     assert ask(taught, "GET", "/api/teaching").json()["lessons"] == 30
 
 
@@ -182,7 +182,7 @@ def test_settings_say_what_may_be_chosen(taught: VirtualServer) -> None:
 
 def test_another_size_begins_anew_and_keeps_the_old_model(taught: VirtualServer) -> None:
     answer = ask(taught, "PUT", "/api/settings", json={"max_nodes": 64, "speed": 0.5})
-    assert answer.json() == {"learner": "default-64", "speed": 0.5}
+    assert answer.json() == {"learner": "default-64", "speed": 0.5, "kept": True}
     assert gallery(taught) == {}
     persistence = taught.services.persistence
     assert persistence is not None

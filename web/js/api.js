@@ -22,6 +22,9 @@ export const STOPPING_MS = 3000;
 /** How long a websocket has to show a stop, and how long after a failed request the next one follows. */
 export const STOP_MS = 300;
 
+/** Sent to the window when the robot did what it was asked, but could not write it to its disk. */
+export const NOT_KEPT = 'not-kept';
+
 /**
  * Refused if the robot says no; TypeError if no answer came, or only a part of one.
  * @param {string} method
@@ -41,7 +44,12 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
       headers: body === undefined || isFile ? {} : { 'content-type': 'application/json' },
       body: body === undefined || isFile ? /** @type {Blob | undefined} */ (body) : JSON.stringify(body),
     });
-    if (answer.ok) return await answer.json();
+    if (answer.ok) {
+      const told = await answer.json();
+      // After whatever the screen says of it: the person must read both.
+      if (told?.kept === false) setTimeout(() => dispatchEvent(new Event(NOT_KEPT)));
+      return told;
+    }
     const { detail } = await answer.json().catch(() => ({}));
     throw new Refused(answer.status, typeof detail === 'string' ? detail : `${answer.status} ${answer.statusText}`);
   } catch (error) {

@@ -1,6 +1,6 @@
 // Wires the modules together.
 
-import { WHY_MS, ask, askWhy, socketBase } from './api.js';
+import { NOT_KEPT, WHY_MS, ask, askWhy, socketBase } from './api.js';
 import './components/index.js';
 import { Connection } from './connection.js';
 import { Preferences, WakeLock } from './device.js';
@@ -44,6 +44,7 @@ async function start() {
   for (const name of ['app-bar', 'video-view', 'teach-panel', 'mode-bar', 'drive-pad', 'toast-bar']) {
     /** @type {any} */ (document.querySelector(name)).start(page);
   }
+  addEventListener(NOT_KEPT, () => page.tellNotKept());
   new Router(page).start();
   followReadiness(store);
   const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };

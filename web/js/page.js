@@ -245,6 +245,13 @@ export class Page {
     if (ms < Infinity) this.toastTimer = setTimeout(() => this.store.set({ toast: null }), ms);
   }
 
+  /** Say that what was just done is not on the disk, after what is said of it already. */
+  tellNotKept() {
+    const { toast } = this.store.state;
+    const text = t('done_not_kept');
+    if (!toast?.text.includes(text)) this.toast([toast?.text, text].filter(Boolean).join(' '), toast?.step ?? null);
+  }
+
   // What a person does ---------------------------------------------------------------------------
 
   /** True while the pad is on the screen, so that keys and sticks may drive. */

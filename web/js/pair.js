@@ -2,6 +2,9 @@
 // What stands behind the # is never sent to a server or written into a log. This page speaks for
 // itself: an unpaired browser gets nothing else of the program, and its words come inside it.
 
+/** How long a sentence stands before the page behind it opens. */
+const READ_MS = 6000;
+
 /** @type {Record<string, Record<string, string>>} in each language; put in by the server */
 const WORDS = {/* pair. */};
 
@@ -28,7 +31,12 @@ async function redeem(token) {
       signal: AbortSignal.timeout(10_000),
     });
     if (answer.ok) {
-      location.replace((await answer.json()).role === 'eye' ? 'eye' : './');
+      const { role, kept } = await answer.json();
+      if (kept === false) {
+        said.textContent = words.not_kept;
+        await new Promise((read) => setTimeout(read, READ_MS));
+      }
+      location.replace(role === 'eye' ? 'eye' : './');
       return;
     }
     said.textContent = answer.status === 429 ? words.later : words.wrong;

@@ -97,7 +97,7 @@ class Journal:
         self._thread = DiskThread(self._clock, "journal", every_s=None)
         self._thread.add(self.write_waiting)
         self._writer: RecordWriter | None = None
-        self._written = -1
+        self._written = 0
         self._part = 0
         self._longest_bytes = 0
         self._needs_checkpoint = True
@@ -165,16 +165,17 @@ class Journal:
         """Record that everything up to this change is saved: recovery does not need it."""
         self._put("saved", change)
 
-    async def written(self, change: int) -> None:
+    async def written(self, change: int) -> bool:
         """Wait until this change is written, so that no kill can lose it once it is acknowledged.
 
-        Waits no longer than two seconds, and not where nothing can be written.
+        Waits no longer than two seconds, and not where nothing can be written: False then.
         """
         until_s = self._clock.now_s() + _LONGEST_WAIT_S
         while self.boot and self._written < change and self._clock.now_s() < until_s:
             if self.fault is not None:
-                return
+                return False
             await self._clock.pause(0.005)
+        return bool(self.boot) and self._written >= change
 
     def sync(self) -> None:
         writer = self._writer

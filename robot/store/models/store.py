@@ -246,8 +246,19 @@ class ModelStore:
             raise ConfigurationError(f"there is already a model {new_name!r}")
         (self._storage.models / name).rename(self._storage.models / new_name)
         if was_current:
-            self.current = new_name
+            try:
+                self.current = new_name
+            except OSError:  # a name that is refused must not be the one that the disk has
+                self._take_back(new_name, name)
+                raise
         return new_name
+
+    def _take_back(self, moved: str, name: str) -> None:
+        """Give a model its name back, as far as the disk allows it."""
+        with contextlib.suppress(OSError):
+            (self._storage.models / moved).rename(self._storage.models / name)
+        with contextlib.suppress(OSError):
+            self.current = name
 
     def set_place(self, name: str, place: str) -> None:
         self.save(name, stamp(self.load(name), place=place))

@@ -1,0 +1,256 @@
+"""What is answered as done and kept is there after a kill, whatever call the disk refuses.
+
+Each write route runs on a robot in virtual time whose disk refuses one call, or all from one on.
+The folder is copied when the answer has come, as a kill leaves it, and read by another start. It
+must hold what it holds where the disk is sound, unless the answer is a refusal or has `kept` false.
+"""
+
+from __future__ import annotations
+
+import errno
+import io
+import os
+import random
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from robot.coaching.gallery import images
+from robot.store.folder import Storage
+from robot.types import Example, Mode
+from server.access.pairing import Pairing, cookie_name
+from server.gateway.roles import Role
+from server.identity import IdentityFile
+from server.recordings.part import Recordings
+from tests.kit.sizes import few, size
+from tests.robot.recordings.drives import record_drive
+
+from .test_damaged_folder import running
+from .virtual_server import VirtualServer
+
+CASES = size("DISK_CASES", 2, 12)
+"""How many failures of the disk each write meets."""
+EPISODE = "/api/episodes/{episode}"
+WRITES: dict[str, tuple[str, str, Any]] = {
+    "pin": ("POST", "/api/gallery/{node}", {"verb": "pin", "value": True}),
+    "relabel": ("POST", "/api/gallery/{node}", {"verb": "relabel", "value": "right"}),
+    "delete an image": ("POST", "/api/gallery/{node}", {"verb": "delete"}),
+    "undo": ("POST", "/api/teaching/undo", {"seconds": 1}),
+    "save": ("POST", "/api/models/save", None),
+    "begin": ("POST", "/api/models", {"name": "new", "place": "there"}),
+    "load": ("POST", "/api/models/other/load", None),
+    "rename": ("PATCH", "/api/models/bench", {"name": "renamed"}),
+    "rename another": ("PATCH", "/api/models/other", {"name": "renamed"}),
+    "place": ("PATCH", "/api/models/other", {"place": "somewhere"}),
+    "copy": ("POST", "/api/models/other/copy", {"name": "third"}),
+    "delete a model": ("DELETE", "/api/models/other", None),
+    "restore a model": ("POST", "/api/models/restore", {"undo": "{model_key}"}),
+    "upload": ("PUT", "/api/models/uploaded/file", b"{model}"),
+    "size": ("PUT", "/api/settings", {"max_nodes": 16}),
+    "name": ("PUT", "/api/settings", {"name": "Wren", "colour": "teal"}),
+    "title": ("PATCH", EPISODE, {"title": "a title", "protected": True}),
+    "edit": ("POST", EPISODE + "/edits", {"verb": "delete", "first": 2, "last": 4}),
+    "compact": ("POST", EPISODE + "/compact", None),
+    "split": ("POST", EPISODE + "/split", {"frame": 8}),
+    "delete an episode": ("DELETE", EPISODE, None),
+    "restore an episode": ("POST", "/api/episodes/restore", {"undo": "{episode_key}"}),
+    "unpair": ("POST", "/api/unpair", None),
+    "pair": ("POST", "/api/pair", {"token": "{token}"}),
+}
+
+
+class DiskThatFails:
+    """Counts what changes a folder, and refuses the call of one number, or all from it on."""
+
+    def __init__(self, root: Path, first: int, *, for_ever: bool) -> None:
+        self.root, self.first, self.for_ever = os.fspath(root), first, for_ever
+        self.calls = 0
+        self.is_armed = False
+
+    def _count(self, path: Any) -> None:
+        if not self.is_armed or not os.fspath(path).startswith(self.root):
+            return
+        self.calls += 1
+        if self.calls == self.first or (self.for_ever and self.calls > self.first):
+            raise OSError(errno.EIO, os.strerror(errno.EIO), os.fspath(path))
+
+    def install(self, patch: pytest.MonkeyPatch) -> None:
+        def counted(module: Any, name: str, writes: Callable[..., bool] = lambda *_: True) -> None:
+            real = getattr(module, name)
+
+            def call(path: Any, *args: Any, **named: Any) -> Any:
+                if not isinstance(path, int) and writes(*args, *named.values()):
+                    self._count(path)
+                return real(path, *args, **named)
+
+            patch.setattr(module, name, call)
+
+        for name in ("mkdir", "rename", "replace", "unlink", "rmdir"):
+            counted(os, name)
+        writing = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+        counted(os, "open", lambda flags=0, *_: bool(flags & writing))
+        counted(io, "open", lambda mode="r", *_: bool(set(str(mode)) & set("wax+")))
+        real_sync = os.fsync
+
+        def sync(handle: Any) -> None:
+            self._count(self.root)
+            real_sync(handle)
+
+        patch.setattr(os, "fsync", sync)
+
+    def take(self, files: list[Any]) -> list[Any]:
+        """Put this disk beneath files that are open already."""
+        disk = self
+
+        class File:
+            def __init__(self, file: Any) -> None:
+                self._file = file
+
+            def write(self, data: bytes) -> int:
+                disk._count(disk.root)
+                return int(self._file.write(data))
+
+            def __getattr__(self, name: str) -> Any:
+                return getattr(self._file, name)
+
+        return [File(file) for file in files]
+
+
+def teach_unlike(server: VirtualServer) -> None:
+    """Teach a dozen examples, of images that differ."""
+    loop, latest = server.rig.loop, server.camera.latest
+    server.wait_until(lambda: latest() is not None)
+
+    def teach() -> None:
+        x = loop.history.policy.extract(latest())  # type: ignore[arg-type]
+        for i in range(12):
+            example = Example(
+                frame_id=1000 + i, label=loop.state.moves[i % 2], is_intervention=False
+            )
+            loop.history.teach(example, (x + (i * 37) % 91).astype(x.dtype), i * 0.1)
+
+    server.ask_loop(teach)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A data folder with two models, a recording, and a model in the trash."""
+    root = tmp_path_factory.mktemp("facts") / "data"
+    with VirtualServer(data=root, name="bench") as server:
+        teach_unlike(server)
+        server.persistence.autosave.save()
+        models = server.persistence.models
+        for name in ("other", "gone"):
+            models.copy("bench", name)
+        models.delete("gone")
+        server.forward(1.0)
+    IdentityFile(root, "bench")
+    record_drive(Storage(root).folder("episodes"), "published-8", frames=16)
+    return root
+
+
+def holds(root: Path) -> dict[str, Any]:
+    """Return what the next start finds in a folder."""
+    with running(root) as (rig, persistence):
+        models = {
+            saved.name: (saved.summary.place, saved.summary.n_examples, saved.summary.learner)
+            for saved in persistence.models.saved()
+            if saved.summary is not None
+        }
+        part = persistence.part(Recordings)
+        episodes = sorted(
+            (one.title, one.is_protected, one.edits, one.frames)
+            for one in part.episodes.summaries()
+        )
+        history = rig.loop.history
+        return {
+            "models": models,
+            "episodes": episodes,
+            "in use": (persistence.autosave.name, history.policy.name, dict(history.taught)),
+            "images": [
+                (image.votes, image.frames, image.is_pinned) for image in images(history.policy)
+            ],
+            "identity": IdentityFile(root).now,
+            "sessions": len(Pairing(10, file=root / "paired.json")._sessions),
+        }
+
+
+def ask(
+    folder: Path, write: str, first: int, *, for_ever: bool, scratch: Path
+) -> tuple[httpx.Response, dict[str, Any], int]:
+    """Make one write on a disk that fails; return answer, what a kill leaves, calls counted."""
+    root = scratch / "data"
+    shutil.copytree(folder, root)
+    method, path, body = WRITES[write]
+    pairing = Pairing(10, file=root / "paired.json")
+    secret: Any = pairing.redeem(pairing.tokens[Role.PILOT], 0.0)
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        VirtualServer(data=root, name="bench", pairing=pairing) as server,
+    ):
+        kept = server.persistence
+        kept.autosave.load_last()
+        server.services.identity._path = root / "robot.json"
+        server.set_mode(Mode.STOPPED)
+        server.forward(1.0)
+        episodes = kept.part(Recordings).episodes
+        trashed = sorted(path.name for path in (root / "trash").iterdir() if path.name.isdigit())
+        known = {
+            "node": str(images(server.rig.loop.history.policy)[0].node_id),
+            "episode": episodes.ids()[0],
+            "model_key": trashed[0] if trashed else "",
+            "episode_key": episodes.delete(episodes.ids()[0])
+            if "{episode_key}" in str(body)
+            else "",
+            "token": pairing.tokens[Role.PILOT],
+        }
+        disk = DiskThatFails(root, first, for_ever=for_ever)
+        disk.install(patch)
+        if (writer := kept.journal._writer) is not None:
+            writer._files = disk.take(writer._files)
+        options: dict[str, Any] = {}
+        if isinstance(body, bytes):
+            options["content"] = kept.models.read_file("other")
+        elif body is not None:
+            options["json"] = {
+                key: value.format(**known) if isinstance(value, str) else value
+                for key, value in body.items()
+            }
+        cookie = {"cookie": f"{cookie_name(server.services.gateway.config)}={secret.secret}"}
+        disk.is_armed = True
+        answer = httpx.request(
+            method,
+            server.address + path.format(**known),
+            headers=cookie,
+            timeout=10,
+            verify=False,
+            **options,
+        )
+        disk.is_armed = False
+        shutil.copytree(root, scratch / "killed")
+    return answer, holds(scratch / "killed"), disk.calls
+
+
+@pytest.mark.parametrize("write", ["pin", "undo", *few(list(WRITES)[3:], 4)])
+def test_nothing_answered_as_kept_is_gone(folder: Path, tmp_path: Path, write: str) -> None:
+    def make(first: int, *, for_ever: bool) -> Any:
+        scratch = tmp_path / f"{first} {for_ever}"
+        scratch.mkdir()
+        return ask(folder, write, first, for_ever=for_ever, scratch=scratch)
+
+    answer, wanted, calls = make(0, for_ever=False)
+    assert answer.is_success and answer.json().get("kept", True), answer.text
+    assert calls, "it writes something"
+    cases = [(first, always) for first in range(1, calls + 1) for always in (True, False)]
+    for first, always in [
+        cases[0],
+        *random.Random(1).sample(cases[1:], min(CASES, len(cases)) - 1),
+    ]:
+        answer, held, _ = make(first, for_ever=always)
+        assert answer.status_code in (200, 201, 404, 409, 422, 507), answer.text
+        if answer.is_success and answer.json().get("kept", True):
+            assert held == wanted, f"call {first} failed, all later ones: {always}"
