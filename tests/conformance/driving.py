@@ -15,7 +15,8 @@ from pathlib import Path
 
 import httpx
 
-from tests.server.live_robot import Pilot, wait_until
+from tests.kit.wait import wait_until
+from tests.server.live_robot import Pilot
 
 from .samples import imports_of
 

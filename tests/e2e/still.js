@@ -18,7 +18,7 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
     prediction: { ...store.state.robot.prediction, point: hasStick ? { steering: 0.9, throttle: 0.5 } : null, spread: hasStick ? 0.3 : null, action: moves[0], probabilities: Object.fromEntries(moves.map((move) => [move, 1 / moves.length])) },
   };
   const clean = {
-    ...store.state, takesPoints: hasStick, hasStick, isLocal: false, link: 'open', robot: calm, moves, held: null, role: 'pilot', localStop: null, notice: null, hint: null, toast: null,
+    ...store.state, takesPoints: hasStick, hasStick, isLocal: false, link: 'open', way: null, robot: calm, moves, held: null, role: 'pilot', localStop: null, notice: null, hint: null, toast: null,
     session: null, readiness: null, setback: null, wheelAsked: false, wheelWaiting: false, pictureAgeMs: 30, drawnAgeMs: 30, drawingMs: 3,
   };
   const ready = (stage, more = {}) => ({ stage, alone_s: 12, alone_needed_s: 45, unknown_share: 0, moves, missing: [], ...more });
@@ -26,6 +26,8 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const study = (kind, more = {}) => ({ step: 'drive', position: 10, of: 12, kind, mode: kind === 'teach' ? 'train' : 'autonomous', left_s: 123, ...more });
   const drives = ['train', 'autonomous'];
   const states = [
+    ...['offline', 'gateway', 'full', 'foreign'].map((kind) => ({ link: 'lost', way: { kind, robot: 'unknown' } })),
+    ...['blocked', 'cut'].flatMap((kind) => ['stands', 'driven', 'alone'].map((robot) => ({ link: 'lost', way: { kind, robot } }))),
     {}, { link: 'lost' }, { link: 'lost', robot: { you_are_pilot: false } }, { link: 'connecting' }, { robot: { stop_held_by: 'teacher' } }, { robot: { emergency: true } },
     { role: 'viewer', robot: { you_are_pilot: false } }, { robot: { you_are_pilot: false, pilot: null } },
     { robot: { you_are_pilot: false, pilot: 'c9' } }, { wheelWaiting: true, robot: { you_are_pilot: false, pilot: 'c9' } },

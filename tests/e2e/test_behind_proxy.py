@@ -14,10 +14,11 @@ from server.access.pairing import Pairing
 from server.config import Config
 from server.gateway.roles import Role
 from tests.kit.sizes import few
+from tests.kit.wait import wait_until
 from tests.server.live_robot import WEB, LiveServer, live_server
 
 from .nginx import free_port, plain_site, running_caddy, running_nginx, site_of_the_docs
-from .world import PHONE, wait_for
+from .world import PHONE
 
 pytestmark = pytest.mark.browser
 LAYOUTS = {
@@ -82,11 +83,11 @@ def _judge(page: Any, address: str, server: LiveServer) -> None:
     stops = server.rig.loop.state.stops
     assert not server.rig.loop.state.emergency
     page.locator(".stop:visible").click()
-    wait_for(lambda: server.rig.loop.state.emergency, "STOP on the socket")
+    wait_until(lambda: server.rig.loop.state.emergency, "STOP on the socket")
     server.rig.loop.release_emergency().result(5)
     status = "fetch('api/stop', { method: 'POST' }).then((answer) => answer.status)"
     assert page.evaluate(status) == 200
-    wait_for(lambda: server.rig.loop.state.emergency, f"STOP over HTTP, after {dict(stops)}")
+    wait_until(lambda: server.rig.loop.state.emergency, f"STOP over HTTP, after {dict(stops)}")
     page.evaluate("location.hash = 'settings'")
     page.wait_for_selector("settings-screen input[type=range]")
     if page.evaluate("isSecureContext") and address.startswith("http:"):

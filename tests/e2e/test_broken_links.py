@@ -13,10 +13,11 @@ from typing import Any
 import pytest
 
 from robot.types import Mode, StopReason
+from tests.kit.wait import wait_until
 
 from .hand import Fingers, choose, hold_until, turning, wait_until_standing
 from .proxy import Proxy
-from .world import CHROMIUM_FLAGS, PHONE, World, find_chromium, open_page, wait_for
+from .world import CHROMIUM_FLAGS, PHONE, World, find_chromium, open_page
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -58,7 +59,7 @@ def test_a_network_that_blocks_websockets_is_named_and_pictures_come_by_requests
     assert "The robot stands." in notice.inner_text()
     assert page.locator(".who").is_hidden(), "nobody knows who drives"
     notice.locator("button").click()
-    wait_for(
+    wait_until(
         lambda: page.evaluate("document.querySelector('img.still')?.naturalWidth") > 0,
         "a picture by request",
     )
@@ -103,7 +104,7 @@ def _own_chromium(chromium: Any, folder: Path) -> Iterator[tuple[Any, subprocess
     process = subprocess.Popen(command, stdout=quiet, stderr=quiet, start_new_session=True)
     try:
         file = profile / "DevToolsActivePort"
-        wait_for(lambda: file.exists() and bool(file.read_text().strip()), "Chromium starts", 20)
+        wait_until(lambda: file.exists() and bool(file.read_text().strip()), "Chromium starts", 20)
         port = file.read_text().split()[0]
         yield chromium.browser_type.connect_over_cdp(f"http://127.0.0.1:{port}"), process
     finally:
@@ -139,7 +140,7 @@ def test_a_robot_that_goes_away_and_comes_back_is_found_again(
     frames = int(page.locator("video-view").get_attribute("data-frames"))
     proxy.speak_again()
     page.locator("video-view:not(.away)").wait_for(timeout=40_000)
-    wait_for(
+    wait_until(
         lambda: int(page.locator("video-view").get_attribute("data-frames")) > frames,
         "pictures come again",
     )
@@ -164,5 +165,5 @@ def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
             page.keyboard.press("Space")
     context.set_offline(False)
     proxy.speak_again()
-    wait_for(lambda: world.rig.loop.state.emergency, "it is asked for until it is heard")
+    wait_until(lambda: world.rig.loop.state.emergency, "it is asked for until it is heard")
     context.close()

@@ -11,9 +11,10 @@ import pytest
 from robot.types import Action
 from server.board.extension import ClassroomExtension
 from tests.kit.sizes import few
+from tests.kit.wait import wait_until
 
 from .class_world import running_class
-from .world import PHONE, wait_for
+from .world import PHONE
 
 pytestmark = pytest.mark.browser
 
@@ -51,7 +52,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         page.get_by_label("models", exact=True).check()
         classroom = school.robots[1].extension(ClassroomExtension).classroom
         assert classroom is not None
-        wait_for(lambda: classroom.locks == {"models"}, "the robot knows its lock")
+        wait_until(lambda: classroom.locks == {"models"}, "the robot knows its lock")
         jar = {cookie["name"]: cookie["value"] for cookie in phones[0].cookies()}
         address = there.rsplit("/pair", 1)[0]
         assert httpx.post(f"{address}/api/models", cookies=jar).status_code == 423
@@ -73,7 +74,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         page.mouse.down()
         for robot in school.robots:
-            wait_for(lambda r=robot: r.robot.loop.state.emergency, "STOP ALL reaches each")
+            wait_until(lambda r=robot: r.robot.loop.state.emergency, "STOP ALL reaches each")
             driver: Any = robot.robot.driver
             assert driver.now is Action.STOP
         page.mouse.up()
@@ -85,7 +86,7 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         page.locator(".robot", has_text="Stopped by you").first.wait_for()
         page.get_by_role("button", name="Release all").click()
         for robot in school.robots:
-            wait_for(lambda r=robot: not r.robot.loop.state.emergency, "each is released")
+            wait_until(lambda r=robot: not r.robot.loop.state.emergency, "each is released")
         for phone in phones:
             phone.close()
         context.close()
@@ -104,13 +105,13 @@ def test_a_lock_for_all_leaves_other_locks_and_a_forgotten_robot_has_no_card(
         page.locator(".robot[data-status=there]").nth(1).wait_for()
         page.locator("[data-number='1'] .acts button").last.click()
         page.get_by_label("models", exact=True).check()
-        wait_for(lambda: first.locks == {"models"}, "one robot is locked")
-        wait_for(lambda: school.board.robot(1).about["locks"] == ["models"], "the board knows")
+        wait_until(lambda: first.locks == {"models"}, "one robot is locked")
+        wait_until(lambda: school.board.robot(1).about["locks"] == ["models"], "the board knows")
         page.locator("#panel .title button").click()
         page.get_by_role("button", name="Class settings").click()
         page.get_by_label("recordings").click()  # the box shows what the robots tell
-        wait_for(lambda: second.locks == {"recordings"}, "the other as all are")
-        wait_for(lambda: first.locks == {"models", "recordings"}, "what was locked stays so")
+        wait_until(lambda: second.locks == {"recordings"}, "the other as all are")
+        wait_until(lambda: first.locks == {"models", "recordings"}, "what was locked stays so")
         page.locator(".said", has_text="127.0.0.1").wait_for()  # of the one that is away
 
         # As a board is that was started again: its STOP would be heard by nobody.

@@ -16,9 +16,10 @@ import httpx
 import pytest
 
 from tests.kit.sizes import size
+from tests.kit.wait import wait_until
 
 from .hand import Fingers, pad
-from .world import PHONE, wait_for
+from .world import PHONE
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 ROBOTS, TRIES = size("ROBOTS", 2, 3), 300
@@ -73,7 +74,7 @@ def a_class(
     with process, contextlib.ExitStack() as ending:
         ending.callback(process.send_signal, signal.SIGINT)
         address = process.stdout.readline().split("open ")[1].strip()
-        wait_for(lambda: statuses(address) == ["there"] * robots, "all robots are there", 120)
+        wait_until(lambda: statuses(address) == ["there"] * robots, "all robots are there", 120)
         yield address, process
 
 
@@ -156,14 +157,14 @@ def test_from_the_paper_to_ctrl_c(chromium: Any, tmp_path: Path) -> None:
             fingers = Fingers(pupil)
             fingers.press(pad("forward"))
             with contextlib.suppress(AssertionError):  # stopped by a busy machine: taught later
-                wait_for(has_taught, "its pupil teaches it", 20)
+                wait_until(has_taught, "its pupil teaches it", 20)
             fingers.lift()
             press(pupil, "autonomous", lambda i=i: robots_of(board)[i]["mode"] == "autonomous")
         assert any(robot["lessons"] for robot in robots_of(board))
 
         # One STOP for all.
         httpx.post(f"{board}/api/stop", json={})
-        wait_for(lambda: all(one["emergency"] for one in robots_of(board)), "all are stopped")
+        wait_until(lambda: all(one["emergency"] for one in robots_of(board)), "all are stopped")
     assert running(tmp_path) == [], "Ctrl-C leaves no process"
 
     # On the next day the same browsers find their robots again, and the same paper is good.
@@ -176,7 +177,7 @@ def test_from_the_paper_to_ctrl_c(chromium: Any, tmp_path: Path) -> None:
         assert read_paper(paper) == codes
         # A class that is killed leaves no robot behind either.
         process.kill()
-        wait_for(lambda: running(tmp_path) == [], "its robots have ended")
+        wait_until(lambda: running(tmp_path) == [], "its robots have ended")
     kept = json.loads((tmp_path / "class" / "01" / "robot.json").read_text())
     assert kept["name"] == shown[0]["name"]
     for pupil in phones:

@@ -24,10 +24,10 @@ from websockets.sync.client import connect
 from robot.clock import RealClock
 from server.board.class_key import read_class_key
 from tests.kit.sizes import size
+from tests.kit.wait import wait_until
 from tests.server.live_robot import Pilot
 
 from .test_class_command import a_class, free_ports, robots_of, running
-from .world import wait_for
 
 pytestmark = [pytest.mark.slow]
 ROOT = Path(__file__).parents[2]
@@ -125,10 +125,12 @@ def test_pupils_of_a_class_from_the_wheel(delivered: Path, tmp_path: Path) -> No
             pupils.append(leaving.enter_context(Pilot(url, sees=True, **options)))
         at_once(pupils, teach)
         # The board hears of a robot later than its pupil does.
-        wait_for(lambda: all(one["lessons"] >= 20 for one in robots_of(board)), "20 examples each")
+        wait_until(
+            lambda: all(one["lessons"] >= 20 for one in robots_of(board)), "20 examples each"
+        )
         at_once(pupils, hand_over)
         stood_s, knew_s = stop_all(board, pupils)
         print(f"STOP ALL: {ROBOTS} robots stood after {1000 * stood_s:.0f} ms,", end=" ")
         print(f"their pupils knew after {1000 * knew_s:.0f} ms")
-        wait_for(lambda: all(one["emergency"] for one in robots_of(board)), "the board knows")
+        wait_until(lambda: all(one["emergency"] for one in robots_of(board)), "the board knows")
     assert running(tmp_path) == [], "Ctrl-C leaves no process"

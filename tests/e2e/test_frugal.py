@@ -10,9 +10,10 @@ import pytest
 
 from robot.types import Action, Mode
 from server.config import Config
+from tests.kit.wait import wait_until
 
 from .hand import Fingers, choose, hold_until
-from .world import PHONE, World, open_page, running_world, settle, show, wait_for
+from .world import PHONE, World, open_page, running_world, settle, show
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -83,13 +84,13 @@ def test_no_pictures_cross_to_a_page_that_does_not_show_them(chromium: Any, worl
     for screen in ELSEWHERE:
         page.evaluate(f"location.hash = '{screen}'")
         # Pictures come to a worker, whose socket the page's meter does not see.
-        wait_for(lambda: world.services.hub.video.viewers == 0, f"no pictures go to {screen}")
+        wait_until(lambda: world.services.hub.video.viewers == 0, f"no pictures go to {screen}")
         spent[screen] = at_rest(page, http_bytes)
     page.evaluate("location.hash = 'drive'")
     drawn = frames_of(page)
-    wait_for(lambda: frames_of(page) > drawn, "pictures come again")
+    wait_until(lambda: frames_of(page) > drawn, "pictures come again")
     hide(page, hidden=True)
-    wait_for(lambda: world.services.hub.video.viewers == 0, "no pictures go to a hidden page")
+    wait_until(lambda: world.services.hub.video.viewers == 0, "no pictures go to a hidden page")
     spent["hidden"] = at_rest(page, http_bytes)
     frames = frames_of(page)
     back_ms = page.evaluate(
@@ -108,7 +109,7 @@ def test_no_pictures_cross_to_a_page_that_does_not_show_them(chromium: Any, worl
     print("bytes a second:", {k: round(v) for k, v in spent.items()}, f"back in {back_ms:.0f} ms")
     del spent["drive"]
     assert {screen for screen, rate in spent.items() if rate > MOST_BYTES_PER_S} == set()
-    wait_for(lambda: world.services.hub.lease.owner is not None, "the page still has the wheel")
+    wait_until(lambda: world.services.hub.lease.owner is not None, "the page still has the wheel")
     context.close()
 
 
@@ -119,7 +120,7 @@ def test_who_leaves_the_picture_leaves_no_robot_driving(phone: Any, world: World
     fingers.lift()
     choose(phone, world, Mode.AUTONOMOUS)
     phone.evaluate("location.hash = 'settings'")
-    wait_for(lambda: world.mode is Mode.STOPPED, "the robot stops")
+    wait_until(lambda: world.mode is Mode.STOPPED, "the robot stops")
     assert world.action is Action.STOP
     phone.evaluate("location.hash = 'drive'")
     phone.locator(".notice", has_text="you left the picture").wait_for()
@@ -162,7 +163,7 @@ def test_nothing_that_the_page_asks_for_is_missing(
         show(phone, screen)
         drawn = frames_of(phone)
         if screen == "drive":
-            wait_for(lambda n=drawn: frames_of(phone) > n + 10, "a second of pictures", 30)
+            wait_until(lambda n=drawn: frames_of(phone) > n + 10, "a second of pictures", 30)
     assert missing == []
 
 

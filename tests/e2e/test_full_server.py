@@ -10,9 +10,10 @@ import pytest
 
 from robot.simulator.world import load_world, world_names
 from robot.types import Mode
+from tests.kit.wait import wait_until
 
 from .test_holds_still import messages
-from .world import PHONE, new_context, open_page, running_world, show, wait_for
+from .world import PHONE, new_context, open_page, running_world, show
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -33,14 +34,14 @@ def test_another_place_is_chosen_on_the_page(chromium: Any, tmp_path: Path) -> N
                 show(page, "settings")
                 choice = page.get_by_label(words["settings.world"], exact=True)
                 choice.select_option(words.get(f"world.{place}", place))
-                wait_for(lambda place=place: simulation.world.name == place, f"it is in {place}")
+                wait_until(lambda place=place: simulation.world.name == place, f"it is in {place}")
                 frame = world.rig.loop.state.frame_id or 0
-                wait_for(
+                wait_until(
                     lambda frame=frame: (world.rig.loop.state.frame_id or 0) > frame + 1, "it sees"
                 )
                 show(page, "settings")
                 shown = choice.input_value
-                wait_for(lambda shown=shown, place=place: shown() == place, "it is chosen")
+                wait_until(lambda shown=shown, place=place: shown() == place, "it is chosen")
                 drawn = page.locator("settings-screen .thing").count()
                 assert drawn == len(simulation.world.obstacles)
                 start = simulation.world.start

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from robot.types import Mode
+from tests.kit.wait import wait_until
 
 from .hand import (
     Fingers,
@@ -18,7 +19,7 @@ from .hand import (
     turning,
     wait_until_standing,
 )
-from .world import LANDSCAPE, World, release_stop, wait_for
+from .world import LANDSCAPE, World, release_stop
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -53,7 +54,7 @@ def test_a_finger_that_lies_on_and_trembles_does_not_drive_again(
         page = "document.querySelector('app-bar').page"
         # A finger on the glass takes the place of a tap.
         rovers_phone.evaluate(f"{page}.choose('train')")
-        wait_for(lambda: rover.mode is Mode.TRAIN, "taught again")
+        wait_until(lambda: rover.mode is Mode.TRAIN, "taught again")
     for away in (0.1, 0.0, 0.1):
         fingers.slide(pad("left"), at=(away, away))
     wait_until_standing(rover)
@@ -74,14 +75,14 @@ def test_modes_are_chosen_while_another_finger_holds(rovers_phone: Any, rover: W
     wanted = rover.lessons + 20
     hold_until(rover, fingers, "left", lambda: rover.lessons > wanted)
     _tap_mode(fingers, "autonomous")
-    wait_for(lambda: rover.mode is Mode.AUTONOMOUS, "it drives itself")
+    wait_until(lambda: rover.mode is Mode.AUTONOMOUS, "it drives itself")
     fingers.press("mode-bar [data-mode=stopped]", finger=2)
     fingers.slide("video-view", finger=2)
     fingers.lift(finger=2)
     rovers_phone.wait_for_timeout(300)
     assert rover.mode is not Mode.STOPPED, "a finger that slides off a button does not tap it"
     _tap_mode(fingers, "stopped")
-    wait_for(lambda: rover.mode is Mode.STOPPED, "Stop stops")
+    wait_until(lambda: rover.mode is Mode.STOPPED, "Stop stops")
     fingers.lift()
 
 

@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 
-from .world import PHONE, World, new_context, open_page, wait_for
+from tests.kit.wait import wait_until
+
+from .world import PHONE, World, new_context, open_page
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -86,7 +88,7 @@ def test_who_goes_back_while_a_screen_is_loaded_gets_it_once(chromium: Any, worl
     held: list[Any] = []
     context.route(re.compile(r"/[0-9a-f]{10}-screens\.js"), lambda route: held.append(route))
     page = open_screen(context, world, "gallery")
-    wait_for(lambda: held or page.wait_for_timeout(50), "the screen is asked for")
+    wait_until(lambda: held or page.wait_for_timeout(50), "the screen is asked for")
     for screen in ("drive", "gallery"):
         page.evaluate("(screen) => location.hash = screen", screen)
         page.wait_for_function("(screen) => document.body.dataset.screen === screen", arg=screen)
@@ -106,7 +108,7 @@ def test_what_is_shown_belongs_to_the_study_and_participant_that_were_chosen(
     which, title = page.get_by_label("Study", exact=True), page.locator("h2", has_text="Title of")
     title.wait_for()
     which.select_option("other")
-    wait_for(lambda: studies.waiting or page.wait_for_timeout(50), "one study takes its time")
+    wait_until(lambda: studies.waiting or page.wait_for_timeout(50), "one study takes its time")
     which.select_option("first")
     with page.expect_response(re.compile("/studies/other")):
         studies.let_go()
@@ -116,7 +118,7 @@ def test_what_is_shown_belongs_to_the_study_and_participant_that_were_chosen(
     # A result that comes when something else is shown is not shown there.
     studies.slow, studies.waiting = "/sessions/P01", []
     page.locator("[role=listitem] button").first.click()
-    wait_for(lambda: studies.waiting or page.wait_for_timeout(50), "so does a result")
+    wait_until(lambda: studies.waiting or page.wait_for_timeout(50), "so does a result")
     page.locator("study-screen h2 + button").click()
     title.wait_for()
     with page.expect_response(re.compile("/sessions/P01")):

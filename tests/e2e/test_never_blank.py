@@ -9,9 +9,10 @@ import pytest
 
 from robot.types import Mode
 from tests.kit.sizes import few
+from tests.kit.wait import wait_until
 
 from .hand import choose
-from .world import PHONE, World, new_context, open_page, wait_for
+from .world import PHONE, World, new_context, open_page
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -45,7 +46,7 @@ def test_what_is_lost_is_fetched_again_and_stop_works_meanwhile(
     if part != "video-worker.js":  # without it the page draws by itself
         page.locator("#first p", has_text="did not arrive").wait_for()
         page.locator(FIRST).tap()
-        wait_for(lambda: world.rig.loop.state.emergency, "STOP works without the page")
+        wait_until(lambda: world.rig.loop.state.emergency, "STOP works without the page")
     page.wait_for_selector("#first", state="detached", timeout=60_000)
     page.wait_for_selector("video-view[data-frames]", state="attached", timeout=60_000)
     assert len(asked) > (LOST if part != "video-worker.js" else 0)
@@ -59,7 +60,7 @@ def test_a_screen_that_is_lost_opens_by_itself(chromium: Any, world: World) -> N
     page.evaluate("location.hash = 'settings'")
     page.get_by_role("alert").filter(has_text="did not answer").wait_for()
     page.locator("app-bar .stop").tap()
-    wait_for(lambda: world.rig.loop.state.emergency, "STOP is there all the time")
+    wait_until(lambda: world.rig.loop.state.emergency, "STOP is there all the time")
     context.unroute_all()
     page.get_by_label("Language").wait_for(timeout=60_000)
     assert asked
@@ -131,7 +132,7 @@ def test_an_old_browser_is_told_so_and_can_stop(
     page.goto(world.address)
     page.locator("#first p", has_text=word).wait_for()
     page.locator(FIRST).tap()
-    wait_for(lambda: world.rig.loop.state.emergency, "STOP works in any browser")
+    wait_until(lambda: world.rig.loop.state.emergency, "STOP works in any browser")
     context.close()
 
 
@@ -141,7 +142,7 @@ def test_stop_works_without_any_script(chromium: Any, world: World) -> None:
     page.goto(world.address)
     page.locator("#first", has_text="It needs JavaScript").wait_for()
     page.locator(FIRST).tap()
-    wait_for(lambda: world.rig.loop.state.emergency, "a form is enough")
+    wait_until(lambda: world.rig.loop.state.emergency, "a form is enough")
     context.close()
 
 

@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 from robot.types import Action, DrivenBy, Mode
+from tests.kit.wait import wait_until
 
 from .other_browsers import OtherBrowser, missing, running
-from .world import World, remember, wait_for
+from .world import World, remember
 
 pytestmark = [
     pytest.mark.slow,
@@ -126,9 +127,9 @@ def _teach(hand: Hand, world: World, move: Action, lessons: int) -> None:
 
 
 def _until(condition: Callable[[], bool], what: str) -> None:
-    wait_for(condition, what, STEP_S)
+    wait_until(condition, what, STEP_S)
 
 
 def until(page: OtherBrowser, expression: str) -> None:
     """Wait until something is so on the page."""
-    wait_for(lambda: bool(page.evaluate(expression)), expression, STEP_S)
+    wait_until(lambda: bool(page.evaluate(expression)), expression, STEP_S)

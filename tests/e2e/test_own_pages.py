@@ -16,6 +16,7 @@ import pytest
 from robot.simulator.driver import SimDriver
 from robot.types import Action, Mode
 from tests.kit.sizes import few
+from tests.kit.wait import wait_until
 
 from .boxes import drive_faults
 from .hand import Fingers, choose, hold_until, pad, press_until, turning, wait_until_standing
@@ -28,7 +29,6 @@ from .world import (
     open_page,
     remember,
     running_chromium,
-    wait_for,
     wait_until_free,
 )
 
@@ -50,11 +50,11 @@ def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> N
     push, let_go = (partial(page.evaluate, f"fakePad.axes = [{x}, 0]") for x in (-1, 0))
     press_until(page, world, push, let_go, turning(world))
     page.evaluate("fakePad.axes = [0, 0]")
-    wait_for(lambda: world.action is Action.STOP, "the stick came back")
+    wait_until(lambda: world.action is Action.STOP, "the stick came back")
     page.evaluate("fakePad.buttons[15].pressed = true")
-    wait_for(lambda: world.action is Action.RIGHT, "the cross drives")
+    wait_until(lambda: world.action is Action.RIGHT, "the cross drives")
     page.evaluate("fakePad.buttons[1].pressed = true")
-    wait_for(lambda: world.rig.loop.state.emergency, "its button stops")
+    wait_until(lambda: world.rig.loop.state.emergency, "its button stops")
     context.close()
 
 
@@ -87,7 +87,7 @@ def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World)
         if fingers.are_lifted:
             tilt(40, 0)
             fingers.press(".move.tilt")
-            wait_for(lambda: page.evaluate(_KNOWS_UPRIGHT), "the page knows what is upright")
+            wait_until(lambda: page.evaluate(_KNOWS_UPRIGHT), "the page knows what is upright")
             page.wait_for_timeout(300)
             assert world.action is Action.STOP, "upright is as it was when the thumb went down"
         tilt(beta, gamma)
@@ -131,7 +131,7 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     second.locator(".notice", has_text="You have the wheel now").wait_for()
     assert world.mode is Mode.STOPPED, "a change of hands stops the robot"
     second.locator("drive-pad .stop").tap()
-    wait_for(lambda: world.rig.loop.state.emergency, "anybody may stop it")
+    wait_until(lambda: world.rig.loop.state.emergency, "anybody may stop it")
     context.close()
 
 
@@ -144,7 +144,7 @@ def test_directions_and_stop_stay_where_they_are_when_the_map_comes(
     on_its_way: list[Any] = []
     context.route("**/*-screens.js", lambda route: on_its_way.append(route))
     page = open_page(context, world.address)
-    wait_for(lambda: page.evaluate("true") and on_its_way, "the map is asked for")
+    wait_until(lambda: page.evaluate("true") and on_its_way, "the map is asked for")
     places = (
         "[...document.querySelectorAll('drive-pad button')].map(b => b.getBoundingClientRect())"
     )

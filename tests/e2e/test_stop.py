@@ -10,9 +10,10 @@ import pytest
 from robot.types import Mode
 from server.config import Config
 from tests.kit.sizes import few
+from tests.kit.wait import wait_until
 
 from .hand import Fingers, choose, hold_left, steer_by
-from .world import DESKTOP, LANDSCAPE, PHONE, World, new_context, open_page, running_world, wait_for
+from .world import DESKTOP, LANDSCAPE, PHONE, World, new_context, open_page, running_world
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -157,7 +158,7 @@ def test_a_finger_that_holds_a_direction_and_slides_onto_stop_stops(
     choose(phone, world, Mode.TRAIN)
     hold_left(fingers, by)
     fingers.slide("drive-pad .stop")
-    wait_for(lambda: world.rig.loop.state.emergency, "a finger that slides onto STOP stops")
+    wait_until(lambda: world.rig.loop.state.emergency, "a finger that slides onto STOP stops")
     fingers.lift()
     steer_by(phone, "moves")
 
@@ -165,7 +166,7 @@ def test_a_finger_that_holds_a_direction_and_slides_onto_stop_stops(
 def test_a_tap_counts_where_it_begins(phone: Any, world: World) -> None:
     fingers = Fingers(phone)
     fingers.press("drive-pad .stop")
-    wait_for(lambda: world.rig.loop.state.emergency, "it stops before the finger is lifted")
+    wait_until(lambda: world.rig.loop.state.emergency, "it stops before the finger is lifted")
     fingers.slide(".undo")
     fingers.lift()
 
@@ -180,7 +181,7 @@ def test_a_finger_that_scrolls_another_screen_and_comes_upon_stop_stops(
     fingers.press("settings-screen")
     fingers.slide("app-bar h1")
     fingers.slide("app-bar .stop")
-    wait_for(lambda: world.rig.loop.state.emergency, "a finger that scrolls onto STOP stops")
+    wait_until(lambda: world.rig.loop.state.emergency, "a finger that scrolls onto STOP stops")
     fingers.lift()
 
 
@@ -194,11 +195,11 @@ def test_stop_is_pressed_in_every_way(desktop: Any, world: World, how: str) -> N
         desktop.keyboard.press("Enter")
     else:
         stop.dispatch_event("click")
-    wait_for(lambda: world.rig.loop.state.emergency, how)
+    wait_until(lambda: world.rig.loop.state.emergency, how)
 
 
 def test_stop_finds_its_way_without_a_websocket(phone: Any, world: World) -> None:
     phone.evaluate("document.querySelector('drive-pad').page.connection.say = () => false")
     phone.locator("drive-pad .stop").tap()
-    wait_for(lambda: world.rig.loop.state.emergency, "it asks over HTTP")
+    wait_until(lambda: world.rig.loop.state.emergency, "it asks over HTTP")
     phone.reload()  # it has a websocket again

@@ -25,11 +25,12 @@ from robot.study.session import SessionStep
 from robot.types import Action, DrivenBy, Mode
 from server.study.extension import StudyExtension
 from tests.kit.sizes import size
+from tests.kit.wait import wait_until
 
 from .boxes import faults, speak_longer
 from .hand import Fingers, choose, drive_on, teach
 from .test_everyone import complaints
-from .world import PHONE, World, open_page, wait_for
+from .world import PHONE, World, open_page
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -151,7 +152,7 @@ class Person:
             else:
                 radio.check()
         if with_reload:
-            wait_for(lambda: len(self.answers()) == 10, "each answer is kept at once")
+            wait_until(lambda: len(self.answers()) == 10, "each answer is kept at once")
             self.page.reload()
             self.page.get_by_role("button", name="Send the answers").wait_for()
         self.page.get_by_role("button", name="Send the answers").click()

@@ -14,9 +14,10 @@ import pytest
 from robot.study.session import SessionStep
 from robot.types import Action, Mode, Prediction
 from server.study.extension import StudyExtension
+from tests.kit.wait import wait_until
 
 from .hand import Fingers, choose, drive_on, hold_until, teach
-from .world import World, show, wait_for
+from .world import World, show
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -73,7 +74,7 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
 
     phone.locator("undo-screen .wide").tap()
     phone.locator("toast-bar").wait_for()
-    wait_for(lambda: world.lessons < lessons, "the page's own button undoes as well")
+    wait_until(lambda: world.lessons < lessons, "the page's own button undoes as well")
 
 
 def test_a_pilot_says_that_he_does_it_differently_and_takes_that_back(
@@ -85,9 +86,9 @@ def test_a_pilot_says_that_he_does_it_differently_and_takes_that_back(
     teach_both_moves(phone, world)
     phone.goto(world.address + "/#teaching")
     phone.get_by_role("button", name="I do it differently now").tap()
-    wait_for(lambda: outdated_before() > 0, "what was taught before is outdated")
+    wait_until(lambda: outdated_before() > 0, "what was taught before is outdated")
     phone.locator("toast-bar").get_by_role("button", name="Undo").tap()
-    wait_for(lambda: outdated_before() == 0, "it counts again")
+    wait_until(lambda: outdated_before() == 0, "it counts again")
 
 
 def test_a_pilot_says_that_left_and_right_are_alike_and_no_longer(phone: Any, world: World) -> None:
@@ -123,7 +124,7 @@ def test_a_relabelled_image_changes_what_the_robot_would_do_there(phone: Any, wo
         assert now is not None
         return now
 
-    wait_for(lambda: prediction().action is Action.LEFT, "it would turn left here")
+    wait_until(lambda: prediction().action is Action.LEFT, "it would turn left here")
     phone.goto(world.address + "/#gallery")
     phone.locator(".lit .card").tap()
     phone.locator(".detail [data-move=right]").tap()
@@ -134,9 +135,9 @@ def test_a_relabelled_image_changes_what_the_robot_would_do_there(phone: Any, wo
     def votes_for_right() -> float:
         return prediction().probabilities.get(Action.RIGHT, 0.0)
 
-    wait_for(lambda: votes_for_right() > 0.1, "the view's nearest image speaks for the new label")
+    wait_until(lambda: votes_for_right() > 0.1, "the view's nearest image speaks for the new label")
     phone.locator("toast-bar button").tap()
-    wait_for(lambda: votes_for_right() < 0.05, "undone")
+    wait_until(lambda: votes_for_right() < 0.05, "undone")
 
 
 def _gallery(world: World) -> list[dict[str, Any]]:
@@ -161,7 +162,7 @@ def test_trial_1_from_start_to_result(phone: Any, world: World, tmp_path: Path) 
     teach(world, fingers, 60)
     session.pace = 110.0  # only now: however slow the machine, enough was taught before the end
     teach(world, fingers, 10_000, until=lambda: session.phase_index > 0)
-    wait_for(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
+    wait_until(lambda: world.mode is Mode.STOPPED, "the phase is over, the robot stands")
     phone.locator(".notice", has_text="correct it").wait_for()
     assert phone.locator("teach-panel strong").text_content() == "–", "no figure while it counts"
     drive_on(phone, world, until=lambda: session.phase_index > 1)
@@ -208,10 +209,10 @@ def test_models_are_renamed_copied_deleted_and_brought_back(phone: Any, world: W
     phone.locator(".model >> nth=1").wait_for()
     phone.get_by_role("button", name="Start over").tap()
     phone.locator("toast-bar", has_text="knows nothing").wait_for()
-    wait_for(lambda: world.lessons == 0, "the robot begins with nothing")
+    wait_until(lambda: world.lessons == 0, "the robot begins with nothing")
     use = phone.get_by_role("button", name="Use this one")
     use.tap()
-    wait_for(lambda: world.lessons >= 50, "what it knew is back")
+    wait_until(lambda: world.lessons >= 50, "what it knew is back")
     use.wait_for(state="detached")  # the list is drawn anew: a tap on the old one would be lost
     phone.get_by_role("button", name="Delete").first.tap()
     phone.locator("toast-bar button").tap()
@@ -234,7 +235,7 @@ def test_the_gallery_shows_the_images_of_the_model_in_use(phone: Any, world: Wor
 
     def begin_and_teach() -> dict[str, list[int]]:
         world.services.persistence.autosave.begin()
-        wait_for(lambda: world.lessons == 0, "it knows nothing")
+        wait_until(lambda: world.lessons == 0, "it knows nothing")
         choose(phone, world, Mode.TRAIN)
         fingers = Fingers(phone)
         hold_until(world, fingers, "left", lambda: world.lessons > 0)
@@ -262,7 +263,7 @@ def test_the_speed_that_was_set_is_the_speed_that_is_driven(
     slider = phone.get_by_role("slider", name="Speed")
     slider.wait_for()
     slider.fill("50")
-    wait_for(lambda: world.rig.loop.speed_share == 0.5, "the speed is set")
+    wait_until(lambda: world.rig.loop.speed_share == 0.5, "the speed is set")
     phone.goto(world.address + "/#drive")
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)

@@ -10,6 +10,7 @@ import pytest
 
 from robot.types import Action, Mode
 from tests.kit.sizes import crossed
+from tests.kit.wait import wait_until
 
 from .hand import (
     Fingers,
@@ -29,7 +30,6 @@ from .world import (
     LANDSCAPE,
     World,
     release_stop,
-    wait_for,
 )
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
@@ -57,7 +57,7 @@ def test_touch_slides_from_one_direction_to_another(phone: Any, world: World) ->
     hold_until(world, fingers, "left", turning(world))
     assert turned_rad(world) > 0.02
     fingers.slide(pad("right"))
-    wait_for(lambda: world.action is Action.RIGHT, "the finger slid to the right")
+    wait_until(lambda: world.action is Action.RIGHT, "the finger slid to the right")
     assert turned_rad(world) < -0.02
     fingers.lift()
     wait_until_standing(world)
@@ -68,11 +68,11 @@ def test_two_fingers_are_one_direction(phone: Any, world: World) -> None:
     fingers = Fingers(phone)
     hold_until(world, fingers, "forward", lambda: world.action is Action.FORWARD)
     fingers.press(pad("left"), finger=2)
-    wait_for(lambda: world.action is Action.LEFT, "the newer finger counts")
+    wait_until(lambda: world.action is Action.LEFT, "the newer finger counts")
     fingers.lift(finger=2)
-    wait_for(lambda: world.action is Action.FORWARD, "the older one is still there")
+    wait_until(lambda: world.action is Action.FORWARD, "the older one is still there")
     fingers.lift(finger=1)
-    wait_for(lambda: world.action is Action.STOP, "nothing is held")
+    wait_until(lambda: world.action is Action.STOP, "nothing is held")
     assert phone.evaluate("visualViewport.scale") == 1, "two fingers do not zoom"
 
 
@@ -93,7 +93,7 @@ def test_keys_drive_while_held(desktop: Any, world: World, key: str, action: Act
     down, up = (partial(act, key) for act in (desktop.keyboard.down, desktop.keyboard.up))
     press_until(desktop, world, down, up, lambda: world.action is action)
     desktop.keyboard.up(key)
-    wait_for(lambda: world.action is Action.STOP, f"{key} let go")
+    wait_until(lambda: world.action is Action.STOP, f"{key} let go")
 
 
 def test_enter_holds_a_focused_button_and_space_stops(desktop: Any, world: World) -> None:
@@ -102,7 +102,7 @@ def test_enter_holds_a_focused_button_and_space_stops(desktop: Any, world: World
     down, up = (partial(act, "Enter") for act in (desktop.keyboard.down, desktop.keyboard.up))
     press_until(desktop, world, down, up, turning(world))
     desktop.keyboard.press("Space")
-    wait_for(lambda: world.rig.loop.state.emergency, "space stops it")
+    wait_until(lambda: world.rig.loop.state.emergency, "space stops it")
     wait_until_standing(world)
     desktop.keyboard.up("Enter")
 
@@ -114,7 +114,7 @@ def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
         desktop.wait_for_selector(f"{screen}-screen")
         assert desktop.locator("app-bar .stop").is_visible()
         desktop.keyboard.press("Space")
-        wait_for(lambda: world.rig.loop.state.emergency, f"space stops on {screen}")
+        wait_until(lambda: world.rig.loop.state.emergency, f"space stops on {screen}")
         release_stop(desktop, world)
 
 
@@ -202,14 +202,14 @@ def test_a_stick_steers_by_degrees_to_both_sides(phone: Any, world: World) -> No
     )
     for way, side in {(-0.5, 0.7): -1, (0.5, 0.7): 1, (0.3, 0.9): 1, (0.0, 0.9): 0}.items():
         fingers.slide(stick(), at=way)
-        wait_for(lambda w=way: near(world, w[0]), f"the wheels are turned to {way}")
+        wait_until(lambda w=way: near(world, w[0]), f"the wheels are turned to {way}")
         assert world.action is {-1: Action.LEFT, 1: Action.RIGHT, 0: Action.FORWARD}[side]
     fingers.slide(stick(), at=(1.5, 0.4))
-    wait_for(lambda: near(world, 1.0), "over the edge it is held to its end")
+    wait_until(lambda: near(world, 1.0), "over the edge it is held to its end")
     fingers.slide(stick(), at=(0.02, 0.0))
-    wait_for(lambda: world.action is Action.STOP, "a thumb that rests drives nowhere")
+    wait_until(lambda: world.action is Action.STOP, "a thumb that rests drives nowhere")
     fingers.slide(stick(), at=(0.0, 0.9))
-    wait_for(lambda: world.action is Action.FORWARD, "and drives on")
+    wait_until(lambda: world.action is Action.FORWARD, "and drives on")
     fingers.lift()
     wait_until_standing(world)
 
@@ -317,14 +317,14 @@ def test_arrows_move_between_modes_and_drive_nothing_and_space_keeps_the_focus(
     focused = "document.activeElement.dataset.mode"
     desktop.locator("mode-bar [data-mode=train]").focus()
     desktop.keyboard.press("Enter")
-    wait_for(lambda: world.mode is Mode.TRAIN, "Enter chooses")
+    wait_until(lambda: world.mode is Mode.TRAIN, "Enter chooses")
     desktop.keyboard.down("ArrowRight")
     assert desktop.evaluate(focused) == "autonomous"
     desktop.wait_for_timeout(300)
     assert (world.mode, world.action) == (Mode.TRAIN, Action.STOP)
     desktop.keyboard.up("ArrowRight")
     desktop.keyboard.press("Space")
-    wait_for(lambda: world.rig.loop.state.emergency, "space stops wherever the focus is")
+    wait_until(lambda: world.rig.loop.state.emergency, "space stops wherever the focus is")
     desktop.wait_for_selector("mode-bar [data-mode=train][aria-disabled=true]")
     assert desktop.evaluate(focused) == "autonomous", "the focus stays"
 

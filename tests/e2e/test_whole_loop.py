@@ -10,9 +10,10 @@ import pytest
 
 from robot.exchange.replay_driver import ReplayDriver
 from robot.types import Action, DrivenBy, Mode
+from tests.kit.wait import wait_until
 
 from .hand import Fingers, choose, hold_until, pad, teach, turned_rad
-from .world import PHONE, World, open_page, running_world, wait_for
+from .world import PHONE, World, open_page, running_world
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -75,25 +76,25 @@ def test_teach_drive_correct_and_stop_in_the_simulator(phone: Any, world: World)
     assert sum(shares[move] for move in BOTH) / 2 >= 0.75, f"it has not learned: {shares}"
     shown = world.rig.loop.state.agreement
     assert shown is not None
-    wait_for(lambda: abs(agreement(phone) - 100 * shown) <= 1, "the page shows the agreement")
+    wait_until(lambda: abs(agreement(phone) - 100 * shown) <= 1, "the page shows the agreement")
 
     choose(phone, world, Mode.AUTONOMOUS)
     here = world.pose
-    wait_for(lambda: world.pose != here, "the robot drives itself")
+    wait_until(lambda: world.pose != here, "the robot drives itself")
     assert world.rig.loop.state.decision.driven_by is DrivenBy.ROBOT
     phone.wait_for_selector("video-view[data-by=robot]")
 
     lessons = world.lessons
     fingers.press(pad("right"))
     phone.wait_for_selector("video-view[data-by=pilot]")
-    wait_for(lambda: world.action is Action.RIGHT, "the touch takes the wheel")
+    wait_until(lambda: world.action is Action.RIGHT, "the touch takes the wheel")
     assert turned_rad(world, 0.6) < -0.02, "it turns right, as the finger says"
-    wait_for(lambda: world.lessons > lessons, "the touch is a lesson")
+    wait_until(lambda: world.lessons > lessons, "the touch is a lesson")
 
     fingers.lift()
     phone.wait_for_selector("video-view[data-by=robot]")
     here = world.pose
-    wait_for(lambda: world.pose != here, "let go, it drives on")
+    wait_until(lambda: world.pose != here, "let go, it drives on")
 
     for drawn in (".way.pilot[d^=M]", ".way.robot[d^=M]", ".mark.corrected"):
         phone.locator(f"drive-map {drawn}").first.wait_for(state="attached")
@@ -130,19 +131,19 @@ def test_teach_drive_correct_and_stop_on_recorded_footage(chromium: Any, tmp_pat
         for move in ("forward", "left", "forward"):
             wanted = world.lessons + 25
             hold_until(world, fingers, move, lambda n=wanted: world.lessons > n)
-            wait_for(lambda m=move: driver.action.value == m, "the body does as the finger says")
+            wait_until(lambda m=move: driver.action.value == m, "the body does as the finger says")
             fingers.lift()
         assert agreement(page) >= 0
         assert page.locator("video-view .vote.best").count() == 1
 
         choose(page, world, Mode.AUTONOMOUS)
-        wait_for(lambda: driver.action is not Action.STOP, "the robot would drive")
+        wait_until(lambda: driver.action is not Action.STOP, "the robot would drive")
         fingers.press(pad("right"))
-        wait_for(lambda: driver.action is Action.RIGHT, "the touch takes the wheel")
+        wait_until(lambda: driver.action is Action.RIGHT, "the touch takes the wheel")
         fingers.lift()
-        wait_for(lambda: world.rig.loop.state.decision.driven_by is DrivenBy.ROBOT, "let go")
+        wait_until(lambda: world.rig.loop.state.decision.driven_by is DrivenBy.ROBOT, "let go")
         choose(page, world, Mode.STOPPED)
-        wait_for(lambda: driver.action is Action.STOP, "stopped")
+        wait_until(lambda: driver.action is Action.STOP, "stopped")
         context.close()
 
 
@@ -152,11 +153,11 @@ def test_emergency_stop_latches_until_it_is_released(rovers_phone: Any, rover: W
     fingers = Fingers(phone)
     hold_until(world, fingers, "left", lambda: world.action is Action.LEFT)
     phone.locator("drive-pad .stop").dispatch_event("click")
-    wait_for(lambda: world.rig.loop.state.emergency, "the emergency stop is latched")
+    wait_until(lambda: world.rig.loop.state.emergency, "the emergency stop is latched")
     phone.wait_for_selector("mode-bar [data-mode=train][aria-disabled=true]")
     fingers.lift()
     phone.locator(".notice button").tap()
-    wait_for(lambda: not world.rig.loop.state.emergency, "released")
+    wait_until(lambda: not world.rig.loop.state.emergency, "released")
     assert world.mode is Mode.STOPPED, "it waits for an explicit start"
     here = world.pose
     phone.wait_for_timeout(500)

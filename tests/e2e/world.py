@@ -6,8 +6,7 @@ import contextlib
 import json
 import os
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from server.hosting.serving import served
 from server.persistence import Persistence
 from server.recordings.part import Recordings
 from server.services import Services, make_services
+from tests.kit.wait import wait_until
 
 IN_CI = os.environ.get("CI") == "true"
 PHONE = {"width": 390, "height": 844}
@@ -307,17 +307,8 @@ def settle(page: Any) -> None:
     page.evaluate(_SETTLED, [100, 5000])
 
 
-def wait_for(condition: Callable[[], bool], what: str, within_s: float = 30.0) -> float:
-    """Wait until something is so; return how long it took."""
-    start_s = time.monotonic()
-    while not condition():
-        assert time.monotonic() - start_s < within_s, f"not within {within_s} s: {what}"
-        time.sleep(0.005)
-    return time.monotonic() - start_s
-
-
 def finish_recording(world: World) -> None:
     """End the recording now; otherwise it ends when the robot has stood for a while."""
     recorder = world.persistence.part(Recordings).recorder
     world.rig.loop.submit(recorder.finish).result(5)
-    wait_for(lambda: recorder.queue.episode_id is None, "the recording ends")
+    wait_until(lambda: recorder.queue.episode_id is None, "the recording ends")

@@ -241,12 +241,3 @@ class Pilot:
 
     def __exit__(self, *exc: object) -> None:
         self.close()
-
-
-def wait_until(condition: Callable[[], bool], within_s: float = 60.0, what: str = "") -> float:
-    """Wait for a condition; return how long it took."""
-    start_s = time.monotonic()
-    while not condition():
-        assert time.monotonic() - start_s < within_s, f"did not happen in {within_s} s: {what}"
-        time.sleep(0.002)
-    return time.monotonic() - start_s

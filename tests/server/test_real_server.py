@@ -24,12 +24,13 @@ from server.access.listener import connection_capacity
 from server.access.pairing import Pairing
 from server.gateway.roles import Role
 from tests.kit.sizes import IS_FULL, size
+from tests.kit.wait import wait_until
 
 from .browsers import WAYS, check_nobody_s_page_is_dead
 from .hosting.starting import (
     check_it_names_what_is_still_starting_and_then_lets_the_server_answer,
 )
-from .live_robot import WEB, LiveServer, Pilot, live_server, wait_until
+from .live_robot import WEB, LiveServer, Pilot, live_server
 
 _PATIENCE_S = 60.0
 
@@ -56,16 +57,16 @@ def a_pilot_drives_and_the_robot_stands_when_it_vanishes() -> None:
     with live_server() as server:
         assert httpx.get(server.address + "/healthz").json()["status"] == "ok"
         with Pilot(server.ws("/ws/drive"), sees=True) as pilot:
-            wait_until(lambda: pilot.picture is not None, _PATIENCE_S, "a picture")
+            wait_until(lambda: pilot.picture is not None, "a picture", _PATIENCE_S)
             pilot.wait_for_state(_PATIENCE_S, you_are_pilot=True)
-            wait_until(lambda: _drives(server, pilot), _PATIENCE_S, "it drives")
+            wait_until(lambda: _drives(server, pilot), "it drives", _PATIENCE_S)
             pilot.vanish()
-            wait_until(lambda: server.driver.now is Action.STOP, _PATIENCE_S, "it stands")
+            wait_until(lambda: server.driver.now is Action.STOP, "it stands", _PATIENCE_S)
         with server.pilot() as pilot:
             pilot.socket.send("x" * 70_000)
             pilot._threads[0].join(_PATIENCE_S)
             assert pilot.socket.close_code == 1009, "a huge message closes the connection"
-        wait_until(lambda: not server.hub.clients, _PATIENCE_S, "the hub lets it go")
+        wait_until(lambda: not server.hub.clients, "the hub lets it go", _PATIENCE_S)
 
 
 def _drives(server: LiveServer, pilot: Pilot) -> bool:

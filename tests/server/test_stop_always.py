@@ -27,10 +27,11 @@ from server.access.pairing import Pairing
 from server.config import Limits
 from server.gateway.roles import Role
 from tests.kit.sizes import size
+from tests.kit.wait import wait_until
 from tests.server.access.unpaired_flood import PATIENCE_S
 
 from .lan_process import lan_process
-from .live_robot import WEB, wait_until
+from .live_robot import WEB
 from .virtual_connections import VirtualSocket
 from .virtual_server import VirtualServer, connect
 
@@ -229,7 +230,7 @@ def check_who_takes_all_places_holds_up_no_stop(
                         for _ in range(700):
                             page.send('{"type":"ping","client_ms":1}')
                         page.send('{"type":"stop"}')
-                    wait_until(lambda: server.ask()["emergency"], PATIENCE_S, f"try {number}")
+                    wait_until(lambda: server.ask()["emergency"], f"try {number}", PATIENCE_S)
                     took_ms.append(1000 * (clock.now_s() - start_s))
                 assert not server.ask("release")["emergency"]
         finally:

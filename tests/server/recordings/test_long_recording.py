@@ -16,9 +16,9 @@ import pytest
 from robot.store.folder import Storage
 from robot.store.models import journal
 from tests.kit.sizes import IS_FULL, size
+from tests.kit.wait import wait_until
 from tests.robot.recordings.long_recording import write_cut_recording
 from tests.robot.store.models.lives import Life
-from tests.server.live_robot import wait_until
 from tests.server.own_process import own_process
 
 MINUTES = size("MINUTES", 1, 2)
@@ -55,7 +55,7 @@ def test_after_an_hour_that_was_cut_short_it_is_ready_and_its_list_small(
         assert httpx.get(server.address + "/healthz", timeout=60).status_code == 200
         ready_s, ready_cpu_s = time.monotonic() - started_s, server_cpu_s(server.process.pid)
         state = httpx.get(server.address + "/api/teaching", timeout=60).json()
-        wait_until(lambda: path.stat().st_ino != cut, 600, "it is replaced by a whole one")
+        wait_until(lambda: path.stat().st_ino != cut, "it is replaced by a whole one", 600)
         asked_s = time.monotonic()
         [listed] = httpx.get(server.address + "/api/episodes", timeout=60).json()["episodes"]
         list_s = time.monotonic() - asked_s

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,11 +16,11 @@ from robot.bodies.ev3.link import REJOIN_S, SILENCE_S, BrickLink
 from robot.bodies.ev3.remote_camera import Ev3RemoteCamera
 from robot.bodies.ev3.remote_driver import Ev3RemoteDriver, Ev3RemoteOptions
 from robot.bodies.v4l2.camera import UsbCameraOptions
-from robot.clock import Clock
 from robot.driver import BodyButton
 from robot.errors import CameraError, ConfigurationError, DriveError
 from robot.testing import VirtualClock
 from robot.types import Action, Mode
+from tests.kit.wait import wait_until
 from tests.robot.bodies.ev3.running_agent import SECRET
 from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
 
@@ -44,14 +44,6 @@ def make_driver(
 ) -> Ev3RemoteDriver:
     found = Ev3RemoteOptions(brick=address, **options)  # type: ignore[arg-type]
     return Ev3RemoteDriver(found, agent.link(secret, address))
-
-
-def wait_until(clock: Clock, is_so: Callable[[], bool], timeout_s: float = 5.0) -> float:
-    started_s = clock.now_s()
-    while not is_so():
-        assert clock.now_s() - started_s < timeout_s, "waited in vain"
-        clock.sleep(STEP_S)
-    return clock.now_s() - started_s
 
 
 class Controller:
@@ -233,16 +225,22 @@ def test_sensors_and_buttons_come_through_the_line(brick: FakeBrick) -> None:
     brick.add_sensor("in1", "lego-ev3-touch", 0)
     clock = brick.clock
     with VirtualAgent(brick) as running, make_driver(running) as driver:
-        wait_until(clock, lambda: driver.sense().distance_m == pytest.approx(0.5))
+        wait_until(
+            lambda: driver.sense().distance_m == pytest.approx(0.5), within_s=5.0, clock=clock
+        )
         brick.set_sensor("in1", 1)
-        wait_until(clock, lambda: driver.sense().bumped is True)
+        wait_until(lambda: driver.sense().bumped is True, within_s=5.0, clock=clock)
         brick.press(28)
         pressed: list[BodyButton | None] = []
-        wait_until(clock, lambda: pressed.append(driver.take_button()) or pressed[-1] is not None)
+        wait_until(
+            lambda: pressed.append(driver.take_button()) or pressed[-1] is not None,
+            within_s=5.0,
+            clock=clock,
+        )
         assert pressed[-1] is BodyButton.START
         driver.announce("http://10.0.0.2:8000")
         driver.show(Mode.TRAIN)
-        wait_until(clock, lambda: "10.0.0.2" in brick.screen.read_text())
+        wait_until(lambda: "10.0.0.2" in brick.screen.read_text(), within_s=5.0, clock=clock)
 
 
 def test_the_camera_of_another_robot_cannot_see_through_the_brick(brick: FakeBrick) -> None:
@@ -262,15 +260,15 @@ def test_the_camera_comes_newest_first_and_its_faults_are_said(brick: FakeBrick)
         driver = make_driver(running)
         camera = Ev3RemoteCamera.for_driver(driver, UsbCameraOptions(), clock)
         with driver, camera:
-            wait_until(clock, lambda: camera.latest() is not None)
+            wait_until(lambda: camera.latest() is not None, within_s=5.0, clock=clock)
             clock.sleep(1.0)
             frame = camera.latest()
             assert frame is not None and clock.now_s() - frame.captured_s < 0.12
             source.is_frozen = True
-            assert wait_until(clock, lambda: camera.fault is not None) <= 0.5
-            wait_until(clock, lambda: "/dev/video0" in str(camera.fault), 0.2)
+            assert wait_until(lambda: camera.fault is not None, within_s=5.0, clock=clock) <= 0.5
+            wait_until(lambda: "/dev/video0" in str(camera.fault), within_s=0.2, clock=clock)
             source.is_frozen = False
-            wait_until(clock, lambda: camera.fault is None, 0.2)
+            wait_until(lambda: camera.fault is None, within_s=0.2, clock=clock)
 
 
 @pytest.mark.parametrize("address", ["ev3dev.local:x", "ev3dev.local:99999", ":8765"])
@@ -292,7 +290,7 @@ def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
                 return "brick at brick" in str(error)
             return False
 
-        assert wait_until(clock, is_said) <= SILENCE_S
+        assert wait_until(is_said, within_s=5.0, clock=clock) <= SILENCE_S
         brick.wait_until(lambda: not brick.is_moving(), 0.4)
         first.start_again()
 
@@ -302,7 +300,7 @@ def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
             except DriveError:
                 return False
 
-        assert wait_until(clock, drives) < 2 * REJOIN_S
+        assert wait_until(drives, within_s=5.0, clock=clock) < 2 * REJOIN_S
         brick.wait_until(brick.is_moving)
 
 

@@ -6,8 +6,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
-from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -23,6 +21,7 @@ from robot.bodies.v4l2.camera import UsbCameraOptions
 from robot.clock import RealClock
 from robot.errors import DriveError
 from robot.types import Action
+from tests.kit.wait import wait_until
 from tests.robot.bodies.ev3.fake_video import DEVICE, QUICK, FakeVideo
 from tests.robot.bodies.ev3.running_agent import SECRET, RunningAgent
 
@@ -58,13 +57,6 @@ def connect(address: str, stack: ExitStack) -> socket.socket:
 
 def make_driver(address: str) -> Ev3RemoteDriver:
     return Ev3RemoteDriver(Ev3RemoteOptions(brick=address, brick_secret=SECRET))
-
-
-def wait_until(is_so: Callable[[], bool], timeout_s: float = 30.0) -> None:
-    started_s = time.monotonic()
-    while not is_so():
-        assert time.monotonic() - started_s < timeout_s, "waited in vain"
-        time.sleep(0.005)
 
 
 def drive_on(driver: Ev3RemoteDriver, brick: FakeBrick) -> None:

@@ -7,8 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from multiprocessing import Pipe
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from robot.clock import RealClock
 from robot.errors import DriveError, MissingExtraError
 from robot.testing import VirtualClock
 from robot.types import Action
+from tests.kit.wait import wait_until
 from tests.robot.bodies.gpio.test_wheels import TRACKED, Motor
 from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import ROOT
@@ -58,14 +58,6 @@ def pins(notes: Path) -> dict[str, float]:
     """Return what each pin was set to last."""
     lines = [line.split() for line in notes.read_text().splitlines()]
     return {name: float(value) for _, name, value in lines}
-
-
-def wait_until(is_so: Callable[[], bool], what: str) -> None:
-    for _ in range(1000):
-        if is_so():
-            return
-        time.sleep(0.02)
-    pytest.fail(f"it never came to this: {what}")
 
 
 def program_pid(driver: GpioDriver) -> int:

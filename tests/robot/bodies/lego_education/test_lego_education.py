@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,6 +14,7 @@ from robot.driver import BodyButton
 from robot.errors import DriveError, MissingExtraError
 from robot.types import Action
 from tests.contract.real_parts import check_driver_on_its_real_line
+from tests.kit.wait import wait_until
 from tests.standins.firmware import ROOT
 from tests.standins.lego_education import FakeDoubleMotor
 
@@ -27,14 +27,6 @@ def motor() -> Iterator[FakeDoubleMotor]:
 
 def driver_for(motor: FakeDoubleMotor, hub: str = "") -> LegoEducationDriver:
     return LegoEducationDriver(LegoEducationOptions(hub=hub), library=motor.library)
-
-
-def until(happens: Callable[[], object]) -> None:
-    for _ in range(1000):
-        if happens():
-            return
-        time.sleep(0.01)
-    pytest.fail("it never came")
 
 
 @pytest.mark.realtime
@@ -52,7 +44,7 @@ def moves_are_timed_by_the_motor_and_scaled(motor: FakeDoubleMotor) -> None:
         for move in driver.moves:
             driver.send_action(move, speed_scale=0.5)
         assert driver.sense().battery_share == 0.8
-        until(lambda: len(motor.told) == 4)
+        wait_until(lambda: len(motor.told) == 4)
     library = motor.library
     assert motor.told == [
         (library.MOVEMENT_DIRECTION_FORWARD, 25, 400),
@@ -66,7 +58,7 @@ def its_button_stops_once(motor: FakeDoubleMotor) -> None:
     with driver_for(motor) as driver:
         assert driver.take_button() is None
         motor.is_pressed = True
-        until(lambda: driver.take_button() is BodyButton.STOP)
+        wait_until(lambda: driver.take_button() is BodyButton.STOP)
         assert driver.take_button() is None
 
 
@@ -88,7 +80,7 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
             except DriveError:
                 return False
 
-        until(drives)
+        wait_until(drives)
         assert motor.end_state == motor.library.MOTOR_END_STATE_BRAKE
 
 

@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 from unittest import mock
 
@@ -29,6 +29,7 @@ from tests.contract.real_parts import (
     check_camera_on_its_real_line,
     check_driver_on_its_real_line,
 )
+from tests.kit.wait import wait_until
 from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import ROOT
 from tests.standins.rosbridge import IMAGES, RosBridgeServer, grey_image
@@ -45,14 +46,6 @@ def ros() -> Iterator[RosBridgeServer]:
 
 def driver_for(ros: RosBridgeServer, **options: Any) -> RosDriver:
     return RosDriver(RosOptions(address=ros.address, **options))
-
-
-def until(happens: Callable[[], object]) -> None:
-    for _ in range(1000):
-        if happens():
-            return
-        time.sleep(0.01)
-    pytest.fail("it never came")
 
 
 def speeds(message: dict[str, Any]) -> tuple[float, float]:
@@ -135,7 +128,7 @@ def a_bridge_without_a_sign_of_life_is_connected_anew(ros: RosBridgeServer) -> N
         bridge: Any = driver._connection
         first = bridge._socket
         ros.frozen.set()
-        until(lambda: bridge._socket is not first)
+        wait_until(lambda: bridge._socket is not first)
         ros.frozen.clear()
         send_until(driver, Action.FORWARD, lambda: ros.is_moving)
 
@@ -169,16 +162,16 @@ def test_bad_options_are_refused_with_their_name(option: str, value: object) -> 
 
 def a_topic_that_sends_something_else_is_a_fault(ros: RosBridgeServer) -> None:
     with RosCamera(RosCameraOptions(address=ros.address), RealClock()) as camera:
-        until(camera.latest)
+        wait_until(camera.latest)
         for broken, says in (
             ({"format": "png", "data": "iVBORw0KGgo="}, "'png', no JPEG"),
             ({"format": "jpeg", "data": "%%%"}, "no JPEG"),
             ({"format": 7}, "no JPEG"),
         ):
             ros.images = lambda index, broken=broken: broken
-            until(lambda says=says: camera.fault is not None and says in camera.fault)
+            wait_until(lambda says=says: camera.fault is not None and says in camera.fault)
             ros.images = grey_image
-            until(lambda: camera.fault is None)
+            wait_until(lambda: camera.fault is None)
 
 
 def who_is_just_leaving_takes_no_picture_from_others(ros: RosBridgeServer) -> None:
@@ -190,7 +183,7 @@ def who_is_just_leaving_takes_no_picture_from_others(ros: RosBridgeServer) -> No
 
     ros.listen(IMAGES, Leaving())
     with RosCamera(RosCameraOptions(address=ros.address), RealClock()) as camera:
-        until(lambda: (frame := camera.latest()) is not None and frame.frame_id > 3)
+        wait_until(lambda: (frame := camera.latest()) is not None and frame.frame_id > 3)
 
 
 def what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
@@ -231,7 +224,7 @@ def test_a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
         assert client.stdout.readline().strip() == "ready"
         ros.wait_until(lambda: bool(ros.told["/cmd_vel_foreign"]))
         theirs = ros.told["/cmd_vel_foreign"][0]
-        until(lambda: ros._listeners["/cmd_vel"])
+        wait_until(lambda: ros._listeners["/cmd_vel"])
         with driver_for(ros) as driver:
             driver.send_action(Action.FORWARD)
             heard = [json.loads(client.stdout.readline()) for _ in range(2)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from robot.errors import CameraError
 from robot.testing import VirtualClock
 from robot.types import Encoding
 from tests.contract.camera_cases import write_film
+from tests.kit.wait import wait_until
 
 
 class BreakableCapture:
@@ -51,14 +52,6 @@ class BreakableCapture:
         pass
 
 
-def wait_until(clock: VirtualClock, is_so: Callable[[], bool], timeout_s: float = 5.0) -> float:
-    started_s = clock.now_s()
-    while not is_so():
-        assert clock.now_s() - started_s < timeout_s, "waited in vain"
-        clock.sleep(0.005)
-    return clock.now_s() - started_s
-
-
 @pytest.fixture
 def capture(monkeypatch: pytest.MonkeyPatch) -> Iterator[type[BreakableCapture]]:
     monkeypatch.setattr(cv2, "VideoCapture", BreakableCapture)
@@ -77,12 +70,12 @@ def test_a_broken_webcam_is_noticed_within_500_ms_and_picked_up_again(
 ) -> None:
     clock = capture.clock
     with OpencvCamera(OpencvOptions(source="0"), clock) as camera:
-        wait_until(clock, lambda: camera.latest() is not None)
+        wait_until(lambda: camera.latest() is not None, within_s=5.0, clock=clock)
         capture.how = how
-        assert wait_until(clock, lambda: camera.fault is not None) <= 0.5
+        assert wait_until(lambda: camera.fault is not None, within_s=5.0, clock=clock) <= 0.5
         assert words in str(camera.fault)
         capture.how = "run"
-        wait_until(clock, lambda: camera.fault is None)
+        wait_until(lambda: camera.fault is None, within_s=5.0, clock=clock)
 
 
 def test_frames_are_small_jpegs_of_the_film_which_begins_again(tmp_path: Path) -> None:
@@ -90,7 +83,11 @@ def test_frames_are_small_jpegs_of_the_film_which_begins_again(tmp_path: Path) -
     write_film(film, frames=10)
     clock = VirtualClock()
     with OpencvCamera(OpencvOptions(source=str(film)), clock) as camera:
-        wait_until(clock, lambda: (frame := camera.latest()) is not None and frame.frame_id > 12)
+        wait_until(
+            lambda: (frame := camera.latest()) is not None and frame.frame_id > 12,
+            within_s=5.0,
+            clock=clock,
+        )
         frame = camera.latest()
     assert frame is not None
     assert (frame.width, frame.height, frame.encoding) == (160, 120, Encoding.JPEG)
