@@ -99,9 +99,9 @@ def test_a_pilot_says_that_left_and_right_are_alike_and_no_longer(phone: Any, wo
     phone.goto(world.address + "/#teaching")
     word = phone.get_by_role("checkbox", name="Left and right are alike here")
     word.check()
-    wait_for(alike, "it counts in the mirror, too")
+    wait_until(alike, "it counts in the mirror, too")
     word.uncheck()
-    wait_for(lambda: not alike(), "it no longer does")
+    wait_until(lambda: not alike(), "it no longer does")
 
 
 def _teaching_s(world: World) -> float:
