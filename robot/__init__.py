@@ -9,11 +9,11 @@ from pathlib import Path as _Path
 __version__ = "0.2.0"
 
 PROJECT = "drivelesson"
-"""Robot Framework has a package of the same name; this tells whose it is (docs/adr/0008)."""
+"""Tells this package from the one of Robot Framework, which has the same name (docs/adr/0008)."""
 
 _CLASH = (
     "Robot Framework and Drivelesson are installed in the same environment, and both have a "
-    "package called 'robot': neither works so. Make a new environment for each, for example with "
+    "package called 'robot', so neither works. Make a new environment for each, for example with "
     "'uv tool install' or 'pipx install', and remove both from this one."
 )
 

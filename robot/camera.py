@@ -22,10 +22,10 @@ class Camera(StartStop):
     Options are declared as a driver declares its own.
 
     Attributes:
-        fault: What is wrong with the camera, as a sentence for the page; None if all is well.
-        source_age_s: How old pictures are where the camera is plugged in, as it says, in seconds;
-            what they are older here they spent waiting and on their way. None: the camera is
-            plugged in here, or does not say.
+        fault: The camera's fault, as a sentence for the page; None if all is well.
+        source_age_s: Age of the pictures at the computer that the camera is plugged into, as it
+            reports it, in seconds; waiting and transit come on top. None: the camera is plugged
+            in here, or does not report it.
 
     Example:
         >>> from robot.testing import VirtualClock
@@ -41,8 +41,8 @@ class Camera(StartStop):
     name: ClassVar[str]
     options_type: ClassVar[type[Any]]
     world_waits: ClassVar[bool] = False
-    """True if nothing moves on before the loop has acted on the newest picture: however slow the
-    computer is, the picture is never too old to drive by."""
+    """True if the world waits until the loop has acted on the newest picture: then a picture is
+    never too old to drive by, however slow the computer is."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
@@ -56,7 +56,7 @@ class Camera(StartStop):
     @classmethod
     @abstractmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        """Build the camera that goes with `driver`; most cameras need nothing of it.
+        """Build the camera that goes with `driver`; most cameras use nothing of the driver.
 
         Raises:
             ConfigurationError: If this camera cannot work beside that driver.
@@ -79,10 +79,10 @@ class Camera(StartStop):
         return self._latest
 
     def world_s(self, at_s: float) -> float:
-        """Return what the world's own clock showed when `self.clock` showed `at_s`.
+        """Return the time of the world's own clock when `self.clock` showed `at_s`.
 
-        The two are the same unless `world_waits`. Then the world's clock stands while the world is
-        computed or waits for the loop: a pilot who was silent meanwhile was not silent for long.
+        The two are the same unless `world_waits`. Then the world's clock stops while the world is
+        computed or waits for the loop, so that this time does not count as the pilot's silence.
         """
         return at_s
 
@@ -95,10 +95,10 @@ class Camera(StartStop):
         return frame
 
     def rest(self, every_s: float) -> None:
-        """Take note that one picture in `every_s` is enough until told otherwise.
+        """Set that one picture in `every_s` is enough, until the next call.
 
-        0: all are needed, the next at once. Infinite: none is. Returns at once. A camera that
-        makes its pictures itself then makes no others; one that passes on a device's need not care.
+        0: all are needed, the next at once. Infinite: none is needed. Returns at once. A camera
+        that renders its pictures skips the others; one that passes on a device's may ignore this.
         """
 
     def listen(self, on_frame: Callable[[], None] | None) -> None:
@@ -106,10 +106,10 @@ class Camera(StartStop):
         self._on_frame = on_frame or (lambda: None)
 
     def _on_clock(self, taken_s: float) -> float:
-        """Return what `self.clock` showed when `time.monotonic()` was `taken_s`.
+        """Return the time of `self.clock` when `time.monotonic()` was `taken_s`.
 
-        The clock is read first: whoever is held up between the two readings makes the picture
-        older than it is, never younger.
+        The clock is read first: a thread that is held up between the two readings makes the
+        picture older than it is, never younger.
         """
         clock_s = self.clock.now_s()
         return clock_s - max(0.0, time.monotonic() - taken_s)

@@ -1,7 +1,7 @@
-"""Time as an argument: whatever waits does so through its clock.
+"""Time as an argument: all waiting goes through a clock.
 
 In real time that is a plain wait. In virtual time it costs nothing, because the clock jumps to
-whatever happens next: `robot/testing/virtual_clock.py`.
+the next event: `robot/testing/virtual_clock.py`.
 """
 
 from __future__ import annotations
@@ -65,4 +65,4 @@ class Clock:
 
 
 RealClock = Clock
-"""What a clock is called where it is meant that time is real."""
+"""The clock's name in code that needs real time."""

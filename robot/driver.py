@@ -18,11 +18,11 @@ from robot.errors import told_as
 from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
-"""How long one `send_action` lasts. The body stops by itself unless the next comes before:
-just above the gate's watchdog of 0.3 s, so that motors stop even if Python dies."""
+"""Duration of one `send_action`, in seconds. The body stops by itself unless the next one comes
+before: just above the gate's watchdog of 0.3 s, so that motors stop even if Python dies."""
 _LONGEST_LABEL, _LONGEST_ICON, _LONGEST_MEANING = 24, 16, 200
 TURNS_BEYOND = 0.2
-"""A move or a point that steers no more than this share of full lock drives straight."""
+"""Share of full lock up to which a move or a point counts as driving straight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +30,12 @@ class Move:
     """One move of a body.
 
     Args:
-        name: A lower-case word, as `fast` or `left_2`; it is what recordings and models keep.
-        label: What a button says: one text for all, or texts by language (`en`, `es`, `zh`);
+        name: A lower-case word such as `fast` or `left_2`; recordings and models store it.
+        label: The button's text: one for all, or texts by language (`en`, `es`, `zh`);
             English stands in for a language that is missing. Empty: made of the name.
-        icon: A classic move's name, for its arrow, or a sign or two such as "⏩". Empty: the arrow
-            of its own name, if there is one.
-        does: What the body does then, in a sentence.
+        icon: A classic move's name, for its arrow, or one or two characters such as "⏩". Empty:
+            the arrow of its own name, if there is one.
+        does: The body's motion in this move, as a sentence.
         steering: From -1 (full left) to 1 (full right), for bodies that are steered.
         throttle: From -1 (full speed backward) to 1 (full speed ahead). Both or neither.
 
@@ -58,7 +58,7 @@ class Move:
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", Action(self.name))
         if self.name is Action.STOP:
-            raise ValueError("'stop' is no move: every body stops")
+            raise ValueError("'stop' is not a move: every body can stop")
         if any(not text or len(text) > _LONGEST_LABEL for text in self.labels.values()):
             raise ValueError(f"the label of {self.name!r} must have 1 to {_LONGEST_LABEL} letters")
         if len(self.icon) > _LONGEST_ICON or len(self.does) > _LONGEST_MEANING:
@@ -78,7 +78,7 @@ class Move:
 
     @property
     def point(self) -> Point | None:
-        """Steering and throttle; None for a move that is no point in that plane."""
+        """Steering and throttle; None for a move that does not have them."""
         if self.steering is None or self.throttle is None:
             return None
         return Point(self.steering, self.throttle)
@@ -108,7 +108,7 @@ def names(moves: Iterable[Move]) -> tuple[Action, ...]:
 
 
 def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[Move, ...]:
-    """Return what is known of each move: as it was declared, or the classic one, or its name."""
+    """Return each move as it was declared, or the classic one, or one made of its name."""
     known = {**CLASSIC, **{move.name: move for move in declared}}
     return tuple(known.get(name) or Move(name) for name in wanted)
 
@@ -121,7 +121,7 @@ def point_of(name: Action, declared: Iterable[Move] = ()) -> Point | None:
 
 
 def side_of(steering: float, threshold: float = TURNS_BEYOND) -> int:
-    """Return where so much steering leads: -1 to the left, 1 to the right, 0 straight."""
+    """Return the side that this steering leads to: -1 left, 1 right, 0 straight."""
     return (steering > threshold) - (steering < -threshold)
 
 
@@ -129,8 +129,8 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
     """Return the move that a point counts as; None if it stands, or no move goes its way.
 
     It is the nearest of the moves that drive the same way (ahead, back, or on the spot) and turn to
-    the same side. Where none of these turns so, one that drives the same way will do: who reverses
-    in a curve reverses.
+    the same side. If no move turns to that side, it is the nearest that drives the same way: a
+    curve backward counts as backward.
 
     Raises:
         ValueError: If steering or throttle is not a number in [-1, 1].
@@ -151,15 +151,15 @@ def to_text(moves: Iterable[Move]) -> str:
 
 
 def from_text(text: str) -> tuple[Move, ...]:
-    """Read what `to_text` wrote; an empty text is none.
+    """Read the text of `to_text`; an empty text has no moves.
 
     Raises:
-        ValueError: If it is anything else.
+        ValueError: If it has another form.
     """
     if not text:
         return ()
     errors = KeyError, TypeError, AttributeError, RecursionError
-    with told_as(ValueError, "the moves are described in another form", *errors):
+    with told_as(ValueError, "the description of the moves cannot be read", *errors):
         return tuple(
             Move(
                 Action(plain["name"]),
@@ -174,7 +174,7 @@ def from_text(text: str) -> tuple[Move, ...]:
 
 
 class BodyButton(StrEnum):
-    """What a button on the body asks for."""
+    """The request of a button on the body."""
 
     STOP = "stop"
     START = "start"  # in the last mode
@@ -188,7 +188,7 @@ class Driver(ABC):
     moves in `declared_moves`.
     `connect`, `stop` and `disconnect` are idempotent, and the last two are safe on a
     half-built driver. All methods but `__init__` may be called from any one thread at a time.
-    `drivelesson new-driver NAME` writes one to begin with; `robot.testing` tests it.
+    `drivelesson new-driver NAME` writes a first version; `robot.testing` tests it.
 
     Example:
         >>> from robot.testing import FakeDriver
@@ -204,10 +204,10 @@ class Driver(ABC):
     options_type: ClassVar[type[Any]]
     declared_moves: tuple[Move, ...] = describe(DEFAULT_MOVES)
     track_m: float | None = None
-    """Distance between two wheels that steer by their difference, for an estimate of where the
-    robot is; None: it is not built so, or nobody measured it."""
+    """Distance between the wheels of a differential drive, in metres, for dead reckoning.
+    None: the body has another drive, or the distance is not known."""
     takes_points: bool = False
-    """True for a body that is driven by degrees, too: see `send_point`."""
+    """True for a body that also takes steering and throttle in degrees: see `send_point`."""
     is_remote: ClassVar[bool] = False
     """True for a body that answers over a network: `send_action`, `sense`, `stop`, `take_button`
     and `show` may then block for up to half a second, and are called on a thread of their own."""
@@ -217,22 +217,22 @@ class Driver(ABC):
 
     @property
     def device(self) -> str:
-        """Which device was found by searching, as `'Anna' (00:16:53:00:00:01)`; else empty."""
+        """The device that a search found, as `'Anna' (00:16:53:00:00:01)`; else empty."""
         return ""
 
     @property
     def moves(self) -> tuple[Action, ...]:
-        """Names of what this body can do besides standing, in the order of `declared_moves`."""
+        """Names of this body's moves, without STOP, in the order of `declared_moves`."""
         return names(self.declared_moves)
 
     @property
     def first_moves(self) -> tuple[Action, ...]:
-        """What a new model learns unless a person chooses: the paper's three, or else all."""
+        """Default moves of a new model: the paper's three, or all if the body lacks one of them."""
         return DEFAULT_MOVES if set(DEFAULT_MOVES) <= set(self.moves) else self.moves
 
     @property
     def takes_advice(self) -> bool:
-        """True for a body that passes on what the learner would do, whoever drives."""
+        """True for a body that passes on the learner's predictions, whoever drives."""
         return False
 
     @property
@@ -255,7 +255,7 @@ class Driver(ABC):
 
     @abstractmethod
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Move so for at most `ACTION_TIMEOUT_S`, and return the action really sent.
+        """Move for at most `ACTION_TIMEOUT_S`, and return the action that was sent.
 
         Args:
             action: STOP, or one of `moves`.
@@ -270,12 +270,12 @@ class Driver(ABC):
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
         """Drive by degrees for at most `ACTION_TIMEOUT_S`; return the move that it counts as.
 
-        The point of a declared move does what the move does, and what is between two points drives
-        between them. A body that does not take points drives the move.
+        The point of a declared move equals that move; a point between two of them drives in
+        between. A body that does not take points drives the move.
 
         Args:
             point: Steering and throttle.
-            speed_scale: As for `send_action`; it slows the body, and bends no curve.
+            speed_scale: As for `send_action`; it slows the body and does not change the curve.
 
         Raises:
             ValueError: If a number is out of range.
@@ -288,7 +288,7 @@ class Driver(ABC):
     ) -> Action:
         """Drive the point, if there is one and this body takes points, or else the move.
 
-        Returns and raises what `send_action` does.
+        Result and errors are those of `send_action`.
         """
         if point is not None and self.takes_points:
             return self.send_point(point, speed_scale=speed_scale)
@@ -307,28 +307,28 @@ class Driver(ABC):
         """Stop the motors now. Never raises on a driver that is not connected."""
 
     def check_action(self, action: Action, speed_scale: float) -> None:
-        """Raise ValueError if this body cannot move so, or the scale is out of range."""
+        """Raise ValueError if the body does not have this move, or the scale is out of range."""
         if action is not Action.STOP and action not in self.moves:
             known = ", ".join(self.moves)
-            raise ValueError(f"the robot {self.name!r} knows no move {action!r}; it knows: {known}")
+            raise ValueError(f"the robot {self.name!r} has no move {action!r}; it has: {known}")
         if not 0.0 < speed_scale <= 1.0:
             raise ValueError(f"speed_scale must lie in (0, 1], not {speed_scale}")
 
     def wheels_mps(self, action: Action, point: Point | None = None) -> tuple[float, float] | None:
-        """Return how fast the left and right wheel roll at full speed; None if not known.
+        """Return the speeds of the left and right wheel at full speed; None if not known.
 
         Args:
-            action: What was sent.
-            point: What was sent by degrees; None: the action as it is.
+            action: The action that was sent.
+            point: The point that was sent; None: only the action was.
         """
         return None
 
     def take_button(self) -> BodyButton | None:
-        """Return what a button on the body asked for since the last call; most bodies have none."""
+        """Return a request by a button on the body since the last call; most bodies have none."""
         return None
 
     def advise(self, prediction: Prediction) -> None:  # noqa: B027
-        """Take what the learner would do on the newest frame; must return at once, never raises."""
+        """Take the learner's prediction on the newest frame; must return at once, never raises."""
 
     def announce(self, address: str) -> None:  # noqa: B027 - a body without a screen says nothing
         """Take the page's address, for a body that can show it; called before `connect`."""

@@ -1,4 +1,4 @@
-"""What is installed that plugs in, read once: each look through all packages costs 10 ms."""
+"""Entry points of the installed packages, read once: a look through all packages costs 10 ms."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ def points(group: str) -> list[EntryPoint]:
 
 @cache
 def _all(path: tuple[str, ...]) -> Any:  # of another type on older Pythons
-    """Read them again only where the places have changed in which packages are looked for."""
+    """Read all entry points; they are read again only when the search path has changed."""
     return read_entry_points()

@@ -1,6 +1,6 @@
-"""Every error of the robot. Messages say what, which device, and what to do next.
+"""Every error of the robot. A message says what failed, with which device, and what to do next.
 
-A library that is missing is named with the command that adds it to this very installation.
+A missing library is named with the command that adds it to this installation.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ` (did you mean 'x'?)` for the nearest known word; nothing if none is near."""
     near = difflib.get_close_matches(word, list(known), n=1)
-    # Words that begin otherwise must be nearer: `drive` is not meant as `new-driver`.
+    # Words with another first letter must be nearer: `drive` does not mean `new-driver`.
     if not near or (near[0][:1] != word[:1] and not difflib.get_close_matches(word, near, 1, 0.75)):
         return ""
     return f" (did you mean {near[0]!r}?)"
@@ -35,7 +35,7 @@ class ConfigurationError(RobotError, ValueError):
 
 
 class InUseError(ConfigurationError):
-    """Another program uses a folder or a port that only one can have; it may be free later."""
+    """Another program uses a folder or a port that only one can use; it may be free later."""
 
 
 class MissingExtraError(RobotError, ImportError):
@@ -74,27 +74,28 @@ class DriveError(RobotError, OSError):
 
 
 class CameraError(RobotError, OSError):
-    """A camera is missing, unplugged, frozen or gives what cannot be read."""
+    """A camera is missing, unplugged or frozen, or its pictures cannot be read."""
 
 
 class RecordingError(RobotError, ValueError):
-    """A file on disk is broken or of an unknown form: a model, or a recorded run."""
+    """A file on disk, a model or a recorded run, is damaged or has an unknown form."""
 
 
 UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
-"""What reading data of another form than they should have may raise: `RecordingError`, which is a
-ValueError, and what Python raises by itself."""
+"""Errors that reading malformed data may raise: `RecordingError`, which is a ValueError, and
+Python's own."""
 
 
 class NotFoundError(RobotError, LookupError):
-    """Nothing that is kept, or that is in the trash, has this name."""
+    """Nothing in the store or its trash has this name."""
 
 
 @contextmanager
 def told_as(
     kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
 ) -> Iterator[None]:
-    """Raise the system's errors, or these of a library, as ours: what, why, and what to do."""
+    """Raise the system's errors, or the given ones of a library, as `kind`: what failed, why, and
+    what to do."""
     caught = errors or (OSError,)
     try:
         yield
@@ -139,7 +140,7 @@ def _source() -> str | None:
 
 
 def _pip_install() -> str:
-    """Return pip for the very Python that runs, whatever is on the PATH."""
+    """Return the pip command for the Python that runs, whatever is on the PATH."""
     import importlib.metadata
 
     try:
@@ -150,8 +151,8 @@ def _pip_install() -> str:
 
 
 def quoted(word: str) -> str:
-    """Return a word as this system's shells read it back, also where it is the command: one that
-    begins with a quote is a text for PowerShell, and with a `&` before it an error for cmd."""
+    """Return a word quoted for this system's shells, also as the command itself: PowerShell takes a
+    command that begins with a quote for a text, and cmd fails on the `&` that would prevent it."""
     if os.name != "nt":
         return shlex.quote(word)
     parts = word.split("\\")

@@ -1,8 +1,8 @@
 """The data types that every part of the robot shares.
 
 Units and signs, stated once: lengths in metres, times in seconds on a monotonic clock,
-angles in radians, counter-clockwise positive; forward is positive. A name ends in its unit
-where a bare number crosses a border.
+angles in radians, counter-clockwise positive; forward is positive. The name of a bare number
+ends in its unit.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 
 class Action(str):
-    """What the motors are told, by name. All but STOP are moves: a learner learns moves.
+    """A command to the motors, by name. All but STOP are moves: a learner learns moves.
 
-    Drivers declare moves of their own (`robot.driver`), so any name is one: a lower-case letter,
+    Drivers declare moves of their own (`robot.driver`). A name is a lower-case letter,
     then up to 31 letters, digits or underscores. There is one object for each name, also after
     pickling and copying: `is` holds as `==` does.
 
@@ -50,7 +50,7 @@ class Action(str):
             return known
         if not isinstance(name, str) or _NAME.fullmatch(name) is None:
             raise ValueError(
-                f"{name!r} is no name of a move; it takes a lower-case letter, then up to 31 "
+                f"{name!r} is not a valid name of a move: use a lower-case letter, then up to 31 "
                 "lower-case letters, digits or underscores"
             )
         with cls._interning:  # two threads that meet a new name get the same object
@@ -88,7 +88,7 @@ class Point(NamedTuple):
 
 
 class Mode(StrEnum):
-    """What the pilot has asked for. Only an explicit request leaves STOPPED."""
+    """The mode that the pilot asked for. Only an explicit request leaves STOPPED."""
 
     STOPPED = "stopped"
     TRAIN = "train"
@@ -96,7 +96,7 @@ class Mode(StrEnum):
 
 
 class DrivenBy(StrEnum):
-    """Who decides the present action."""
+    """The source of the present action."""
 
     NOBODY = "nobody"
     PILOT = "pilot"
@@ -147,8 +147,8 @@ class Frame:
 class Pose:
     """Where the robot stands: metres and radians.
 
-    In a virtual world the truth, in the world's frame. Of a real robot an estimate by its
-    wheels, from where it was connected: it drifts.
+    In a virtual world it is the true pose, in the world's frame. For a real robot it is an
+    estimate from its wheels, relative to where it was connected; it drifts.
     """
 
     x_m: float
@@ -157,7 +157,7 @@ class Pose:
     is_estimate: bool = False
 
     def along(self, turn_rad: float, way_m: float) -> Pose:
-        """Return the pose at the end of an arc of so much turn and way."""
+        """Return the pose at the end of an arc of this turn and length."""
         middle_rad = self.heading_rad + turn_rad / 2
         return replace(
             self,
@@ -169,7 +169,7 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Game:
-    """How a game stands that is played by driving: its number, the score, the last reward."""
+    """State of a game that is played by driving: its number, the score, the last reward."""
 
     number: int
     score: float
@@ -179,30 +179,30 @@ class Game:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """What the robot senses besides its camera. None means: this robot has no such sensor."""
+    """The robot's sensors besides its camera. None means: this robot has no such sensor."""
 
     distance_m: float | None = None
     bumped: bool | None = None
     bumpers: tuple[bool, ...] = ()
-    """Which bumpers are pressed, from left to right; `bumped` is true if any is."""
+    """State of each bumper, from left to right; `bumped` is true if any is pressed."""
     battery_share: float | None = None
     wheels_m: tuple[float, float] | None = None
-    """How far the left and the right wheel have rolled in all, forwards less backwards."""
+    """Total way of the left and the right wheel, in metres, forward minus backward."""
     pose: Pose | None = None
     game: Game | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PilotCommand:
-    """One command of the pilot: what is held, and which frame was on the screen.
+    """One command of the pilot: the move held, and the frame that was on the screen.
 
-    `held` is None while nothing is held: then it is only a heartbeat. `seq` counts up within
-    one connection; `received_s` is the loop's clock at the border, never the phone's.
-    `frame_age_s` is how old that frame was when this was sent, as the page reckons it, and
+    `held` is None while nothing is held: the command is only a heartbeat. `seq` counts up within
+    one connection; `received_s` is the loop's clock at receipt, never the phone's.
+    `frame_age_s` is the age of that frame when the command was sent, as the page estimates it, and
     `phone_s` the part of that age that the frame had spent on the phone. `proven_s` is a time
     before which the command cannot have been sent; None: it was sent when it was received.
-    `seen_id` is the newest frame that has been acknowledged; None: not known. `point` is what was
-    meant exactly, if `held` was steered by degrees.
+    `seen_id` is the newest frame that has been acknowledged; None: not known. `point` is the exact
+    steering, if `held` was steered by degrees.
     """
 
     held: Action | None
@@ -219,11 +219,11 @@ class PilotCommand:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction:
-    """What the policy would do on one frame, and how it came to that.
+    """The policy's proposal on one frame, and the reasons for it.
 
     `probabilities` are the smoothed votes per move, summing to 1 (empty before the first
     example); `novelty` is 0 for a familiar view and 1 or more for one unlike all examples;
-    `node` is the learned image nearest to the view, `distance` how far it is.
+    `node` is the learned image nearest to the view, `distance` its distance.
     """
 
     frame_id: int
@@ -234,27 +234,27 @@ class Prediction:
     distance: float = 0.0
     novelty: float = 0.0
     is_stalled: bool = False
-    """True while the robot drives straight and the picture, or a bumper, says that it stands."""
+    """True while the robot drives straight but the picture or a bumper shows that it is stuck."""
     is_turn: bool = False
     """True if the action is known to steer to one side."""
     needs_help: bool = False
-    """True if nothing that the robot tried led anywhere: it stands and waits for the pilot."""
+    """True if all that the robot tried failed: it stands and waits for the pilot."""
     point: Point | None = None
-    """What `action` means by degrees, if the pilot taught by degrees."""
+    """The steering and throttle of `action`, if the pilot taught by degrees."""
     spread: float | None = None
-    """By how much the steering of `point` is off, as a standard deviation."""
+    """Standard deviation of the steering of `point`."""
 
     @property
     def is_novel(self) -> bool:
-        """True if the view is unlike all that was learned."""
+        """True if the view is unlike all examples."""
         return self.novelty >= 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """The gate's verdict for one tick: the action, whose it is, and why it may be none.
+    """The gate's decision for one tick: the action, its source, and the reason if it is STOP.
 
-    `point` is the action by degrees, if whoever drives steers so; STOP has none.
+    `point` is the action by degrees, if the pilot or the robot steers by degrees; STOP has none.
     """
 
     action: Action
@@ -277,7 +277,7 @@ class Example:
 
 
 class StartStop(ABC):
-    """Started on entering a `with` block and stopped on leaving it, whatever happens inside."""
+    """Base of parts that start when a `with` block is entered and stop when it is left."""
 
     @abstractmethod
     def start(self) -> None:

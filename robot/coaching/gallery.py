@@ -1,4 +1,4 @@
-"""The learned images as people see them: when the robot last met each, and what one decides."""
+"""The learned images as people see them: when each was last used, and which parts decide."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robot.policy.policy import Policy
 from robot.types import Action
 
 _COMPARED = 128
-"""With more learned images than this, so many of them are compared, at even distances."""
+"""Largest number of learned images that are compared; of more, this many are taken evenly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +21,7 @@ class LearnedImage:
 
     `node_id` follows the node through merges. `last_used` and `last_taught` are the numbers of the
     latest proposal and example that matched it (0: none).
-    `angle` is how its frames were steered, on the mean, if by degrees.
+    `angle` is the mean steering of its frames, if they were steered by degrees.
     """
 
     node_id: int
@@ -41,8 +41,8 @@ class Explanation:
     Attributes:
         image: The image.
         present: The view as the learner sees it, shape (30, 40).
-        alike: For each part how much more alike the two are than the view is to the learned images
-            on average, from 0 to 1, shape (6, 8). All 0 if there is one image alone.
+        alike: Likeness of each part of the two, beyond that of the view to the learned images on
+            average, from 0 to 1, shape (6, 8). All 0 if there is only one image.
     """
 
     image: LearnedImage
@@ -69,11 +69,11 @@ def _shown(policy: Policy, node: Node) -> LearnedImage:
 
 
 def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | None:
-    """Return why a view was decided by an image; None if that is gone.
+    """Return the explanation why an image decided a view; None if the image is gone.
 
     A squared distance is a sum over the parts of the picture. A part counts as alike where it
-    is nearer to the deciding image than to the learned images on average: what all of them
-    share, an empty floor, explains nothing.
+    is nearer to the deciding image than to the learned images on average: a part that all of them
+    share, such as an empty floor, explains nothing.
     """
     nodes, features = policy.learner.nodes(), policy.features
     decides = next((node for node in nodes if node.id == node_id), None)
@@ -84,7 +84,7 @@ def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | Non
     others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
     usual = np.mean(others, axis=0)
     here = features.cells(view - np.asarray(decides.image, np.float64))
-    # Where even the average difference is small there is little to be alike in.
+    # Where even the average difference is small, likeness means little.
     weight = np.maximum(usual, usual.mean())
     alike = np.zeros_like(here)
     np.divide(usual - here, weight, out=alike, where=weight > 0.0)

@@ -5,7 +5,7 @@ minute alone is a short trial: the robot drives, and the pilot stays ready to co
 counts while nothing goes wrong: no correction, no collision, no call for help, few unknown views.
 Before the first trial every move in use must have been begun a few times.
 
-Whatever goes wrong becomes a `Gap`: what to show the robot, and the picture of where.
+Each mistake becomes a `Gap`: the move to show the robot, and a picture of the place.
 """
 
 from __future__ import annotations
@@ -20,38 +20,41 @@ from robot.policy.history import Replaced, Taught, Undone
 from robot.types import Action, DrivenBy, Frame, StopReason
 
 TAUGHT_S = 40.0
-"""Teaching before a first trial, in seconds, whatever was seen."""
+"""Teaching time after which a first trial may begin in any case, in seconds."""
 EARLY_S, EARLY_CHANGES, EARLY_FORESEEN, EARLY_KNOWN = 15.0, 6, 5, 0.9
-"""It may be tried from the first on if the robot foresaw five of the pilot's last six changes of
-move, and knew nine of ten views of the last ten seconds of teaching."""
+"""Conditions of an early trial: after the first, in seconds, it may begin if the robot foresaw five
+of the pilot's last six changes of move, and knew nine of ten views of the last ten seconds."""
 STARTS = 3
-"""How often each move in use has to have been begun before a first trial: fewer are chance."""
+"""Least number of times that each move in use was begun before a first trial: fewer are chance."""
 RARE_SHARE = 0.02
-"""A move on fewer of the examples has to have been begun twice as often. Who drives straight for
-minutes shows too little of what to do at a wall, and each further minute makes it less."""
+"""A move with a smaller share of the examples has to have been begun twice as often. A pilot who
+drives straight for minutes shows too little of the turn at a wall, and each minute dilutes it."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
-"""A shorter try is a slip of the finger. A rare move is in use once it was held for so long without
-slips: who never meant it would else be asked for it until he had slipped often enough."""
+"""A press below the first time, in seconds, is a slip of the finger. A rare move is in use once it
+was held for the second time in all, slips apart: otherwise slips would make the robot ask for a
+move that the pilot never meant."""
 _FEWEST = 5
-"""Fewer examples are no move in use, whatever their share."""
+"""Least number of examples of a move in use, whatever their share."""
 CLEAN_S = 45.0
-"""The robot is ready when it has driven so long without anything going wrong,"""
+"""Time without mistakes after which the robot is ready, in seconds."""
 NOVEL_SHARE = 0.015
-"""with at most this share of views that it hardly knows:"""
+"""Largest share of hardly known views in a clean trial."""
 HARDLY_KNOWN = 0.8
-"""those from this novelty on. Beyond 1 it asks; who comes near that in a trial asks later."""
+"""Novelty from which a view counts as hardly known. Beyond 1 the robot asks; one that comes near
+to that in a trial asks later."""
 PUSHED_S = 0.3
 BEFORE_S, AFTER_S = 0.5, 0.15
-"""A change of move was foreseen if the robot proposed it this long before or after the pilot."""
+"""A change of move was foreseen if the robot proposed it within this time, in seconds, before or
+after the pilot."""
 _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
 _COVERED_S = 10.0
 _GAPS, _CHANGES = 6, 40
 _FORGOTTEN_S = 2 * CLEAN_S
-"""After so long half of a trial is forgotten."""
+"""Length of a trial, in seconds, after which half of it is forgotten: old driving says little."""
 
 
 class Stage(StrEnum):
-    """What to do next."""
+    """The next step of the lesson."""
 
     TEACH = "teach"
     TRY = "try"
@@ -59,7 +62,7 @@ class Stage(StrEnum):
 
 
 class GapKind(StrEnum):
-    """What is missing, or what went wrong."""
+    """The kind of a gap: something missing, or a mistake."""
 
     TOO_SHORT = "too_short"  # teach on
     RARE_MOVE = "rare_move"  # this move was begun too few times
@@ -72,9 +75,9 @@ class GapKind(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
-    """One thing to show the robot, and where.
+    """One thing to show the robot, and the place.
 
-    `move` is what the pilot does there (None: not known), `instead` what the robot would have done.
+    `move` is the pilot's move there (None: not known), `instead` the one that the robot proposed.
     """
 
     kind: GapKind
@@ -90,7 +93,7 @@ class Gap:
 class Readiness:
     """Follows one robot tick by tick; call `note` on the loop's thread.
 
-    `clean_s` is for how long the robot has driven alone since something last went wrong.
+    `clean_s` is the time that the robot has driven by itself since the last mistake.
     """
 
     def __init__(self) -> None:
@@ -141,7 +144,7 @@ class Readiness:
         self._was = tick.decision.driven_by
 
     def _note_takeover(self, tick: Tick) -> None:
-        """Notice where the pilot drives otherwise: he may begin with what the robot was doing."""
+        """Note a correction by the pilot, who may begin with the move that the robot was doing."""
         if self._was is DrivenBy.ROBOT:
             self._begin_trial()
             self._is_taken = True
@@ -192,7 +195,7 @@ class Readiness:
             self._novel_s += step_s
             if not self._gaps or self._gaps[-1].kind is not GapKind.UNKNOWN_VIEW:
                 self._add(GapKind.UNKNOWN_VIEW, tick, None, prediction.action)
-        # Old trials say little about the robot as it is now.
+        # Old trials say little about the present robot.
         if self.clean_s > _FORGOTTEN_S:
             self.clean_s, self._novel_s = self.clean_s / 2, self._novel_s / 2
 
@@ -237,7 +240,7 @@ class Readiness:
 
     @property
     def needed_s(self) -> float:
-        """For how long it has to: longer while too much of that time was on hardly known views."""
+        """Needed `clean_s`: longer while too much of that time was on hardly known views."""
         return min(self._wanted_s, _FORGOTTEN_S)
 
     @property
@@ -246,11 +249,11 @@ class Readiness:
 
     @property
     def foreseen(self) -> Mapping[str, int]:
-        """Of the pilot's last changes of move while teaching: how many, and how many foreseen."""
+        """Number of the pilot's latest changes of move while teaching, and of those foreseen."""
         return {"changes": len(self._foreseen), "foreseen": sum(self._foreseen)}
 
     def missing(self) -> list[Gap]:
-        """Return what to show the robot, the most urgent first; empty if it is ready."""
+        """Return the gaps to teach, the most urgent first; empty if the robot is ready."""
         if self.stage is Stage.READY:
             return []
         return [*self._missing_to_try(), *reversed(self._gaps)]

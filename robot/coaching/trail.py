@@ -1,7 +1,7 @@
-"""The way that the robot went: who drove, and where it asked, pushed and was corrected. Pure.
+"""The robot's trail: who drove, and where it asked, pushed and was corrected. Pure.
 
-It begins anew with another model, as what it shows is how that one was taught and drove, and in
-another world.
+A new trail begins with another model, since it shows the teaching and driving of one model, and
+with another world.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from robot.policy.history import Replaced
 from robot.types import Action, DrivenBy, Mode, Pose
 
 STEP_M, STEP_RAD = 0.03, math.radians(10)
-"""A new point is kept after so much of a way or a turn, and whenever another one drives."""
+"""Way in metres, or turn in radians, after which a new point is kept; a change of driver also keeps
+one."""
 POINTS = 2000
-"""Seven minutes of driving at the paper's speed, more with turns; the oldest go first."""
+"""Largest number of points: seven minutes at the paper's speed, more with turns. The oldest are
+dropped first."""
 
 
 class Event(StrEnum):
-    """What happened at a point."""
+    """An event at a point."""
 
     ASKED = "asked"  # the robot did not know what to do
     PUSHED = "pushed"  # it drove against something
@@ -47,7 +49,7 @@ class Trail:
         self._lasting: frozenset[Event] = frozenset()
 
     def note(self, tick: Tick) -> None:
-        """Take in one tick."""
+        """Process one tick."""
         if any(isinstance(event, Replaced) for event in tick.history_events):
             self.begin()
         lasting = frozenset(_events(tick))
@@ -65,13 +67,13 @@ class Trail:
     def begin(self) -> None:
         """Begin anew, on the loop's thread."""
         self._points.clear()
-        self._n += 1  # a number that nobody was told: whoever knew the old points drops them
+        self._n += 1  # a number that no client has: clients with the old points drop them
 
     def since(self, number: int) -> tuple[int, list[Waypoint]]:
         """Return the points from the `number`-th on, and the number of the first of them.
 
-        Who knows the points before `number` adds these; if the first is another than `number`,
-        these are all there are: older ones are gone, or it is another way.
+        A client that has the points before `number` appends these. If the first has another
+        number, these are all points: older ones were dropped, or the trail is a new one.
         """
         points = list(self._points)
         first = self._n - len(points)

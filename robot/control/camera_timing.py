@@ -2,9 +2,9 @@
 
 A webcam on a fast bus gives thirty pictures a second, 5 ms old; the one that the guide recommends
 on a slow computer gives ten, 95 to 145 ms old. A fixed limit is too strict for one or too lax for
-the other. So the limits follow what is measured: robustly (a quantile over the last pictures, so a
-lost one changes nothing), slow to grow while the robot moves, quick to shrink, and bounded by the
-distance that the robot travels on one picture.
+the other. So the limits follow the measurements: they are robust (a quantile over the last
+pictures, so a lost one changes nothing), grow slowly while the robot moves, shrink quickly, and are
+bounded by the distance that the robot travels on one picture.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 USUAL_PERIOD_S = 1 / 30
-"""The period for which the link's limits are set; a slower camera adds the difference to them."""
+"""Period for which the link's limits are set, in seconds; a slower camera adds the difference."""
 _LEAST_SCALE = 0.05
-"""A body takes no share of full speed that is 0; no camera is so slow that it would need less."""
+"""Lower bound of the speed scale: bodies refuse 0, and even the slowest camera needs no less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,31 +26,32 @@ class CameraTimingConfig:
     """Bounds of the adapted limits, in seconds."""
 
     longest_timeout_s: float = 0.5
-    """A picture that is older stops the robot: 8 cm at 0.16 m/s. For a camera whose period alone is
-    above `full_speed_s` it is longer by the rest, and still no more than 8 cm: it goes slower."""
+    """Age of the newest picture above which the robot stops: 8 cm at 0.16 m/s. For a camera whose
+    period exceeds `full_speed_s` it is longer by the excess; the way stays within 8 cm, since the
+    robot goes slower."""
     full_speed_s: float = 0.3
-    """Up to this age of the oldest picture that is acted upon the robot goes at full speed: 5 cm
-    at 0.16 m/s. Above, it slows so far that it travels no further on one picture."""
+    """Age of the oldest picture that is acted upon, up to which the robot goes at full speed: 5 cm
+    at 0.16 m/s. Above it the robot slows so that it travels no further on one picture."""
     growth_s_per_s: float = 0.05
-    """How fast an estimate may grow while the robot may move; while it stands, at once."""
+    """Growth limit of an estimate while the robot may move; while it stands there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraState:
-    """What is known of the camera, and what follows from it."""
+    """Estimates about the camera, and the limits that follow from them."""
 
     period_s: float = USUAL_PERIOD_S
     delivery_age_s: float = 0.0
-    """The age at which its pictures arrive."""
+    """Age of its pictures on arrival."""
     timeout_s: float = 0.2
-    """How old the newest picture may be while the robot may move."""
+    """Largest age of the newest picture while the robot may move."""
     speed_scale: float = 1.0
     """Share of full speed at which the robot travels no further on one picture than allowed."""
     slack_s: float = 0.0
-    """What this camera's period adds to the age of the pilot's picture on any link."""
+    """Share of this camera's period in the age of the pilot's picture, on any link."""
     sight_slack_s: float = 0.0
-    """What a camera with fewer than five pictures a second adds to how long a pilot may have seen
-    nothing new: two of its periods pass between a picture and the one after a lost one."""
+    """Extra time that a pilot may see nothing new with a camera of fewer than five pictures a
+    second: two of its periods pass between a picture and the one after a lost one."""
 
 
 class CameraTiming:
@@ -62,7 +63,8 @@ class CameraTiming:
     _WINDOW = 15
     _AGE_QUANTILE = 0.8
     _MISSED_PERIODS = 2.5
-    """Two periods pass between a picture and the one after a lost one; half of one is jitter."""
+    """Gap that counts as a lost picture, in periods: two pass between a picture and the one after a
+    lost one, and half a period is jitter."""
 
     def __init__(self, shortest_timeout_s: float, config: CameraTimingConfig | None = None) -> None:
         self.config = config or CameraTimingConfig()
@@ -73,7 +75,7 @@ class CameraTiming:
         self.state = self._judge(USUAL_PERIOD_S, 0.0)
 
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
-        """Take note of a new picture: when it was taken, and when the loop first saw it.
+        """Record a new picture: when it was taken, and when the loop first saw it.
 
         In a mode in which the robot may move (`is_moving`) estimates grow slowly.
         """
@@ -112,8 +114,8 @@ class CameraTiming:
 
 
 def _typical(periods_s: deque[float]) -> float:
-    """Return the shortest period with which, and shorter ones, a quarter of the time passes: what
-    a lost picture adds is not in it, but the pause between two bursts of pictures is."""
+    """Return the period up to which the periods make up a quarter of the time: lost pictures do not
+    lengthen it, but the pause between two bursts of pictures counts."""
     ordered = sorted(periods_s)
     passed_s = list(accumulate(ordered))
     return ordered[bisect_left(passed_s, passed_s[-1] / 4)]

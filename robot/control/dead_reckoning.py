@@ -1,7 +1,7 @@
-"""Where a robot is that does not know it: reckoned from its wheels, from where it started. Pure.
+"""Dead reckoning: estimates a robot's pose from its wheels, relative to its start. Pure.
 
-By the wheels' own counts where the driver reads them, else by what the motors were told, which
-knows neither slip nor walls. Either way it is an estimate that drifts; the pose says so.
+It uses the wheel encoders if the driver reads them, else the commands to the motors, which ignore
+slip and walls. Either estimate drifts; the pose is marked as estimated.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class DeadReckoning:
     def locate(self, sensors: Sensors, last: Tick, now_s: float) -> Sensors:
         """Return the readings with an estimated pose, unless they have one or nothing is known.
 
-        The tick before, `last`, says what the motors did since.
+        The previous tick, `last`, tells the motion of the motors since.
         """
         track_m = self._driver.track_m
         if sensors.pose is not None or track_m is None:
@@ -42,10 +42,10 @@ class DeadReckoning:
         return replace(sensors, pose=self._pose)
 
     def _told_m(self, last: Tick, now_s: float) -> Pair:
-        """Return how far each wheel rolled by what the motors were told."""
+        """Return the way of each wheel by the commands to the motors."""
         point = last.decision.point if self._driver.takes_points else None
         by_degrees = () if point is None else (point,)
         left_mps, right_mps = self._driver.wheels_mps(last.sent, *by_degrees) or (0.0, 0.0)
-        # A body that is not told again stops by itself.
+        # A body without a new command stops by itself.
         seconds = min(max(now_s - last.now_s, 0.0), ACTION_TIMEOUT_S) * last.decision.speed_scale
         return left_mps * seconds, right_mps * seconds

@@ -6,7 +6,7 @@ The rules, in their order:
 2. Anything in doubt (pilot gone or silent, picture stale, camera or drive faulty) *trips* the
    gate: it falls to STOPPED, remembers why, and waits for an explicit start. It never falls
    through to autonomy.
-3. What the pilot holds goes before what the robot would do, in both moving modes.
+3. The pilot's move has priority over the robot's, in both moving modes.
 4. In AUTONOMOUS, with nothing held, the robot drives; letting go returns the wheel to it.
 """
 
@@ -28,32 +28,32 @@ class GateConfig:
     """Time limits, in seconds."""
 
     pilot_timeout_s: float = 0.3
-    """For how long the pilot may be silent while it drives, or waits to drive, in TRAIN."""
+    """Longest silence of the pilot while driving, or about to drive, in TRAIN."""
     supervision_timeout_s: float = 0.45
-    """How long ago the pilot may have been there for certain, in every mode: counted from the
-    time that its last command proves, so transit time counts. With one tick more the robot stands
+    """Longest time since the pilot's last proven presence, in every mode. It counts from the proven
+    time of the last command, so transit time is included. With one more tick the robot stands
     within 0.5 s."""
     command_timeout_s: float = 0.3
-    """How old a command may be, by the time that it proves, to be obeyed at all."""
+    """Largest age of a command that is obeyed, by its proven time."""
     frame_timeout_s: float = 0.2
-    """How old the newest picture may be while the robot may move. A slower camera is given more:
+    """Largest age of the newest picture while the robot may move. A slower camera is given more:
     see `robot.control.camera_timing`."""
     start_patience_s: float = 0.5
-    """How long a start waits, standing, for a first picture that is fresh enough."""
+    """Longest time that a start waits, standing, for a first picture that is fresh enough."""
     novel_speed_scale: float = 0.5
-    """Share of full speed while driving straight on a view unlike all that was learned."""
+    """Share of full speed while driving straight on a view unlike all learned ones."""
 
 
 class Gate:
-    """The dead-man's switch and the choice of who drives.
+    """The dead man's switch, and the choice of the driver.
 
     `on_stop` is called whenever a robot that could move is stopped.
 
     Attributes:
-        mode: What the pilot has asked for; STOPPED after any stop.
-        stop_reason: Why the robot stands; None since it was started.
-        emergency: True while no mode can be chosen.
-        stops: How often a robot that could move was stopped, by reason.
+        mode: The pilot's request; STOPPED after any stop.
+        stop_reason: The reason of the last stop; None since the robot was started.
+        emergency: True while an emergency stop is latched and no mode can be chosen.
+        stops: Number of stops of a robot that could move, by reason.
     """
 
     def __init__(
@@ -84,10 +84,10 @@ class Gate:
         """Enter `mode` on the pilot's explicit request; False while an emergency is latched, and
         for a request that is too old. STOPPED is always accepted.
 
-        The command is emptied: what was held before does not count in the new mode. Where the
-        newest picture is too old (a camera's pause, a busy computer) the robot stands in the new
-        mode until one comes that is not, for `start_patience_s` at most. `proven_s` is a time
-        before which the request cannot have been sent; None: now.
+        The command is emptied: a move held before does not count in the new mode. If the newest
+        picture is too old (a camera's pause, a busy computer), the robot stands in the new mode
+        until a fresh one comes, for `start_patience_s` at most. `proven_s` is a time before which
+        the request cannot have been sent; None: now.
         """
         if mode is Mode.STOPPED:
             self.trip(StopReason.PILOT_ASKED)
@@ -155,7 +155,7 @@ class Gate:
         """Decide this tick's action; trips first if anything is in doubt.
 
         Prediction and age are those of the newest frame, None and infinite before any;
-        `frame_timeout_s` is how old it may be.
+        `frame_timeout_s` is its largest age.
         """
         if self.mode is not Mode.STOPPED:
             is_fresh = frame_age_s <= frame_timeout_s
@@ -190,10 +190,10 @@ class Gate:
     def _robot_drives(self, prediction: Prediction | None) -> Decision:
         if prediction is None or prediction.action is None:
             return self.stand(DrivenBy.ROBOT, asks_pilot=True)
-        if prediction.needs_help:  # not a trip: the pilot's hand is all that it takes to go on
+        if prediction.needs_help:  # not a trip: the robot goes on as soon as the pilot steers
             asks = self.stand(DrivenBy.ROBOT, asks_pilot=True)
             return replace(asks, stop_reason=StopReason.NEEDS_HELP)
-        # Turning away is the way out of a view that is not known: never slower.
+        # Turning away leads out of an unknown view, so a turn is never slowed down.
         is_slow = prediction.is_novel and not prediction.is_turn
         scale = self.config.novel_speed_scale if is_slow else 1.0
         return Decision(
@@ -206,7 +206,7 @@ class Gate:
         )
 
     def stand(self, driven_by: DrivenBy = DrivenBy.NOBODY, *, asks_pilot: bool = False) -> Decision:
-        """Return the decision to stand, in this mode and for this reason."""
+        """Return the decision to stand, with the present mode and stop reason."""
         return Decision(
             action=Action.STOP,
             driven_by=driven_by,

@@ -26,7 +26,7 @@ class LinkLevel(StrEnum):
 
 _LEVELS = tuple(LinkLevel)
 _FADES = 0.9
-"""Of a lateness so much is left at the next look."""
+"""Share of the computer's lateness that remains at the next measurement."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,27 +38,27 @@ class LinkGovernorConfig:
     stop_learning_s: float = 0.3
     stop_s: float = 0.5
     busy_s: float = 0.1
-    """A computer that is later than this goes slower, too, before its lateness stops the robot."""
+    """Lateness of the computer above which the robot also goes slower, before it has to stop."""
     capped_speed_scale: float = 0.5
-    """Share of full speed that is left from `cap_speed_s` or `busy_s` on."""
+    """Share of full speed that is left above `cap_speed_s` or `busy_s`."""
     recovery_share: float = 0.85
-    """A step is taken back when the age is below this share of its threshold ..."""
+    """Share of a step's threshold below which the age must fall before the step is taken back."""
     recovery_s: float = 1.0
-    """... and was so for this long."""
+    """Time that the age must stay below that share before a step is taken back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkState:
-    """What is known of the link and of the computer, and what follows from it."""
+    """Estimates about the link and the computer, and the limits that follow from them."""
 
     level: LinkLevel = LinkLevel.GOOD
     age_s: float | None = None
-    """Of the picture that the pilot acts upon; None: not known."""
+    """Age of the picture that the pilot acts upon; None: not known."""
     is_busy: bool = False
-    """The computer is late: not the link is to blame then."""
+    """True if the computer is late, so that the link is not the cause."""
     must_stop: bool = False
     may_learn: bool = True
-    """Labels meet the right pictures."""
+    """True if labels meet the right pictures."""
     speed_scale: float = 1.0
     """Share of full speed that is allowed."""
 
@@ -69,10 +69,10 @@ def age_of_link_s(
     """Return the age to judge by: that of the picture, or that of the command if it is worse.
 
     `picture_age_s` is that of the named picture when the command came, counted from its delivery to
-    the loop: both ways of the link and the time on the phone are in it. Measured on one clock, it
-    cannot be wrong. `reported_age_s` is the same when the command was sent, as the page estimates
-    it; without it all is attributed to the link. Not so what of that the picture had spent on the
-    phone (`phone_s`, if it is known): a slow phone costs pictures, not examples.
+    the loop: it contains both ways of the link and the time on the phone, and is measured on one
+    clock. `reported_age_s` is the same when the command was sent, as the page estimates it; without
+    it the whole age is attributed to the link. The time on the phone (`phone_s`, if known) is
+    subtracted: a slow phone costs pictures, not examples.
     """
     if reported_age_s is None:
         return picture_age_s
@@ -106,32 +106,32 @@ class LinkGovernor:
         camera: CameraState,
         now_s: float,
     ) -> None:
-        """Take note of what a command tells of the link, even one that is too old to be obeyed.
+        """Measure the link by a command, even by one that is too old to be obeyed.
 
-        `named_s` is when the frame that it names was taken, and when it reached the loop; `seen_s`
-        when the newest frame that was acknowledged did.
+        `named_s` holds two times of the frame that it names: taken, and arrived at the loop;
+        `seen_s` is the arrival of the newest frame that was acknowledged.
         """
         captured_s, delivered_s = named_s
         self.note_seen(seen_s)
         reported_s = command.frame_age_s
         if reported_s is not None:
             reported_s -= delivered_s - captured_s
-        # If the page reports how long the phone had the picture, no period has to be allowed for.
+        # If the page reports the picture's time on the phone, the camera's period needs no slack.
         slack_s = camera.slack_s if command.phone_s is None else 0.0
         age_s = age_of_link_s(command.received_s - delivered_s, reported_s, command.phone_s)
         self.note_age(age_s, now_s, slack_s)
 
     def note_seen(self, delivered_s: float) -> None:
-        """Take note that the pilot saw a picture that reached the loop at `delivered_s`."""
+        """Record that the pilot saw a picture that reached the loop at `delivered_s`."""
         self._seen_s = delivered_s
 
     def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
-        """Return in what time the pilot has seen nothing for too long, even if heartbeats arrive:
-        below 0 for one who has, infinite for one who was shown nothing yet."""
+        """Return the time until the pilot counts as blind, even if heartbeats arrive: negative if
+        the pilot is blind already, infinite before the first picture."""
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
-        """Take note of an age, and step up at once or down when it has been better long enough.
+        """Record an age; step up at once, or down when it has been better for `recovery_s`.
 
         `slack_s` is the part of it that is the camera's own period.
         """
@@ -148,12 +148,12 @@ class LinkGovernor:
             self._better_since_s = now_s
 
     def note_lateness(self, late_s: float, *, is_to_blame: bool) -> None:
-        """Take note of how late the computer was, ten times a second. It fades within a second or
-        two, but not while the robot stands because of it."""
+        """Record the computer's lateness, ten times a second. It fades within a second or two, but
+        not while the robot stands because of it."""
         self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
 
     def state(self, now_s: float, slack_s: float = 0.0) -> LinkState:
-        """Return what follows, also for a pilot who is blind; arguments as for `blind_in_s`."""
+        """Return the limits, also for a blind pilot; arguments as for `blind_in_s`."""
         level, is_busy = self.level, self._lateness_s > self.config.busy_s
         is_free = level in (LinkLevel.GOOD, LinkLevel.SLOW) and not is_busy
         return LinkState(

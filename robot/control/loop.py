@@ -44,20 +44,22 @@ from robot.types import (
 log = logging.getLogger(__name__)
 _Commands = list[PilotCommand]
 _STANDS_S = 0.04
-"""A tick and the body take at most so long: then the wheels stand when the pilot is blind."""
+"""Upper bound of tick time plus actuator latency, in seconds. It is subtracted so that the wheels
+have stopped when the pilot's picture expires."""
 _SHORTEST_WAIT_S = 0.001
 _RESTS_AFTER_S = 1.0
-"""How long a robot stands unwatched before it rests, in seconds: a page that is loaded again finds
-it awake, and the camera's rate has been measured."""
+"""Time that a robot stands unwatched before it rests, in seconds: long enough to reload the page
+and to measure the camera's rate."""
 _RESTING_SHARE = 0.9
-"""Share of the wanted time between two pictures after which one is looked at: cameras jitter."""
+"""Share of the wanted period after which the next picture is taken: cameras jitter."""
 _RESTING_WAIT_S = 0.25
-"""Longest time between two ticks at rest: below `ACTION_TIMEOUT_S`, for bodies with a watchdog."""
+"""Longest time between two ticks at rest, in seconds: below `ACTION_TIMEOUT_S`, for bodies with a
+watchdog."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopConfig:
-    """What the loop does, and how patient it is."""
+    """The loop's time limits, in seconds, and its options."""
 
     gate: GateConfig = field(default_factory=GateConfig)
     governor: LinkGovernorConfig = field(default_factory=LinkGovernorConfig)
@@ -65,22 +67,22 @@ class LoopConfig:
     longest_wait_s: float = 0.05
     """Longest time between two ticks, even when the camera sends nothing."""
     stall_s: float = 0.3
-    """After a longer gap between two ticks the robot stops: commands received meanwhile are out of
-    date (the computer slept, or the process was held up)."""
+    """Gap between two ticks after which the robot stops: commands received meanwhile are stale (the
+    computer slept, or the process was held up)."""
 
 
 class ControlLoop:
     """One robot's loop. `tick` is for one thread; all other methods may be called from any.
 
     Attributes:
-        clock: The clock of the loop, and of whatever runs beside it.
-        learning: What the robot sees and learns; use it only through `submit`.
+        clock: The clock of the loop and of all that runs beside it.
+        learning: Perception and learning; use it only through `submit`.
         history: Its training history; use it only through `submit`.
-        submit: Queues what is to run between two ticks; see `Mailbox.put`.
+        submit: Queues a function to run between two ticks; see `Mailbox.put`.
         state: The newest tick, for any thread; a frozen value that never changes under the reader.
         wake: Set when there is a reason for a tick: a frame, a command, a request.
-        speed_share: How much of full speed a person allows, in (0, 1].
-        error: What the loop failed by last.
+        speed_share: Share of full speed that a person allows, in (0, 1].
+        error: The last error of the loop.
     """
 
     def __init__(
@@ -105,7 +107,7 @@ class ControlLoop:
         self._mailbox = Mailbox()
         self.submit, self.wake = self._mailbox.put, self._mailbox.wake
         self._world_s = camera.world_s
-        """The gate and the link governor are told times of the world's clock, and no others."""
+        """Converts to the world's clock: the gate and the link governor only get its times."""
         self._commands: _Commands = []
         self._asked: tuple[Action | None, Point | None] | None = None
         self._fault: str | None = None
@@ -119,10 +121,10 @@ class ControlLoop:
         self.state = self._sum_up(Tick(now_s=clock.now_s(), decision=self._gate.stand()))
         camera.listen(self._hear_camera)
 
-    # What others ask of the loop -------------------------------------------------------------
+    # Requests from other threads -------------------------------------------------------------
 
     def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
-        """Call `listener` after each tick, until the returned one is called; it must be quick."""
+        """Call `listener` after each tick; it must be quick. The returned function ends this."""
         self._listeners = [*self._listeners, listener]
 
         def unsubscribe() -> None:
@@ -137,19 +139,19 @@ class ControlLoop:
 
     @property
     def is_resting(self) -> bool:
-        """True while the robot stands and takes fewer pictures, as nobody needs more."""
+        """True while the robot stands and takes fewer pictures because no more are needed."""
         return self._rest_every_s > 0.0
 
     def need_picture_every(self, seconds: float) -> Future[None]:
-        """While the robot stands, one picture in so many seconds is enough; 0: all are needed.
+        """Set the period of pictures that is enough while the robot stands; 0: all are needed.
 
-        Infinite: nobody looks. A robot that may move takes all pictures, whatever is said here.
+        Infinite: nobody looks. A robot that may move takes all pictures in any case.
         """
         return self.submit(lambda: self._need(seconds))
 
     @property
     def wait_s(self) -> float:
-        """The longest time until the next tick: a pilot who grows blind is not waited for."""
+        """The longest time until the next tick: it comes before the pilot counts as blind."""
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
             return _RESTING_WAIT_S if self.is_resting else longest_s
@@ -158,7 +160,7 @@ class ControlLoop:
         return min(longest_s, max(_SHORTEST_WAIT_S, self._link.blind_in_s(stands_s, slack_s)))
 
     def note_lateness(self, late_s: float) -> None:
-        """Take note of how late this computer did what was due; a world that waits minds none."""
+        """Record the lateness of this computer; it does not matter in a world that waits."""
         if not self._camera.world_waits:
             is_to_blame = self.state.decision.stop_reason is StopReason.LINK_SLOW
             self._link.note_lateness(late_s, is_to_blame=is_to_blame)
@@ -183,7 +185,7 @@ class ControlLoop:
         return self.submit(lambda: self._epoch is epoch and self._start(mode, asked_s, frame_id))
 
     def empty_command(self) -> Future[None]:
-        """Forget what is held: the pilot joined, left or lost the wheel. Stops a moving robot."""
+        """Forget the held move: the pilot joined, left or lost the wheel. Stops a moving robot."""
         self._asked = None
         return self.submit(self._change_pilot)
 
@@ -192,8 +194,8 @@ class ControlLoop:
         return self.submit(lambda: self._gate.trip(reason))
 
     def latch_emergency(self) -> Future[None]:
-        """Stop until `release_emergency`; it is run before all queued requests."""
-        self._epoch = object()  # a start or release that was asked for before counts no more
+        """Stop until `release_emergency`; it runs before all queued requests."""
+        self._epoch = object()  # an earlier request to start or release does not count any more
         return self._mailbox.put(self._latch_emergency, is_urgent=True)
 
     def release_emergency(self) -> Future[None]:
@@ -223,7 +225,7 @@ class ControlLoop:
                     is_intervention=self._gate.mode is Mode.AUTONOMOUS,
                     may_learn=link.may_learn,
                 )
-        except Exception as error:  # top of the loop: whatever it is, stop first
+        except Exception as error:  # top of the loop: stop first, for any error
             self._break_down(error)
             decision, sent = self._gate.stand(), Action.STOP
         return self._publish(
@@ -247,7 +249,7 @@ class ControlLoop:
         )
 
     def _is_held_up(self, seconds: float) -> bool:
-        """Stop if the computer did nothing for so long: what was decided before is outdated."""
+        """Stop if the computer was held up for this time: the last decision is outdated."""
         is_harmless = self._gate.mode is Mode.STOPPED or self._camera.world_waits
         if is_harmless or seconds <= self.config.stall_s:
             return False
@@ -255,7 +257,7 @@ class ControlLoop:
         return True
 
     def _heed_button(self) -> None:
-        """Obey a button on the robot itself: any stops it, the start button starts it again."""
+        """Obey a button on the robot: every button stops it, and the start button starts it."""
         button, stood = self._driver.take_button(), self.state.decision.mode is Mode.STOPPED
         if button is BodyButton.START and stood and self._gate.mode is Mode.STOPPED:
             if not self.state.emergency:  # else it was pressed before the release
@@ -295,7 +297,7 @@ class ControlLoop:
             return None
         may_move = self._gate.mode is not Mode.STOPPED
         if may_move:
-            self._fault = None  # of a picture before; a stop keeps its own
+            self._fault = None  # that of an earlier picture; a stop keeps its own
         is_moving = may_move and not self._camera.world_waits
         if not self.is_resting:
             times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)
@@ -303,7 +305,7 @@ class ControlLoop:
         return frame
 
     def _is_due(self, frame: Frame | None) -> bool:
-        """False for a frame that nobody needs, so soon after the one before."""
+        """False for a frame that comes before the needed period is over."""
         last, least_s = self.learning.frame, _RESTING_SHARE * self._rest_every_s
         return not least_s or not frame or not last or frame.captured_s - last.captured_s >= least_s
 
@@ -320,7 +322,7 @@ class ControlLoop:
             return Sensors()
 
     def _decide(self, link: LinkState, world_s: float) -> Decision:
-        """Choose who drives, and how fast: the slowest of all who have a say."""
+        """Choose who drives, and the speed: the lowest of all limits."""
         frame, waits = self.learning.frame, self._camera.world_waits
         decision = self._gate.select(
             world_s,
@@ -334,9 +336,9 @@ class ControlLoop:
         return replace(decision, speed_scale=scale * self.speed_share)
 
     def _drive(self, decision: Decision, started_s: float) -> tuple[Decision, Action]:
-        """Send the decision to the motors; return it and what was sent, or that the robot stands.
+        """Send the decision to the motors; return it and the action sent, or that the robot stands.
 
-        The process may be held up within a tick, too: an outdated decision is not sent.
+        The process may also be held up within a tick: an outdated decision is not sent.
         """
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):
@@ -349,7 +351,7 @@ class ControlLoop:
         return self._gate.stand(), Action.STOP
 
     def _publish(self, tick: Tick) -> Tick:
-        """Tell all of the tick; then those who asked for something are answered."""
+        """Give the tick to all listeners; then complete the requests."""
         try:
             before, self.state = self.state, self._sum_up(tick, self.state)
             if tick.decision.mode is not before.decision.mode:
@@ -364,7 +366,7 @@ class ControlLoop:
         return self.state
 
     def _rest_or_not(self, now_s: float) -> None:
-        """Tell the camera when it may rest, and when it may not any more."""
+        """Tell the camera when it may rest, and when it must not."""
         if self._gate.mode is not Mode.STOPPED or not self._enough_every_s:
             self._stirred_s = now_s
         every_s = self._enough_every_s if now_s - self._stirred_s >= _RESTS_AFTER_S else 0.0
@@ -380,7 +382,7 @@ class ControlLoop:
         self._enough_every_s = every_s
 
     def _note(self, command: PilotCommand) -> None:
-        """Take in a command; even one that comes too late is a measurement of the link."""
+        """Record a command; even one that comes too late measures the link."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         if times is not None:
             (captured_s, delivered_s), seen_s = times
@@ -391,7 +393,7 @@ class ControlLoop:
         self._commands.append(command)
 
     def _in_world(self, command: PilotCommand) -> PilotCommand:
-        """Return the command with its times as the world's clock showed them."""
+        """Return the command with its times converted to the world's clock."""
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         received_s = self._world_s(command.received_s)
         return replace(command, received_s=received_s, proven_s=self._world_s(proven_s))
@@ -418,13 +420,13 @@ class ControlLoop:
         self._driver.stop()
 
     def _forget_drive(self) -> None:
-        """Forget whatever belongs to the drive that ends: earlier commands do not count now."""
+        """Forget the state of the drive that ends: earlier commands do not count any more."""
         self._commands.clear()
         self.learning.reset()
 
     def _stop(self, reason: StopReason, fault: str) -> None:
-        """Stop the motors at once, and say what is wrong."""
-        with contextlib.suppress(Exception):  # a body that is out of reach ends its move itself
+        """Stop the motors at once, and report the fault."""
+        with contextlib.suppress(Exception):  # a body out of reach ends its move by itself
             self._driver.stop()
         self._gate.trip(reason)
         self._fault = fault

@@ -25,11 +25,12 @@ class Mailbox:
     ) -> Future[_T]:
         """Queue a request to be run on the loop's thread; before all others if it is urgent.
 
-        One that is no news wakes nobody: it is run in the next tick, 50 ms later at most.
+        With `is_news` False it does not wake the loop: it runs in the next tick, 50 ms later at
+        most.
 
-        Everything that reads or changes the training history comes here: undo, edits, saving,
-        replacing. The future is done at the end of the tick that ran the request, when the state is
-        published and every listener was called.
+        All reads and changes of the training history come here: undo, edits, saving, replacing. The
+        future is done at the end of the tick that ran the request, when the state is published and
+        every listener was called.
         """
         future: Future[_T] = Future()
         add = self._requests.appendleft if is_urgent else self._requests.append
@@ -49,7 +50,7 @@ class Mailbox:
                 continue
             try:
                 self._answers.append(partial(future.set_result, request()))
-            except Exception as error:  # goes to the caller; the loop goes on
+            except Exception as error:  # passed to the caller; the loop goes on
                 self._answers.append(partial(future.set_exception, error))
 
     def answer(self) -> None:

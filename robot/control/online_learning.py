@@ -3,9 +3,9 @@
 It keeps the feature vectors of the newest frames, because a command labels the frame that the pilot
 was looking at, which is a little older than the newest.
 
-Which frames a command labels: it says what is held and which frame the pilot was looking at. That
-frame gets the label, and so do the frames between it and the one that the command before named:
-they carry what was held then, because a change is always sent at once.
+A command states the held move and the frame that the pilot was looking at. That frame gets the
+label. The frames between it and the frame of the previous command get the move that was held then,
+because a change is always sent at once.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 log = logging.getLogger(__name__)
 
 WINDOW_S = 10.0
-"""A time, not a number of examples: at thirty a second a hundred are one way straight ahead."""
+"""Window of the agreement, in seconds. It is a time and not a number of examples: at thirty a
+second, a hundred examples are one stretch straight ahead."""
 
 
 class Agreement:
@@ -38,7 +39,7 @@ class Agreement:
 
     @property
     def n_examples(self) -> int:
-        """Over how many examples it is measured."""
+        """Number of examples in the window."""
         return len(self._examples)
 
     @property
@@ -54,7 +55,7 @@ class Agreement:
             self._n_right -= self._examples.popleft()[1]
 
     def drop_after(self, at_s: float) -> None:
-        """Drop what is later than this teaching time: it was undone."""
+        """Drop the examples after this teaching time: they were undone."""
         while self._examples and self._examples[-1][0] > at_s:
             self._n_right -= self._examples.pop()[1]
 
@@ -67,7 +68,7 @@ class Labeller:
         self._last_frame_id = 0
 
     def reset(self) -> None:
-        """Forget what was held: a new drive begins. No frame is labelled twice even so."""
+        """Forget the held move: a new drive begins. Frames are still never labelled twice."""
         self._previous = None
 
     def label(
@@ -89,14 +90,14 @@ class Labeller:
 
 
 CORRECTS_BEYOND = 0.1
-"""Who steers by degrees while the robot drives corrects it if he steers otherwise by more."""
+"""Difference in steering above which a pilot who steers by degrees corrects the robot."""
 MEMORY_FRAMES = 64
-"""How many of the newest frames can still be labelled: two seconds at 30 frames a second."""
+"""Number of the newest frames that can still be labelled: two seconds at 30 frames a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How often something was done, and how long it took in all."""
+    """Number of runs of a step, and their total time."""
 
     count: int = 0
     total_s: float = 0.0
@@ -113,7 +114,7 @@ class _Seen:
     point: Point | None
 
     def differs(self, label: Action, point: Point | None) -> bool:
-        """Return whether it corrects the robot to hold this; a move does, even the same."""
+        """Return whether this label corrects the robot; a move does, even the same one."""
         if point is None or self.point is None or label is not self.predicted:
             return True
         return abs(point.steering - self.point.steering) > CORRECTS_BEYOND
@@ -125,12 +126,12 @@ class OnlineLearning:
     Attributes:
         history: The training history: it teaches the policy, and can undo.
         frame: The newest frame that was processed.
-        prediction: What the policy would do on that frame.
-        agreement: How often it would have done what the pilot did.
-        timings: How long predicting and learning took, by name.
-        fault: How the learner failed on the newest frame or example; None if it did not.
-        failure: How it ever failed since it is in use.
-        error: What it raised last.
+        prediction: The policy's proposal on that frame.
+        agreement: Agreement of the proposals with the pilot's moves.
+        timings: Times of predicting and learning, by name.
+        fault: The learner's failure on the newest frame or example; None if it did not fail.
+        failure: The learner's last failure since it is in use; None if it never failed.
+        error: The last exception of the learner.
     """
 
     def __init__(self, policy: Policy, clock: Clock, declared: Collection[Move] = ()) -> None:
@@ -160,8 +161,8 @@ class OnlineLearning:
     ) -> bool:
         """Process the camera's newest frame; False if it is not new, or there is none.
 
-        The loop got it at `delivered_s`; None: when it was taken. The rest is for `Policy.propose`.
-        CameraError if the frame cannot be decoded; it then counts as not seen.
+        The loop got it at `delivered_s`; None: when it was taken. `Policy.propose` takes the rest.
+        Raises CameraError if the frame cannot be decoded; it then counts as not seen.
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False
@@ -169,7 +170,7 @@ class OnlineLearning:
         self.frame = frame
         self._frame_times_s.append(frame.captured_s)
         started_s = self._clock.now_s()
-        prediction = Prediction(frame_id=frame.frame_id)  # none, where the learner fails
+        prediction = Prediction(frame_id=frame.frame_id)  # stays empty if the learner fails
         with self._guarded():
             prediction = self.history.policy.propose(
                 frame.frame_id,
@@ -195,7 +196,7 @@ class OnlineLearning:
 
     @contextlib.contextmanager
     def _guarded(self) -> Iterator[None]:
-        """Note what goes wrong within, and go on: a learner may be anybody's."""
+        """Record errors and go on: learners may be third-party plugins."""
         try:
             yield
         except Exception as error:
@@ -207,7 +208,7 @@ class OnlineLearning:
 
     @property
     def newest(self) -> tuple[Vector, Prediction] | None:
-        """The newest frame's vector, and what the policy would do on it; None before the first."""
+        """The newest frame's vector, and the policy's proposal on it; None before the first."""
         if self.frame is None or self.prediction is None:
             return None
         return self._seen[self.frame.frame_id].x, self.prediction
@@ -237,7 +238,7 @@ class OnlineLearning:
             self.agreement.add(self.history.teaching_s, is_right=seen.predicted is label)
 
     def reset(self) -> None:
-        """Forget whatever belongs to the drive that ends here."""
+        """Forget the state of the drive that ends."""
         self._labeller.reset()
         with self._guarded():
             self.history.begin_drive()
@@ -245,9 +246,9 @@ class OnlineLearning:
     def times_of(
         self, frame_id: int | None, seen_id: int | None = None
     ) -> tuple[tuple[float, float], float] | None:
-        """Return when a frame was taken and when it reached the loop; and the latter of the newest
-        that was acknowledged, if that is an older one. For a frame that is no longer remembered,
-        the times of the oldest that is. None before the first, and if no frame is named."""
+        """Return when a frame was taken and when it reached the loop, and when the newest
+        acknowledged frame did, if that is an older one. For a frame that is no longer remembered
+        the times of the oldest one count. None before the first frame, and if no frame is named."""
         if not self._seen or frame_id is None:
             return None
         newest_id, oldest = next(reversed(self._seen)), next(iter(self._seen.values()))
@@ -263,7 +264,7 @@ class OnlineLearning:
         return events
 
     def note_pause(self, *, is_over: bool) -> None:
-        """Measure the frame rate anew: until there are two frames that of before a pause counts."""
+        """Restart the frame rate's measurement; until two frames came, the old rate counts."""
         if not is_over:
             self._rate_before_hz = self.frame_rate_hz
         self._frame_times_s.clear()

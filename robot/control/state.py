@@ -1,4 +1,4 @@
-"""The outcome of one tick, for everybody who follows the robot."""
+"""The outcome of one tick, for all that follow the robot."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from robot.policy.history import HistoryEvent
 from robot.types import Action, Decision, Frame, PilotCommand, Prediction, Sensors, StopReason
 
 LATE_CYCLE_S = 0.1
-"""A tick that takes longer counts as late."""
+"""Duration above which a tick counts as late, in seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tick:
-    """All that happened in one tick, and what the loop sees and knows at its end.
+    """The events of one tick, and the state of the loop at its end.
 
-    `frame` is set if it was a new one, `frame_id` and `frame_captured_s` are those of the newest;
-    `source_age_s` is the camera's. `commands` count; `refused` are those that the gate found too
-    old, or that name no frame.
+    `frame` is set if it is new; `frame_id` and `frame_captured_s` belong to the newest one;
+    `source_age_s` is the camera's. `commands` were accepted; `refused` are those that were too old
+    for the gate, or that name no frame.
     """
 
     now_s: float
@@ -64,9 +64,9 @@ def sum_up(
     gate: Gate,
     timing: CameraTiming,
 ) -> Tick:
-    """Return a tick, of which what happened is filled in, with all that is known at its end.
+    """Return a tick whose events are filled in, with the state at its end.
 
-    `before` is the one before it; None: this is where the robot begins.
+    `before` is the previous tick; None: this is the first.
     """
     frame, policy = learning.frame, learning.history.policy
     return replace(

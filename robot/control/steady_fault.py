@@ -1,16 +1,16 @@
-"""One fault, one sentence: what a person reads does not flicker while its cause lasts. Pure."""
+"""One fault, one sentence: the text on the page does not flicker while its cause lasts. Pure."""
 
 from __future__ import annotations
 
 import math
 
 STEADY_S = 3.0
-"""How long a sentence stands before another may take its place, and how long a fault must be away
-from a standing robot before it counts as gone, in seconds: long enough to read it."""
+"""Least time that a sentence stays, in seconds: long enough to read it. A fault of a standing robot
+must be away for the same time before it counts as gone."""
 
 
 class SteadyFault:
-    """Chooses which sentence to show of those that come and go.
+    """Chooses the sentence to show while faults come and go.
 
     A new fault is shown at once. A camera that repeats a picture once a second, or a sentence that
     counts its seconds, keeps the sentence that it has.
@@ -21,9 +21,9 @@ class SteadyFault:
         self._changed_s = self._seen_s = -math.inf
 
     def show(self, fault: str | None, now_s: float, *, may_move: bool) -> str | None:
-        """Take in what is wrong now, and return what to show.
+        """Take the present fault, and return the sentence to show.
 
-        A robot that `may_move` was started since: nothing that is over is shown any more.
+        A robot that `may_move` was started since, so old faults are not shown any more.
         """
         if fault is not None:
             self._seen_s = now_s

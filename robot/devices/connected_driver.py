@@ -14,10 +14,10 @@ _C = TypeVar("_C")
 
 
 class ConnectedDriver(Driver, Generic[_C]):
-    """What bodies share that are one thing to open: a line, a bridge, a library's motor.
+    """Base of bodies with one connection to open: a line, a bridge, a library's motor.
 
-    A subclass says how it is opened and closed, and moves by it. What must be refused without it,
-    or may be done twice, is refused and done here.
+    A subclass opens and closes the connection, and moves by it. This class refuses calls without a
+    connection, and makes `connect` and `disconnect` idempotent.
     """
 
     _connection: _C | None = None
@@ -31,17 +31,17 @@ class ConnectedDriver(Driver, Generic[_C]):
         """Return the connection; raises as `connect` does."""
 
     def _begin(self) -> None:
-        """Greet the body, and make sure that nothing moves; what this raises disconnects again."""
+        """Greet the body, and make sure that nothing moves; an error disconnects it again."""
 
     @abstractmethod
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
-        """Move so, or stand; by degrees if there is a point, as only those get that take points.
+        """Move, or stand; by degrees if there is a point, which only bodies get that take points.
 
-        All has been checked.
+        The arguments have been checked.
         """
 
     def _close(self, connection: _C) -> None:
-        """Let go; whoever lives in memory alone has nothing to let go of."""
+        """Close the connection; a body that lives only in memory has none to close."""
 
     def _connected(self) -> _C:
         if self._connection is None:

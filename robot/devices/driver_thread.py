@@ -2,7 +2,7 @@
 
 The control loop must never wait for a body: at 45 ms a request it would run at 10 Hz, drive at half
 speed and learn under half the examples. So the loop leaves its newest action in one slot, and a
-thread hands the body whatever is newest when the body is ready; what came between is never sent.
+thread sends the newest action when the body is ready; actions in between are never sent.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from robot.errors import DriveError, NotConnectedError
 from robot.types import Action, Mode, Point, Sensors
 
 SENSE_EVERY_S = 0.1
-"""How often the sensors are read while actions wait; with nothing to do, as often."""
+"""Period of reading the sensors, in seconds, whether actions wait or not."""
 STALE_S = 0.25
-"""An action that waited longer is not sent any more: the loop that wanted it was held up."""
+"""Age above which an action is not sent any more, in seconds: the loop was held up since."""
 SILENT_S = 0.5
-"""A request that takes longer is a fault. The body's own time limit has ended the move by then."""
+"""Duration above which a request is a fault, in seconds. The body's own time limit has ended the
+move by then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +38,15 @@ class _Order:
 
 
 def _of_body(name: str) -> Any:
-    """Make what the body says, or takes at once, the wrapper's own."""
+    """Return a property that reads this attribute of the wrapped body."""
     return property(attrgetter(f"driver.{name}"))
 
 
 class DriverThread(Driver):
-    """Wraps a driver that says `is_remote`; the loop's calls return at once.
+    """Wraps a driver with `is_remote`; the loop's calls return at once.
 
     A fault of the body is raised by the next call, and by every one until a request succeeds.
-    `step` does one request and is what the thread repeats.
+    `step` does one request; the thread repeats it.
     """
 
     def __init__(self, driver: Driver, clock: Clock) -> None:
@@ -119,12 +120,12 @@ class DriverThread(Driver):
         return action
 
     def sense(self) -> Sensors:
-        """Return what was read last, a tenth of a second ago or so."""
+        """Return the latest readings, about a tenth of a second old."""
         self._raise_fault("sense")
         return self._sensors
 
     def stop(self) -> None:
-        """Have the body stopped before anything else; what waits is dropped."""
+        """Have the body stopped before anything else; waiting actions are dropped."""
         with self._lock:
             self._order, self._must_stop = None, True
         self._due.set()
@@ -132,7 +133,7 @@ class DriverThread(Driver):
             self.driver.stop()
 
     def take_button(self) -> BodyButton | None:
-        """Return what the body's button asked for when it was read last."""
+        """Return the request of the body's button at the latest reading."""
         with self._lock:
             button, self._button = self._button, None
         return button
@@ -145,7 +146,7 @@ class DriverThread(Driver):
     # On the thread -----------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do the one request that is most due: stop, drive, sense or show; False if none is."""
+        """Do the most urgent request: stop, drive, sense or show; False if there is none."""
         now_s = self._clock.now_s()
         with self._lock:
             request = self._choose(now_s)
@@ -156,14 +157,14 @@ class DriverThread(Driver):
         try:
             do()
             self._faults.pop(kind, None)
-        except Exception as error:  # for the loop's thread, which raises it and stops
+        except Exception as error:  # kept for the loop's thread, which raises it and stops
             self._faults[kind] = error
         finally:
             self._request_s = None
         return True
 
     def _choose(self, now_s: float) -> tuple[str, Callable[[], None]] | None:
-        """Take what is most due out of its slot: to stop, then to sense or drive, then to show.
+        """Take the most urgent request out of its slot: stop, then sense or drive, then show.
 
         A new action goes before the sensors, once (STOP: always); a renewal goes after them.
         """
@@ -198,7 +199,7 @@ class DriverThread(Driver):
         self._sensed_s = now_s
         self._sensors = self.driver.sense()
         button = self.driver.take_button()
-        # A start that was pressed while nothing could be heard is none any more.
+        # A start that was pressed while the body did not answer does not count any more.
         if button is BodyButton.STOP or (button is not None and "sense" not in self._faults):
             self._button = button
 
@@ -214,7 +215,7 @@ class DriverThread(Driver):
         request_s = self._request_s
         if request_s is not None and self._clock.now_s() - request_s > SILENT_S:
             raise DriveError(
-                f"the robot {self.name!r} does not answer; is it switched on and in reach?"
+                f"the robot {self.name!r} does not answer; is it switched on and in range?"
             )
         fault = self._faults.get(kind) or self._faults.pop("show", None)
         if fault is not None:

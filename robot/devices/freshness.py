@@ -1,16 +1,16 @@
-"""Is a camera alive? Detects one that is silent, or repeats one picture. Python 3.5, pure."""
+"""Detects a camera that is silent, or that repeats one picture. Python 3.5, pure."""
 
 from typing import Optional
 
 REOPEN_S = 0.5
-"""How often a lost camera is looked for."""
+"""Period of the search for a lost camera, in seconds."""
 STILL_S = 0.35
-"""A camera that shows nothing new for so long, and its own period, is broken: noticed within
-500 ms and the period."""
+"""Time without a new picture, beyond the camera's own period, after which a camera is broken, in
+seconds: it is noticed within 500 ms plus the period."""
 LONGEST_PERIOD_S = 1.2
-"""A camera slower than this does not make us more patient."""
+"""Longest period of a camera that is waited for, in seconds; a slower one gets no more time."""
 _BURST_S = 0.02
-"""Pictures that come closer together were sent together: that is not the camera's period."""
+"""Gap below which two pictures were sent together, in seconds: it is not the camera's period."""
 
 
 class Freshness:
@@ -23,7 +23,7 @@ class Freshness:
         self._period_s = None  # type: Optional[float]
 
     def is_new(self, data: bytes, now_s: float) -> bool:
-        """Take note of a picture. False for an exact repeat: a living sensor has noise."""
+        """Record a picture. False for an exact repeat: a live sensor has noise."""
         self._seen_s = now_s
         if data == self._last:
             return False
@@ -33,14 +33,15 @@ class Freshness:
         return True
 
     def _learn_period(self, gap_s: float) -> None:
-        """Quick to shrink, slow to grow: one lost picture must not add patience."""
+        """Update the period: it grows slowly, so that one lost picture adds little, and shrinks at
+        once."""
         if self._period_s is None:
             self._period_s = min(gap_s, LONGEST_PERIOD_S)
         self._period_s = min(gap_s, 1.1 * self._period_s, LONGEST_PERIOD_S)
 
     @property
     def patience_s(self) -> float:
-        """How long the camera may show nothing new."""
+        """Longest time that the camera may show nothing new."""
         return STILL_S + (self._period_s or 0.0)
 
     def continue_from(self, before: "Freshness") -> None:
@@ -48,10 +49,10 @@ class Freshness:
         self._last = before._last
 
     def fault(self, now_s: float) -> Optional[str]:
-        """What is wrong, or None."""
+        """The camera's fault, or None."""
         if now_s - self._new_s <= self.patience_s:
             return None
-        # A camera that repeats its picture more seldom than new ones came is still there.
+        # A camera that repeats its picture at a longer interval than new ones came still works.
         if now_s - self._seen_s <= max(self.patience_s, STILL_S + LONGEST_PERIOD_S):
             return "repeats one picture" if self._seen_s > self._new_s else "gives no pictures"
         return "gives no pictures"

@@ -1,8 +1,8 @@
 """Options that a driver or camera declares: a frozen dataclass whose fields become flags.
 
-Each field has a default and `metadata={"help": ...}`; `choices`, and for a number its `range` as
-`(least, most)`, may be among the metadata; so may `secret`: the value is never recorded. Our own
-devices say so by `option`, on a base that refuses what is out of range.
+Each field has a default and `metadata={"help": ...}`. The metadata may have `choices`, `range` as
+`(least, most)` for a number, and `secret` for a value that is never recorded. Our own devices
+declare fields by `option`, on a base that refuses values out of range.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Option:
         return "--" + self.name.replace("_", "-")
 
     def read(self, value: Any) -> Any:
-        """Return the value, converted from text that a person typed, as this option's type."""
+        """Return the value as this option's type, converted from a person's text."""
         least, most = self.range or (None, None)
         if self.choices is not None and value not in self.choices:
             raise ConfigurationError(
@@ -66,7 +66,7 @@ def option(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """Base of options that are refused when out of range, whoever made them.
+    """Base of options that refuses values out of range on creation.
 
     Raises:
         ConfigurationError: If a number is out of its range, or `check` finds something.
@@ -76,11 +76,11 @@ class Options:
         for declared in options_of(type(self)):
             value, allowed = getattr(self, declared.name), declared.range
             if allowed is not None and not allowed[0] <= value <= allowed[1]:
-                declared.read(value)  # says what was expected
+                declared.read(value)  # the error names the expected value
         self.check()
 
     def check(self) -> None:
-        """Refuse what a range cannot say."""
+        """Refuse values that a range cannot describe."""
 
 
 def options_of(options_type: type[Any]) -> list[Option]:
@@ -101,9 +101,9 @@ def options_of(options_type: type[Any]) -> list[Option]:
 
 
 def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
-    """Build the dataclass from what was given; text is parsed, what is missing is the default.
+    """Build the dataclass from the given values; text is parsed, missing values are the defaults.
 
-    Names that this dataclass does not declare are left alone: they belong to other classes.
+    Names that this dataclass does not declare are ignored: they belong to other classes.
 
     Raises:
         ConfigurationError: If a value is not of its type, or out of range.

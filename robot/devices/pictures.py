@@ -14,12 +14,12 @@ from robot.types import Encoding
 
 MAX_SIDE_PX = 4096
 DRIVEN_BY_PX = 1280 * 960
-"""The largest picture that is passed on: the learner sees a few hundred pixels of it, and each one
-more delays the pilot's."""
+"""Largest picture that is passed on, in pixels: the learner sees a few hundred of them, and larger
+pictures reach the pilot later."""
 _SHARES = (2, 4, 8)
-"""By how much a JPEG can be reduced while it is decoded, which costs a fraction of its size."""
+"""Factors by which a JPEG can be reduced while it is decoded, at a fraction of the full cost."""
 _READABLE_SOF = (0xC0, 0xC1, 0xC2)
-"""Kinds of JPEG that decoders read: baseline, extended, progressive. 0xC3 is lossless."""
+"""JPEG kinds that decoders read: baseline, extended, progressive. 0xC3 is lossless."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 
@@ -43,7 +43,7 @@ def read_picture(data: bytes, name: str) -> Picture:
     """Check the bytes of a JPEG or PNG by decoding them once.
 
     Raises:
-        RecordingError: If they are no picture, damaged, or larger than 4096 pixels a side.
+        RecordingError: If they are not a picture, damaged, or larger than 4096 pixels a side.
         MissingExtraError: If OpenCV is not installed.
     """
     size = _size(data)
@@ -57,7 +57,7 @@ def read_picture(data: bytes, name: str) -> Picture:
     if not _has_end(data):
         raise RecordingError(f"{name} is a damaged picture: its end is missing")
     if data.startswith(_JPEG):
-        # In grey at an eighth: all bytes are read, and a fifth of the time goes.
+        # In grey at an eighth: all bytes are read in a fifth of the time.
         small = decode(data, is_reduced=True)
         if small is None or small.shape != (-(-height // 8), -(-width // 8)):
             raise RecordingError(f"{name} is a damaged picture")
@@ -82,7 +82,7 @@ def _size(data: bytes) -> tuple[int, int] | None:
 
 
 def read_jpeg(data: bytes) -> Picture:
-    """Return a JPEG as it is, with the size that its header says; RecordingError if it is none."""
+    """Return a JPEG as it is, with the size in its header; RecordingError if it is not a JPEG."""
     size = _size(data) if data.startswith(_JPEG) else None
     if size is None:
         raise RecordingError("not a JPEG")
@@ -90,7 +90,7 @@ def read_jpeg(data: bytes) -> Picture:
 
 
 def check_kind(data: bytes) -> None:
-    """Raise RecordingError for a JPEG of a kind that no usual decoder reads, such as lossless."""
+    """Raise RecordingError for a JPEG that common decoders do not read, such as a lossless one."""
     at = 2
     while at + 4 <= len(data) and data[at] == 0xFF:
         marker = data[at + 1]
@@ -99,14 +99,14 @@ def check_kind(data: bytes) -> None:
                 kind = "lossless" if marker in (0xC3, 0xC7, 0xCB, 0xCF) else "hierarchical"
                 raise RecordingError(
                     f"its pictures are {kind} JPEGs, which browsers and decoders do not read; "
-                    "choose usual JPEG in its settings"
+                    "choose baseline JPEG in its settings"
                 )
             return
         at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
 
 
 def reduce_picture(picture: Picture, quality: int = 80) -> Picture:
-    """Return a JPEG that is larger than robots are driven by as a smaller one; others unchanged.
+    """Return a JPEG above `DRIVEN_BY_PX` as a smaller one, and others unchanged.
 
     Raises:
         RecordingError: If it cannot be decoded.
@@ -130,7 +130,7 @@ def reduce_picture(picture: Picture, quality: int = 80) -> Picture:
 
 
 def _has_end(data: bytes) -> bool:
-    """True unless a picture is cut, which a decoder may fill up with grey in silence."""
+    """True unless a picture is cut off; a decoder may fill up such a one with grey silently."""
     if data.startswith(_PNG):
         return b"IEND" in data
     return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")  # the end, after the last scan

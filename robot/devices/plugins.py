@@ -1,4 +1,4 @@
-"""Drivers and cameras by name: found among the entry points, ours and other people's alike."""
+"""Drivers and cameras by name, found among the entry points: built-in ones and plugins."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot.errors import MissingExtraError, PluginError, did_you_mean
 DRIVERS = "drivelesson.drivers"
 CAMERAS = "drivelesson.cameras"
 DEFAULT = "drivelesson.default-robot"
-"""Entry points of the robot that is meant where none is chosen."""
+"""Group of the entry point that names the default robot."""
 
 sys.modules.setdefault("robot.moves", robot.driver)  # where plugins of version 0.2 look for moves
 
@@ -30,14 +30,14 @@ def camera_names() -> list[str]:
 
 
 def default_driver() -> str | None:
-    """Return the name of the robot that is meant where none is chosen; None: there is no such."""
+    """Return the name of the default robot; None if there is none."""
     return min((point.name for point in points(DEFAULT)), default=None)
 
 
 def load_driver(name: str) -> type[Driver]:
     """Return the driver class of this name.
 
-    There is no fall-back: a robot that silently is not there is worse than an error.
+    There is no fallback: an error is better than a robot that is silently missing.
 
     Raises:
         PluginError: If there is none, or it is not a driver.

@@ -1,4 +1,4 @@
-"""Pictures as PNG files with zlib alone: lossless, for pages and for other programs."""
+"""Pictures as PNG files by zlib only: lossless, for pages and for other programs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def encode_png(picture: NDArray[Any], *, level: int = 6) -> bytes:
         or picture.ndim not in (2, 3)
         or picture.shape[2:] not in ((), (3,))
     ):
-        raise ValueError(f"no picture: shape {picture.shape}, {picture.dtype}")
+        raise ValueError(f"not a picture: shape {picture.shape}, {picture.dtype}")
     height, width = picture.shape[:2]
     rows = picture.reshape(height, -1)
     filtered = np.zeros((height, rows.shape[1] + 1), np.uint8)  # each row begins with filter 0

@@ -1,7 +1,7 @@
 """Values from outside: each is declared once, with pydantic, and its description is the error.
 
-Only what pydantic 1.10 and 2 share is used: Debian 12 has the former, and a brick runs it. Why
-pydantic, and who may import it: docs/adr/0037-typed-borders.md.
+The code uses only features that pydantic 1.10 and 2 share: Debian 12 has the former, and a brick
+runs it. Reasons for pydantic, and the modules that may import it: docs/adr/0037-typed-borders.md.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ IS_OLD = pydantic.VERSION.startswith("1.")
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
 _STRICT: dict[str, Any] = {} if IS_OLD else {"strict": True}
 _MOST_BITS = 1000
-"""Of a whole number that fits into a float; at a larger one pydantic 1 fails."""
+"""Most bits of a whole number: it fits into a float, and pydantic 1 fails at larger ones."""
 _M = TypeVar("_M", bound=BaseModel)
 
 
 class RawValue(BaseModel, **_STRICT):
-    """Base of what is read as JSON or TOML: nothing is converted, so that "1" is no number."""
+    """Base of values read as JSON or TOML: nothing is converted, so "1" is not a number."""
 
     @classmethod
     def validate(cls, value: Any) -> Self:
@@ -62,18 +62,18 @@ def whole(
     most: int | None = None,
     or_word: str | None = None,
 ) -> Any:
-    """Declare a whole number within limits; `or_word` is what the sentence names besides."""
+    """Declare a whole number within limits; `or_word` is an alternative that the error names."""
     wanted = _range("whole number", None, least, most) + (f", or {or_word!r}" if or_word else "")
     return Field(default, ge=least, le=most, description=wanted)
 
 
 def text(default: Any = ..., *, most: int = 200) -> Any:
-    """Declare a text of so many characters."""
+    """Declare a text of at most this many characters."""
     return Field(default, max_length=most, description=f"a text of at most {most} characters")
 
 
 def must_be(wanted: str, default: Any = ...) -> Any:
-    """Declare a value of which the type says all, or what is read says the rest."""
+    """Declare a value that its type, or the code that reads it, checks completely."""
     return Field(default, description=wanted)
 
 
@@ -87,28 +87,28 @@ def read(kind: type[_M], plain: Any, where: str = "") -> _M:
 
 
 def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Callable[[Any], Any]:
-    """Return what reads one value; text is converted, unless `base` is strict.
+    """Return a function that reads one value; text is converted, unless `base` is strict.
 
-    Its ConfigurationError goes on behind a name: "must be a number above 0, not 'x'".
+    Its ConfigurationError continues after a name: "must be a number above 0, not 'x'".
     """
     model = create_model("Value", __base__=base, value=(kind, declared))
     return partial(_read_value, model, kind_of(kind))
 
 
 def plain_type(hint: Any) -> type[Any]:
-    """Reduce `X | None` to X: what may be left out is still of one type."""
+    """Reduce `X | None` to X: an optional value still has one type."""
     if get_origin(hint) in (UnionType, Union):
         hint = next(part for part in get_args(hint) if part is not type(None))
     return hint if isinstance(hint, type) else str
 
 
 def kind_of(hint: Any) -> str:
-    """Return what a value of a type is called: "a whole number"."""
+    """Return the name of a type in an error: "a whole number"."""
     return _KINDS.get(plain_type(hint), "a text")
 
 
 def explain(kind: type[BaseModel] | None, loc: Sequence[str | int]) -> str:
-    """Return the sentence for a value that was refused: which, and what it must be."""
+    """Return the sentence for a refused value: its name, and the valid values."""
     if not loc or kind is None:
         return "The body must be a JSON object."
     return f"{loc[0]!r} must be {_description(kind, str(loc[0])) or 'left out'}."
@@ -124,7 +124,7 @@ def _read_value(model: type[BaseModel], wanted: str, value: Any) -> Any:
 
 
 def fields_of(kind: type[BaseModel]) -> Mapping[str, Any]:
-    """Return what pydantic knows of each field."""
+    """Return pydantic's description of each field."""
     found: Mapping[str, Any] = getattr(kind, "__fields__" if IS_OLD else "model_fields")
     return found
 
@@ -135,7 +135,7 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if pydantic 1 converted nothing, but a whole number to a number; no half of an emoji."""
+    """True if pydantic 1 converted at most a whole number to a number; half an emoji is refused."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):
@@ -146,7 +146,7 @@ def _is_same(given: Any, read: Any) -> bool:
 
 
 def _refuse(kind: type[BaseModel], name: str) -> NoReturn:
-    from pydantic.error_wrappers import ErrorWrapper  # of pydantic 1
+    from pydantic.error_wrappers import ErrorWrapper  # pydantic 1
 
     raise ValidationError([ErrorWrapper(TypeError("converted"), name)], kind)
 

@@ -43,8 +43,8 @@ class Rig(StartStop):
             self.loop.subscribe(self._advise)
 
     def start(self) -> None:
-        """Connect the body, start the camera, and run the loop; RobotError if the hardware is not
-        there; whatever was started is stopped again."""
+        """Connect the body, start the camera, and run the loop. Raises RobotError if hardware is
+        missing; the parts that were started are stopped again."""
         try:
             self.driver.connect()
             self.camera.start()
@@ -92,7 +92,7 @@ def build_rig(
 
     Args:
         robot: Name of a driver.
-        camera: Name of a camera; None for the one that the driver comes with.
+        camera: Name of a camera; None for the driver's own.
         learner: Name of a policy, such as `default-32`.
         options: Values for the options that driver and camera declare, by name.
         config: The loop's limits.

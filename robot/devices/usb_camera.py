@@ -1,7 +1,7 @@
-"""Which camera a number means: Linux numbers cameras anew when one is plugged in again.
+"""Finds a USB camera again: Linux may give it another number when it is plugged in again.
 
-A camera that was lost is looked for by its make and serial number, or, if it tells none, by the
-socket that it was in: of two of the same make, the other one is not taken in its place.
+A lost camera is searched for by its make and serial number, or by its socket if it has no serial
+number: of two cameras of the same make, the other one is not taken in its place.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ _ROOT = Path("/sys/class/video4linux")
 
 
 def identity_of(number: int, root: Path = _ROOT) -> str | None:
-    """Return what stays the same of a USB camera; None if the system does not tell."""
+    """Return a lasting identity of a USB camera; None if the system does not tell."""
     node = root / f"video{number}"
     try:
         device = (node / "device").resolve(strict=True).parent
@@ -30,7 +30,7 @@ def identity_of(number: int, root: Path = _ROOT) -> str | None:
 def number_of(identity: str, root: Path = _ROOT) -> int | None:
     """Return the number that the camera has now; None if it is not plugged in.
 
-    Two that tell the same serial number, as a batch of cheap ones does, are none: it is a guess.
+    None also if two cameras have the same serial number, as in a batch of cheap ones.
     """
     try:
         numbers = [int(node.name[5:]) for node in root.iterdir() if node.name[5:].isdigit()]

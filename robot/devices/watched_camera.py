@@ -1,4 +1,4 @@
-"""Cameras with threads of their own; one of them may watch that pictures come from elsewhere."""
+"""Cameras with threads of their own; one of these may watch pictures that come from elsewhere."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ThreadedCamera(Camera):
     """A camera that works on threads: `_begin` starts them by `_work`, and `stop` ends them."""
 
     longest_join_s: ClassVar[float] = 2.0
-    """A thread that hangs for longer is left behind."""
+    """Longest wait for a thread to end, in seconds; one that hangs is left behind."""
 
     def __init__(self, options: Any, clock: Clock) -> None:
         super().__init__(clock)
@@ -44,10 +44,10 @@ class ThreadedCamera(Camera):
 
     @abstractmethod
     def _begin(self) -> None:
-        """Open what there is to open, and begin to work; what this raises stops it again."""
+        """Open the device, and begin to work; an error stops the camera again."""
 
     def _let_go(self) -> None:
-        """Close what `_begin` opened, before its threads are waited for; idempotent."""
+        """Close the device before the threads are joined; idempotent."""
 
     def stop(self) -> None:
         self._ending.set()
@@ -72,10 +72,10 @@ class ThreadedCamera(Camera):
 
 
 class WatchedCamera(ThreadedCamera):
-    """What cameras share that read on threads, or are called by a library.
+    """Base of cameras that read on threads, or that a library calls.
 
-    A subclass calls `_watch_over` when it begins, asks `_freshness` of each picture, and says in
-    `_name_fault` what is wrong when they stay away.
+    A subclass calls `_watch_over` when it begins, asks `_freshness` about each picture, and names
+    the fault in `_name_fault` when no pictures come.
     """
 
     def __init__(self, options: Any, clock: Clock) -> None:
@@ -84,10 +84,10 @@ class WatchedCamera(ThreadedCamera):
 
     @abstractmethod
     def _name_fault(self, wrong: str) -> str:
-        """Return the sentence for what is wrong, as that it "gives no pictures"."""
+        """Return the sentence for a fault such as "gives no pictures"."""
 
     def _watch_over(self, *reading: Callable[[], None]) -> None:
-        """Begin to watch the time, beside threads that read."""
+        """Start the threads that read, and the watchdog."""
         self._freshness = Freshness(self.clock.now_s())
         self._work(*reading, self._watch)
 
@@ -95,4 +95,4 @@ class WatchedCamera(ThreadedCamera):
         while not self.clock.wait(self._ending, _WATCH_EVERY_S):
             wrong = self._freshness.fault(self.clock.now_s())
             if wrong is not None:
-                self._report_fault(self._name_fault(wrong))  # more may be known by now
+                self._report_fault(self._name_fault(wrong))  # the sentence may have changed

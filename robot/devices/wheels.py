@@ -1,7 +1,7 @@
-"""From steering and throttle to two wheels that steer by their difference. Pure.
+"""From steering and throttle to the two wheels of a differential drive. Pure.
 
-Bodies differ in the speeds of their moves alone. The points of these are those of
-`robot.driver.CLASSIC`, and what lies between two points drives between them.
+Bodies differ only in the speeds of their moves. The points of these are those of
+`robot.driver.CLASSIC`; a point between two of them drives in between.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ from robot.driver import CLASSIC
 from robot.types import Action, Point
 
 Pair = tuple[float, float]
-"""Of the left and the right wheel."""
+"""Values of the left and the right wheel."""
 CLASSIC_POINTS = {Action.STOP: Point(0.0, 0.0)} | {
     name: move.point for name, move in CLASSIC.items() if move.point is not None
 }
 USUAL_THROTTLE = 0.5
-"""Throttle of the moves that drive: twice as much is twice as fast."""
+"""Throttle of the moves that drive; speed is proportional to throttle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoWheels:
-    """How fast the wheels turn in each move, in any unit; right is left, mirrored.
+    """Speeds of the wheels in each move, in any unit; right mirrors left.
 
     Attributes:
-        ahead: Of both wheels, straight ahead.
-        back: The same straight back, as a positive number.
-        turn: Of the left and the right wheel in a turn to the left.
-        spin: Of the right wheel in a spin to the left.
+        ahead: Speed of both wheels, straight ahead.
+        back: Speed of both wheels straight back, as a positive number.
+        turn: Speeds of the left and the right wheel in a turn to the left.
+        spin: Speed of the right wheel in a spin to the left.
     """
 
     ahead: float
@@ -39,13 +39,13 @@ class TwoWheels:
     def at(self, point: Point, most: Pair | None = None) -> Pair:
         """Return the speeds of the wheels.
 
-        Ahead it drives slower the more it steers, and full lock is a turn; without throttle, a
-        spin. Backward the wheel on the inner side is slower, as with a car.
+        Ahead it drives slower the more it steers, and full lock is a turn; without throttle it
+        spins. Backward the inner wheel is slower, as in a car.
 
         Args:
-            point: Where to.
-            most: The fastest that each wheel can; where one would have to turn faster, both turn
-                slower, and the curve stays.
+            point: Steering and throttle.
+            most: Top speeds of the wheels; if one would exceed its own, both turn slower, and the
+                curve stays the same.
         """
         steer, drive = abs(point.steering), abs(point.throttle) / USUAL_THROTTLE
         straight, turn = self.ahead, self.turn

@@ -1,4 +1,4 @@
-"""The camera of a simulated world, whose thread also moves the world on."""
+"""The camera of a simulated world, whose thread also advances the world."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ _D = TypeVar("_D", bound=Driver)
 
 
 class WorldCamera(ThreadedCamera, Generic[_D]):
-    """The camera of a simulated world: its thread is also what moves the world on."""
+    """The camera of a simulated world: its thread also advances the world."""
 
     body_type: ClassVar[type[Any]]
     """The robot that lives in this world."""
 
     longest_join_s: ClassVar[float] = 5.0
     patience_s: ClassVar[float] = 20.0
-    """For a first picture: some worlds load for long."""
+    """Longest wait for the first picture, in seconds: some worlds load slowly."""
     _failure: RobotError | None = None
 
     def __init__(self, body: _D, options: Any, clock: Clock) -> None:
@@ -40,7 +40,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
         return cls(driver, options, clock)
 
     def _begin(self) -> None:
-        """Begin to take pictures in real time; returns when the first is there."""
+        """Begin to take pictures in real time; return when the first has come."""
         self._failure = None
         first = threading.Event()
         self._work(lambda: self._run(first))
@@ -55,11 +55,11 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
 
     @abstractmethod
     def _live(self) -> None:
-        """Move the world on and take pictures, until `_ending`."""
+        """Advance the world and take pictures, until `_ending`."""
 
     @abstractmethod
     def _leave(self) -> None:
-        """Let go of the world, on the thread that it belongs to."""
+        """Close the world, on the thread that it belongs to."""
 
     def _run(self, first: threading.Event) -> None:
         try:
@@ -68,7 +68,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
             self._live()
         except RobotError as error:
             self._fail(error, first)
-        except Exception as error:  # top of a thread that may run other people's code
+        except Exception as error:  # top of a thread that may run third-party code
             self._fail(CameraError(f"the world of this camera failed: {error}"), first)
         finally:
             self._leave()

@@ -1,4 +1,4 @@
-"""The robot's body: how wheels move it, what it bumps into, and what its sonar measures. Pure.
+"""The robot's body: its motion by the wheels, its collisions, and its sonar. Pure.
 
 Speeds are the paper's: 16 cm/s forward; a turn drives one wheel backward at a quarter of that
 while the other stands, which turns the robot by 18.5 degrees a second about the standing wheel.
@@ -21,7 +21,7 @@ FORWARD_MPS = 0.16
 TURNING_WHEEL_MPS = 0.04
 TRACK_M = TURNING_WHEEL_MPS / math.radians(18.5)
 RADIUS_M = 0.09
-"""The body is a disc as far as walls are concerned."""
+"""Radius of the body, in metres: collisions take it for a disc."""
 
 WHEELS = TwoWheels(
     ahead=FORWARD_MPS,
@@ -36,9 +36,9 @@ SONAR_RANGE_M = 2.55
 SONAR_HALF_CONE_RAD = math.radians(12.5)
 _SONAR_RAYS_RAD = np.linspace(-SONAR_HALF_CONE_RAD, SONAR_HALF_CONE_RAD, 7)
 Overlap = tuple[float, float, float]
-"""Of the body with a wall or a thing: the unit normal, and the depth."""
+"""Overlap of the body with a wall or a thing: the unit normal, and the depth."""
 _LEFT_BUMPER_RAD = math.radians(-10), math.radians(80)
-"""Bearings, relative to straight ahead; the right one is its mirror image."""
+"""Bearings of the left bumper, relative to straight ahead; the right one is its mirror image."""
 
 
 def bumpers(contacts_rad: Sequence[float]) -> tuple[bool, bool]:
@@ -51,13 +51,13 @@ def bumpers(contacts_rad: Sequence[float]) -> tuple[bool, bool]:
 
 
 def move(pose: Pose, left_mps: float, right_mps: float, dt_s: float) -> Pose:
-    """Return where the wheels bring the robot in `dt_s`, walls aside: an arc of a circle."""
+    """Return the pose after `dt_s` at these wheel speeds, without walls: an arc of a circle."""
     turn_rad = (right_mps - left_mps) / TRACK_M * dt_s
     return pose.along(turn_rad, (left_mps + right_mps) / 2 * dt_s)
 
 
 def push_out(world: World, pose: Pose) -> tuple[Pose, list[float]]:
-    """Move the body out of whatever it has run into, so that it slides along.
+    """Move the body out of the walls and things that it overlaps, so that it slides along.
 
     Returns:
         The pose, and the bearing of each contact relative to straight ahead.
@@ -86,7 +86,7 @@ def ranges_m(world: World, pose: Pose, bearings_rad: NDArray[np.float64]) -> NDA
     """Return the free way from the body's middle in many directions, relative to straight ahead."""
     angles = pose.heading_rad + bearings_rad
     steps_x, steps_y = np.cos(angles), np.sin(angles)
-    with np.errstate(divide="ignore"):  # along a wall the way to it is infinite
+    with np.errstate(divide="ignore"):  # a ray parallel to a wall never meets it
         to_x = np.abs(np.where(steps_x > 0, world.width_m - pose.x_m, pose.x_m) / steps_x)
         to_y = np.abs(np.where(steps_y > 0, world.depth_m - pose.y_m, pose.y_m) / steps_y)
     ranges = np.minimum(to_x, to_y)
@@ -98,7 +98,7 @@ def ranges_m(world: World, pose: Pose, bearings_rad: NDArray[np.float64]) -> NDA
 def _ranges_to_m(
     obstacle: Obstacle, pose: Pose, steps_x: NDArray[np.float64], steps_y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the way to one thing; infinite where the ray passes it."""
+    """Return the distance to one thing along each ray; infinite if the ray misses it."""
     turn_rad = -obstacle.heading_rad  # into the thing's own axes
     from_x, from_y = _turned(turn_rad, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
     rays_x, rays_y = _turned(turn_rad, steps_x, steps_y)
@@ -144,7 +144,7 @@ def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> Overlap | None:
     gap_m = math.hypot(gap_x, gap_y)
     if gap_m >= reach_m:
         return None
-    if gap_m == 0.0:  # the centre is inside: leave away from the middle, as it came
+    if gap_m == 0.0:  # the centre is inside: leave away from the thing's middle
         gap_x, gap_y, gap_m = along or 1.0, across, math.hypot(along or 1.0, across)
         reach_m = gap_m + RADIUS_M
     normal_x, normal_y = _turned(heading_rad, gap_x / gap_m, gap_y / gap_m)

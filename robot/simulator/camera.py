@@ -1,4 +1,4 @@
-"""The simulated robot's camera; in real time its thread is also what moves the world on."""
+"""The simulated robot's camera; in real time its thread also advances the world."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX,
 from robot.types import Encoding, Frame
 
 _LONGEST_GAP_S = 0.25
-"""After a longer pause of the whole machine the world goes on from where it stood."""
+"""Longest step of the world after a pause, in seconds: when the whole machine was suspended, the
+world continues from its last state."""
 
 _LONGEST_PERIOD_S, _USUAL_FRAMES = 0.1, 10
-"""Where a picture takes long, because the computer is busy, they come no more seldom than so."""
+"""Longest period of pictures on a busy computer, in seconds, unless the chosen frame rate is lower;
+and the number of pictures over which their cost is averaged."""
 _RESTING_STEP_S = 1.0
-"""How often the world moves on while nobody needs a picture, in seconds."""
+"""Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
 _ASKED_FRAMES = 30
-"""For so many frames after somebody asked for one, pictures for the eye are made."""
+"""Number of frames, after a request for a large picture, for which large pictures are made."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimCameraOptions(Options):
-    """What a person may choose."""
+    """Options of the simulated camera."""
 
     frame_rate_hz: float = option(30.0, "simulated pictures a second", range=(1.0, 120.0))
     jpeg_quality: int = option(75, "of simulated pictures", range=(1, 100))
@@ -38,10 +40,10 @@ class SimCamera(WorldCamera[SimDriver]):
     """Renders what the simulated robot sees.
 
     In real time it gives JPEG, as a webcam does: encoded once for page, recording and learner.
-    `capture`, which experiments call as fast as they can, gives the pixels themselves: what they
-    measure does not depend on a codec.
+    `capture`, which experiments call as fast as they can, gives raw pixels, so that their results
+    do not depend on a codec.
 
-    While people look there is a picture of 320x240 beside each JPEG (`for_the_eye`).
+    While people look, each JPEG comes with a picture of 320x240 (`for_the_eye`).
     """
 
     name: ClassVar[str] = "sim"
@@ -77,7 +79,7 @@ class SimCamera(WorldCamera[SimDriver]):
         captured_s = self.clock.now_s()
         jpeg = self._compress(self._body.simulation.render())
         if self._last_frame_id - self._asked_id < _ASKED_FRAMES:
-            self._large = Frame(  # before the frame itself: who hears of that may ask for this
+            self._large = Frame(  # set before the frame: its listeners may ask for this one
                 frame_id=self._last_frame_id + 1,
                 captured_s=captured_s,
                 width=LARGE_WIDTH_PX,
@@ -103,8 +105,9 @@ class SimCamera(WorldCamera[SimDriver]):
         self._stirred.set()
 
     def _live(self) -> None:
-        """Take pictures, and wait between two at least as long as one takes: with too many robots
-        for the computer each takes fewer, and a STOP finds time. At rest the world only moves on.
+        """Take pictures, and wait between two for at least the time that one takes. With too many
+        robots for the computer, each takes fewer, which leaves time for a STOP. At rest only the
+        world advances.
         """
         taken_s = last_s = self.clock.now_s()
         due_s, takes_s = last_s + self._period_s, 0.0

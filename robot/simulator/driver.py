@@ -17,7 +17,7 @@ from robot.types import Action, Point, Sensors
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimOptions(Options):
-    """What a person may choose."""
+    """Options of the simulated robot."""
 
     world: str = option("box", "a world's name, or the path of a TOML file")
     seed: int = option(1, "decides start, floor and noise", range=(0, 2**32 - 1))
@@ -27,11 +27,11 @@ class SimOptions(Options):
 
 
 class SimDriver(ConnectedDriver[Simulation]):
-    """Drives a `Simulation`. Time passes when somebody calls `advance`: the simulated camera,
-    on its thread, or an experiment.
+    """Drives a `Simulation`. Time passes when `advance` is called: by the simulated camera on its
+    thread, or by an experiment.
 
     Attributes:
-        worlds: Where it can be carried: by name, what `load_world` takes.
+        worlds: Worlds to which the robot can be moved: arguments of `load_world` by name.
     """
 
     name: ClassVar[str] = "sim"
@@ -50,7 +50,7 @@ class SimDriver(ConnectedDriver[Simulation]):
         self._left_s = 0.0
 
     def enter(self, name: str) -> None:
-        """Carry the robot to the start of one of its `worlds`; the caller has stopped it.
+        """Move the robot to the start of one of its `worlds`; the caller has stopped it.
         ConfigurationError if there is none of this name."""
         if name not in self.worlds:
             known = sorted(self.worlds)

@@ -1,4 +1,4 @@
-"""What the simulated camera sees: Panda3D's software renderer, without display or GPU.
+"""Renders the simulated camera's view by Panda3D's software renderer, without display or GPU.
 
 A process has one engine, which draws for one renderer at a time: any thread may use any renderer.
 """
@@ -33,15 +33,16 @@ _CYLINDER_SIDES = 16
 
 
 _LOCK = threading.RLock()
-"""Held during every call of Panda3D: it lets other threads run while it draws, and what threads
-draw at once disturbs each other by single grey levels."""
+"""Held during every call of Panda3D: it releases the GIL while it draws, and two threads that draw
+at once change each other's pixels by single grey levels."""
 _OWN_SETTINGS = """
 notify-level error
 audio-library-name null
 garbage-collect-states 0
 """
-"""Each pose makes new transform states, and Panda3D leaves their collection to a task of its usual
-application object, which we do without: they are freed as soon as nothing refers to them."""
+"""Settings of Panda3D. Each pose makes new transform states, and Panda3D collects them in a task of
+its application object, which is not used here. Without that collection they are freed as soon as
+nothing refers to them."""
 
 
 class _Window:
@@ -63,7 +64,7 @@ class _Window:
         self._buffer.setActive(False)
 
     def draw(self, camera: Any) -> NDArray[np.uint8]:
-        """Return what the camera sees, shape (height, width, 3), RGB, rows from the top."""
+        """Return the camera's view, shape (height, width, 3), RGB, rows from the top."""
         self._region.setCamera(camera)
         self._buffer.setActive(True)
         self._engine.renderFrame()
@@ -73,12 +74,12 @@ class _Window:
         return np.frombuffer(data, np.uint8).reshape(height_px, width_px, 3)[::-1].copy()
 
     def forget(self, camera: Any) -> None:
-        """Let go of a camera, and with it of its world."""
+        """Release a camera and its world."""
         self._region.setCamera(camera)
 
 
 class _Engine:
-    """Panda3D as this process uses it: its module, and a window for each size of picture."""
+    """Panda3D in this process: its module, and a window for each picture size."""
 
     def __init__(self) -> None:
         self.core = need("panda3d.core", "the simulator", "sim")
@@ -112,7 +113,7 @@ class Renderer:
             self._things = {one.name: self._add_thing(one) for one in world.obstacles}
 
     def render(self, pose: Pose, obstacles: Sequence[Obstacle] = ()) -> NDArray[np.uint8]:
-        """Return what the camera sees from `pose`, shape (120, 160, 3), RGB, rows from the top."""
+        """Return the camera's view from `pose`, shape (120, 160, 3), RGB, rows from the top."""
         with _LOCK:
             for obstacle in obstacles:
                 if obstacle.is_movable or obstacle.path:
@@ -131,9 +132,9 @@ class Renderer:
             return self._engine.small.draw(self._camera)
 
     def render_large(self) -> NDArray[np.uint8]:
-        """Return what the last `render` showed at twice its size, shape (240, 320, 3), for the eye.
+        """Return the view of the last `render` at twice its size, shape (240, 320, 3), for people.
 
-        It has a window of its own: what `render` returns does not depend on it.
+        It has a window of its own: the result of `render` does not depend on it.
         """
         with _LOCK:
             return self._engine.large.draw(self._camera)
@@ -159,7 +160,7 @@ class Renderer:
         node.setTexture(texture)
 
     def _add_thing(self, obstacle: Obstacle) -> Any:
-        """Add a thing round its own centre; a fixed thing is placed once and for all."""
+        """Add a thing around its own centre; a fixed thing is placed only once."""
         node = self._root.attachNewNode(obstacle.name)
         own = replace(obstacle, x_m=0.0, y_m=0.0, heading_rad=0.0)
         if not (obstacle.is_movable or obstacle.path):
@@ -170,7 +171,7 @@ class Renderer:
     def _add_shape(self, parent: Any, quads: Iterable[_Quad]) -> Any:
         """Add quads as one shape, drawn in their order; a texture spans each from corner to corner.
 
-        A shape for each quad would take a fifth longer.
+        One shape per quad would take a fifth longer.
         """
         core = self._core
         vertices = core.GeomVertexData(
@@ -193,7 +194,7 @@ class Renderer:
         node.addGeom(geometry)
         path = parent.attachNewNode(node)
         path.setTwoSided(True)
-        # Where two edges meet, whoever is drawn last wins: keep to one order, run after run.
+        # Where two edges meet, the last one drawn wins: the order is the same in every run.
         self._n_shapes += 1
         path.setBin("fixed", self._n_shapes)
         return path

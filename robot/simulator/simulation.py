@@ -19,20 +19,20 @@ from robot.types import Action, Point, Pose, Sensors
 
 _LONGEST_STEP_S = 0.02
 DRIFT_S = 1.0
-"""For about so long the wheels drift to one side."""
+"""Time constant of the wheels' drift to one side, in seconds."""
 
 
 _SLIP_SHARE, _SONAR_NOISE_M, _PIXEL_NOISE = 0.04, 0.005, 3.0
-"""How far the simulated world is from a perfect one, as standard deviations: the slip of each
-wheel, as a share of its speed, renewed fifty times a second (more in shorter steps, so that the way
-is as uncertain at any frame rate); of the sonar; of each pixel, of 255."""
+"""Standard deviations of the noise of each wheel's speed (as a share of it), of the sonar (in
+metres) and of each pixel (of 255). The wheels' noise is renewed fifty times a second; in shorter
+steps it is larger, so that the way is equally uncertain at any frame rate."""
 
 
 class Simulation:
     """One robot in one world.
 
     Args:
-        world: Where it is.
+        world: The world that the robot is in.
         seed: Decides start pose, floor pattern and noise.
         is_noisy: False for a perfect world.
 
@@ -40,9 +40,9 @@ class Simulation:
         drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
             of their speed: one turns faster, the other slower. 0: none.
         action: The move under way.
-        point: The same by degrees; None: the move as it is.
-        first_world: The world at its start. Any thread may set another: the next step begins there,
-            since `world` and the renderer change only on the thread that steps and renders.
+        point: The same by degrees; None: it was not driven by degrees.
+        first_world: The world at its start. Any thread may set another; the next step begins in
+            it, since `world` and the renderer change only on the thread that steps and renders.
     """
 
     def __init__(self, world: World, seed: int = 0, *, is_noisy: bool = True) -> None:
@@ -74,7 +74,7 @@ class Simulation:
             self._step_once(dt_s / parts)
 
     def restart(self) -> None:
-        """Put robot and things back to their starts; the random state goes on, so starts vary."""
+        """Put robot and things back to their starts; the random state is kept, so starts vary."""
         first_world = self.first_world
         self.world = first_world
         self._contacts_rad = []
@@ -89,7 +89,7 @@ class Simulation:
         return self.world if chosen is self._entered else chosen
 
     def sense(self) -> Sensors:
-        """Return what the sensors read: sonar with noise, bumpers, and the true pose."""
+        """Return the sensors' readings: sonar with noise, bumpers, and the true pose."""
         noise_m = float(self._sonar_rng.normal(0.0, _SONAR_NOISE_M)) if self.is_noisy else 0.0
         measured_in, measured_at, free_m = self._measured
         if measured_in is not self.world or measured_at != self.pose:  # something moved since
@@ -104,12 +104,12 @@ class Simulation:
 
     @property
     def bumpers(self) -> tuple[bool, bool]:
-        """Whether the left and the right bumper are pressed."""
+        """State of the left and the right bumper: True if pressed."""
         return bumpers(self._contacts_rad)
 
     @property
     def is_pushing(self) -> bool:
-        """True while the robot drives forward against something, in a curve, too."""
+        """True while the robot drives forward against something, also in a curve."""
         return sum(self._wheels_mps) > 0.0 and any(self.bumpers)
 
     @property
@@ -118,7 +118,7 @@ class Simulation:
 
     @property
     def is_touching(self) -> bool:
-        """True while the body touches anything, at any side."""
+        """True while the body touches anything, on any side."""
         return bool(self._contacts_rad)
 
     def render(self) -> NDArray[np.uint8]:
@@ -133,14 +133,14 @@ class Simulation:
     def render_large(self) -> NDArray[np.uint8]:
         """Return the last `render` at twice its size and without noise, for a person's eye.
 
-        Shape (240, 320, 3), RGB. Chance and what `render` returns do not depend on it.
+        Shape (240, 320, 3), RGB. The random state and the result of `render` do not depend on it.
         """
         if self._renderer is None:
-            raise RuntimeError("render_large shows what render saw: call that first")
+            raise RuntimeError("render_large enlarges the last render: call render first")
         return self._renderer.render_large()
 
     def close(self) -> None:
-        """Free what the renderer holds; the next picture opens it again."""
+        """Close the renderer; the next picture opens it again."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -176,8 +176,8 @@ class Simulation:
         )
 
     def _add_grain(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        # One block of noise shifted by chance: as good to the eye, and far cheaper than drawing
-        # 57,600 normal numbers for each picture.
+        # One block of noise, shifted at random, looks as good and is far cheaper than 57,600 new
+        # normal numbers for each picture.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
             block = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)

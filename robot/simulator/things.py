@@ -1,4 +1,4 @@
-"""What moves in a world besides the robot: things on a path, and things that it pushes. Pure."""
+"""Moving things in a world: things on a path, and things that the robot pushes. Pure."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot.simulator.world import Obstacle, World
 from robot.types import Pose
 
 _PERSONAL_SPACE_M = 0.03
-"""A thing on its way waits while the robot would be nearer than this."""
+"""Distance to the robot, in metres, below which a thing on its path waits."""
 
 
 def move_things(world: World, robot: Pose, dt_s: float) -> World:
@@ -56,7 +56,7 @@ def _yield_to(thing: Obstacle, world: World, robot: Pose) -> Obstacle:
         return thing
     normal_x, normal_y, depth_m = overlap
     pushed = replace(thing, x_m=thing.x_m - normal_x * depth_m, y_m=thing.y_m - normal_y * depth_m)
-    # The push acts where the two touch: beside the middle it turns the thing as well.
+    # The push acts at the point of contact: off the middle it also turns the thing.
     arm_x = robot.x_m - normal_x * RADIUS_M - thing.x_m
     arm_y = robot.y_m - normal_y * RADIUS_M - thing.y_m
     reach_m = math.hypot(thing.width_m, thing.depth_m) / 2

@@ -1,4 +1,4 @@
-"""Worlds as data: a rectangular room, what stands in it, and where the robot starts.
+"""Worlds as data: a rectangular room, the things in it, and the robot's start.
 
 A world is a TOML file; the built-in ones are in `robot/simulator/worlds/`. Lengths are
 metres, angles degrees in the file and radians here, colours red, green, blue from 0 to 255.
@@ -30,8 +30,8 @@ WALLS = ("south", "east", "north", "west")
 class Obstacle:
     """Something that stands in the room. A cylinder's `width_m` is its diameter.
 
-    The robot can push one that `is_movable`. One with a closed `path` moves along it, `gone_m`
-    so far.
+    The robot can push it if it `is_movable`. With a closed `path` it moves along that; `gone_m` is
+    its way until now.
     """
 
     name: str
@@ -51,14 +51,14 @@ class Obstacle:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class World:
-    """A room and all that is in it."""
+    """A room and the things in it."""
 
     name: str
     width_m: float
     depth_m: float
     wall_height_m: float
     wall_colours: tuple[Colour, ...]
-    """South, east, north, west: the walls from the origin on, counter-clockwise."""
+    """Colours of the south, east, north and west wall: counter-clockwise from the origin."""
     floor_pattern: str
     floor_colours: tuple[Colour, ...]
     start: Pose

@@ -70,7 +70,7 @@ def test_threads_that_meet_a_new_name_get_one_object() -> None:
 
 @given(st.text().filter(lambda text: not text.isascii() or not text.isidentifier()))
 def test_what_is_no_name_is_refused(text: str) -> None:
-    with pytest.raises(ValueError, match="no name of a move"):
+    with pytest.raises(ValueError, match="not a valid name of a move"):
         Action(text)
 
 

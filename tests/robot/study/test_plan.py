@@ -65,7 +65,7 @@ FAULTS = [
     ),
     ("{ teach = 6 }", "{ teech = 6 }", r"number 2, seconds: there is no field 'teech' \(did you"),
     ('name = "long"', 'name = "short"', r"two of the conditions are called 'short'; give each"),
-    ('"forward", "left"', '"forward", "Left!"', r"the plan: 'Left!' is no name of a move"),
+    ('"forward", "left"', '"forward", "Left!"', r"the plan: 'Left!' is not a valid name of a move"),
     ('"forward", "left"', '"stop"', r"'moves' must have at least one move, and not 'stop'"),
     ('world = "box"', "", r"\[\[condition\]\] number 1: 'world' is missing"),
     ('["yes", "no"]', '["yes"]', r"number 2: 'options' must be a list of 2 to 20 texts"),
