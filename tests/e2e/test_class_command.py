@@ -26,7 +26,7 @@ ROBOTS, TRIES = size("ROBOTS", 2, 3), 300
 PORTS_APART = 16
 CLAIMS: list[socket.socket] = []
 READ_CODES = """async () => {
-  const images = [...document.querySelectorAll('figure img')];
+  const images = [...document.querySelectorAll('article .code')];
   await Promise.all(images.map((image) => image.decode()));
   const canvas = document.createElement('canvas');
   canvas.width = canvas.height = 312;
@@ -95,7 +95,7 @@ def read_paper(page: Any) -> list[str]:
     cv2, numpy = pytest.importorskip("cv2"), pytest.importorskip("numpy")
     import base64
 
-    page.locator("figure img").nth(ROBOTS - 1).wait_for()
+    page.locator("article img.code").nth(ROBOTS - 1).wait_for()
     found = []
     for text in page.evaluate(READ_CODES):
         data = numpy.frombuffer(base64.b64decode(text), dtype=numpy.uint8)

@@ -1,4 +1,4 @@
-// The codes of all robots on one sheet, to print: they stay good as long as the class has its key.
+// A card for each robot, four on a sheet, to print: the codes stay good as long as the class has its key.
 
 import { ask } from '../js/api.js';
 import { fill, h, say } from '../js/dom.js';
@@ -7,22 +7,35 @@ import { loadLanguage, t } from '../js/i18n.js';
 /** @typedef {import('./class-link.js').Robot} Robot */
 
 const AGAIN_MS = 1000;
+const WIFI = 'drivelesson.wifi';
 
 /** @param {string} id */
 const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
 await loadLanguage();
 document.title = `${t('board.codes')} · Drivelesson`;
+say(find('title'), t('board.codes'));
 say(find('how'), t('board.codes_how'));
+say(find('wifi-name'), t('board.wifi'));
+const wifi = /** @type {HTMLInputElement} */ (find('wifi'));
+try { wifi.value = localStorage.getItem(WIFI) ?? ''; } catch { /* it is typed again, then */ }
 say(find('print'), t('board.print'));
+wifi.addEventListener('change', () => {
+  try { localStorage.setItem(WIFI, wifi.value); } catch { /* it stands on the cards all the same */ }
+});
 find('print').addEventListener('click', () => window.print());
 
 /** @param {Robot} robot */
-function draw({ number, name, address, status, detail }) {
+function draw({ number, name, address, status, detail, colour }) {
   const code = status === 'there'
-    ? h('img', { alt: t('board.code_of', { name }), src: `api/robots/${number}/qr.svg?printed=true` })
-    : h('p', {}, `${t(`board.status.${status}`)} ${detail}`);
-  return h('figure', {}, code, h('figcaption', {}, h('b', {}, name), h('small', {}, address)));
+    ? h('img', { class: 'code', alt: t('board.code_of', { name }), src: `api/robots/${number}/qr.svg?printed=true` })
+    : h('p', { class: 'code' }, `${t(`board.status.${status}`)} ${detail}`);
+  const network = wifi.value.trim();
+  const steps = [network ? t('board.card_wifi', { name: network }) : t('board.card_wifi_any'), t('board.card_scan'), t('board.card_teach')];
+  return h('article', { 'data-colour': colour ?? 'grey' },
+    h('h2', {}, h('img', { alt: '', src: 'icons/plate.svg' }), name, h('small', {}, t(`board.colour.${colour ?? 'grey'}`))),
+    code, h('ol', {}, ...steps.map((step) => h('li', {}, step))),
+    h('p', {}, t('board.card_nothing')), h('p', {}, address));
 }
 
 /** Robots start one after the other: what has changed is drawn, until the page is closed. */
@@ -30,7 +43,7 @@ let shown = '';
 for (;;) {
   /** @type {{robots: Robot[]}} */
   const { robots } = await ask('GET', 'api/robots').catch(() => ({ robots: [] }));
-  const now = JSON.stringify(robots.map(({ number, name, address, status }) => [number, name, address, status]));
+  const now = JSON.stringify([wifi.value, ...robots.map(({ number, name, address, status, colour }) => [number, name, address, status, colour])]);
   if (robots.length && now !== shown) fill(find('codes'), ...robots.map(draw));
   if (robots.length) shown = now;
   await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));

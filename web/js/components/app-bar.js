@@ -1,7 +1,8 @@
 // <app-bar>: the robot's plate and name, and the menu: the way to the other screens, and the figures;
 // on all screens but the drive screen also the emergency stop.
 
-import { append, h, icon, say } from '../dom.js';
+import { append, h, icon, say, svg } from '../dom.js';
+import { mood } from '../mood.js';
 import { percent, t } from '../i18n.js';
 import { makeStop } from '../stop.js';
 import { minutes } from './teach-panel.js';
@@ -9,12 +10,16 @@ import { minutes } from './teach-panel.js';
 /** Studies are in the menu only for those who take part in one; the challenge comes when the robot is ready. */
 const SCREENS = ['drive', 'gallery', 'teaching', 'challenge', 'study', 'home', 'settings'];
 const LOW_BATTERY = 0.2;
+/** @type {Record<string, string>} */
+const MOUTHS = { listening: 'M57 49h10', sure: 'M50 46q12 9 24 0', unsure: 'M49 50q6-8 12 0t13 0', proud: 'M46 43q16 21 32 0z' };
 
 export class AppBar extends HTMLElement {
   /** @param {import('../page.js').Page} page */
   start(page) {
     this.page = page;
-    this.plate = h('span', { class: 'plate', 'aria-hidden': 'true' }, 'L');
+    this.mouth = svg('path');
+    this.plate = h('span', { class: 'plate', role: 'img' }, /** @type {any} */ (svg('svg', { viewBox: '0 0 96 96', 'aria-hidden': 'true' },
+      svg('path', { class: 'l', d: 'M16 16h15v49h49v15H16z' }), svg('circle', { cx: 50, cy: 28, r: 5 }), svg('circle', { cx: 74, cy: 28, r: 5 }), this.mouth)));
     this.heading = h('h1');
     this.detail = h('small');
     this.figures = h('p', { class: 'figures' });
@@ -27,7 +32,7 @@ export class AppBar extends HTMLElement {
     this.menu = this.makeMenu();
     append(this, [this.back, this.plate, h('div', { class: 'name' }, this.heading, this.detail),
       ...stop, this.button, this.menu]);
-    page.store.watch(['robot', 'link', 'screen', 'delayMs', 'pictureAgeMs', 'robotName', 'session'], (state) => this.render(state));
+    page.store.watch(['robot', 'link', 'readiness', 'screen', 'delayMs', 'pictureAgeMs', 'robotName', 'session'], (state) => this.render(state));
     addEventListener('keydown', (event) => event.key === 'Escape' && this.toggle(false));
     addEventListener('pointerdown', (event) => {
       if (event.target instanceof Node && !this.contains(event.target)) this.toggle(false);
@@ -57,6 +62,12 @@ export class AppBar extends HTMLElement {
     say(/** @type {Element} */ (this.heading), onDrive ? state.robotName || t('app') : t(`screen.${state.screen}`));
     say(/** @type {Element} */ (this.detail), onDrive ? this.describe(state) : '');
     this.plate?.classList.toggle('off', robot?.mode === 'autonomous');
+    const now = mood(state);
+    if (this.plate?.dataset.mood !== now) {
+      this.mouth?.setAttribute('d', MOUTHS[now]);
+      this.plate?.setAttribute('aria-label', t(`mood.${now}`));
+      if (this.plate) this.plate.dataset.mood = now;
+    }
     if (this.menu?.hidden) return;
     say(/** @type {Element} */ (this.figures), this.list(state).join('\n'));
     const isReady = state.readiness?.stage === 'ready' && !state.session;

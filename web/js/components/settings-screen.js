@@ -68,7 +68,8 @@ export class SettingsScreen extends Screen {
 
   /** @param {any} settings */
   size({ sizes, max_nodes: now, camera: { rate_hz: most } }) {
-    const rate = (/** @type {number} */ hz) => t('settings.rate', { n: Math.round(Math.min(hz, most || hz)) });
+    // What the camera gives is no promise of this choice: only a computer that cannot keep up says a number.
+    const rate = (/** @type {number} */ hz) => (most && hz >= most ? t('settings.keeps_up') : t('settings.rate', { n: Math.max(1, Math.round(hz)) }));
     const options = sizes.map((/** @type {any} */ size) => h('label', { class: 'choice' },
       h('input', { type: 'radio', name: 'size', value: size.max_nodes, checked: size.max_nodes === now, onchange: () => this.begin({ max_nodes: size.max_nodes }) }),
       h('span', {}, t('images', { n: size.max_nodes })), h('small', {}, rate(size.rate_hz))));

@@ -37,6 +37,7 @@ export class TeachPanel extends HTMLElement {
   /** @param {import('../store.js').PageState} state */
   render(state) {
     const { robot } = state;
+    this.summary?.classList.toggle('early', !robot?.lessons);
     if (robot) {
       const { agreement, agreement_frames: frames } = robot;
       say(/** @type {Node} */ (this.agreement), agreement === null || frames < FEWEST || state.session ? '–' : percent(agreement));

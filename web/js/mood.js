@@ -1,0 +1,11 @@
+// What the robot's face shows: whether it listens, knows its way, does not, or is proud. Pure.
+
+import { whoDrives } from './advice.js';
+
+/** @param {Pick<import('./store.js').PageState, 'robot' | 'link' | 'readiness' | 'session'>} state @returns {'listening' | 'sure' | 'unsure' | 'proud'} */
+export function mood({ robot, link, readiness, session }) {
+  if (link !== 'open' || !robot || robot.lessons === 0) return 'listening';
+  if (robot.asks_pilot || whoDrives(robot) === 'asks') return 'unsure';
+  if (readiness?.stage === 'ready' && !session) return 'proud';
+  return robot.driven_by === 'robot' ? 'sure' : 'listening';
+}
