@@ -116,7 +116,7 @@ FAULTS = (
         reasons=("pilot_silent", "link_slow"),
     ),
     Fault(
-        name="the pictures' connection alone is closed",
+        name="only the pictures' connection is closed",
         begin=_close_pictures,
         reasons=("link_slow",),
     ),
@@ -139,7 +139,7 @@ FAULTS = (
         reasons=("pilot_silent", "link_slow"),
     ),
     Fault(
-        name="packets are up to 2 s late, each as it happens",
+        name="packets are up to 2 s late, each by a random time",
         begin=_link(delay_s=0.3, jitter_s=2.0),
         end=_clear,
         reasons=("pilot_silent", "link_slow"),
@@ -213,7 +213,7 @@ def render(measured_ms: dict[tuple[str, str], float]) -> str:
         cells = [_cell(fault, mode, measured_ms) for mode in MODES]
         reasons = " or ".join(f"`{reason}`" for reason in fault.reasons)
         lines.append(f"| {fault.name}{fault.note} | {' | '.join(cells)} | {reasons} |")
-    lines += ["", "With a process of their own:", "", "| fault | the robot | within |"]
+    lines += ["", "Faults of a whole process:", "", "| fault | the robot | within |"]
     lines += ["|---|---|---|", *(f"| {a} | {b} | {c} |" for a, b, c in ELSEWHERE)]
     lines += ["", *_BODIES_INTRODUCTION, "", f"| body | {' | '.join(bodies.FAULTS)} | by |"]
     lines.append("|" + "---|" * (len(bodies.FAULTS) + 2))
@@ -253,27 +253,28 @@ def _body_cell(name: str, fault: str, measured_ms: dict[tuple[str, str], float])
 _INTRODUCTION = [
     "# Faults",
     "",
-    "What the robot does when something goes wrong, in each mode. Written by `make docs`, and",
-    "tested in every run. A pilot drives a robot over a link, in virtual time, with the server's",
-    "real hub, protocol, control loop and gate; the fault comes at a random moment, with a camera",
-    "of 10 to 30 pictures a second. In brackets is the worst of 1,000 such drives, in",
-    "milliseconds; it is the same in every run, on every machine. Who steers by degrees drives the",
-    "same drives, and the robot stands within the same times.",
+    "The robot's reaction to each fault, in each mode. `make docs` writes this page, and the tests",
+    "check it in every run. A pilot drives a robot over a link, in virtual time, with the server's",
+    "real hub, protocol, control loop and gate; the fault occurs at a random moment, with a camera",
+    "of 10 to 30 pictures a second. In brackets is the worst of 1,000 such drives, in milliseconds;",
+    "it is the same in every run, on every machine. The same drives are repeated with steering by",
+    "degrees, and the robot stands within the same times.",
 ]
 _BODIES_INTRODUCTION = [
     "## Each body, when its server is gone",
     "",
-    "Nobody is left to stop the robot but the body itself. The real driver and the real firmware",
-    "drive in virtual time; messages take up to 80 ms, and up to 1.2 s around the fault (for",
-    "`ev3-stock` and `lego-education` up to 50 ms: LEGO's firmware cannot tell that an order is",
-    "late; for `ev3-remote` none: its agent refuses what comes late, as its own tests show; for",
-    "`ev3` none: its line is the motors' cables). The base of `ros` has no time limit of its own.",
-    f"In brackets is the worst of {bodies.DRIVES} drives, counted from the fault.",
+    "Then only the body itself can stop the robot. The real driver and the real firmware",
+    "run in virtual time; messages take up to 80 ms, and up to 1.2 s around the fault (for",
+    "`ev3-stock` and `lego-education` up to 50 ms: LEGO's firmware cannot detect a late order;",
+    "for `ev3-remote` there is no delay: its agent refuses late orders, as its own tests show;",
+    "for `ev3` there is none: its line is the motors' cables). The base of `ros` has no time",
+    f"limit of its own. In brackets is the worst of {bodies.DRIVES} drives, counted from the",
+    "fault.",
 ]
 _CLOSING = [
-    "After each of them the robot waits for an explicit start: it never moves by itself when a",
-    "fault ends. In `autonomous` with nothing held, the page's heartbeat is the supervision.",
+    "After each fault the robot waits for an explicit start: it never moves by itself when a fault",
+    "ends. In `autonomous`, while no direction is held, the page's heartbeat is the supervision.",
     "",
-    "The same with a real Chromium (a closed tab, a blocked page, a killed browser, a silent",
-    "link, a hidden page) is in tests/e2e/.",
+    "tests/e2e/ repeats some faults with a real Chromium: a closed tab, a blocked page, a killed",
+    "browser, a silent link, a hidden page.",
 ]
