@@ -256,7 +256,7 @@ _INTRODUCTION = [
     "The robot's reaction to each fault, in each mode. `make docs` writes this page, and the tests",
     "check it in every run. A pilot drives a robot over a link, in virtual time, with the server's",
     "real hub, protocol, control loop and gate; the fault occurs at a random moment, with a camera",
-    "of 10 to 30 pictures a second. In brackets is the worst of 1,000 such drives, in milliseconds;",
+    "of 10 to 30 pictures a second. In brackets is the worst of 1,000 such drives in milliseconds;",
     "it is the same in every run, on every machine. The same drives are repeated with steering by",
     "degrees, and the robot stands within the same times.",
 ]
