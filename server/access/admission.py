@@ -14,6 +14,7 @@ a pending connection.
 from __future__ import annotations
 
 import ipaddress
+import logging
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from server.clients.rate_limit import RateLimits
 from server.config import Limits, as_address
 from server.gateway.roles import Role, Session
 
+log = logging.getLogger(__name__)
 Close = Callable[[], object]
 Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
@@ -30,6 +32,8 @@ _READ_S = 0.25
 """By then the first request of a new connection has been read, whatever else goes on."""
 _ANSWER_S = 2.0
 """So long newcomers wait for a request's answer, where nobody else can give way to them."""
+_LOG_S = 60.0
+"""How long the log is silent on a session that goes on opening too many connections, in seconds."""
 _SELDOM_S = 1.0
 """`expire` is called more often, unless the computer is busy."""
 
@@ -208,13 +212,22 @@ class AdmissionControl:
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
         """Count a new connection by what waits on it; False if this person opened too many: it is
-        closed before it costs more."""
+        answered with 429 where it was accepted, and costs no more."""
         session = self.recognise(head, address)
         if session is None or session.is_crowd:
             return True
         each = self.limits.connections_each
         name = f"admission {session.name}"
-        return self._paces.allows(name, now_s, per_second=each / 2, burst=each)
+        if self._paces.allows(name, now_s, per_second=each / 2, burst=each):
+            return True
+        if self._paces.allows(f"log {name}", now_s, per_second=1 / _LOG_S, burst=1):
+            log.warning(
+                "refused reason=connections: one session may open %d connections at once and %d a "
+                "second; reuse connections, or wait for Retry-After",
+                each,
+                each // 2,
+            )
+        return False
 
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> None:
         """Record a complete request; one of a session admits the connection. A socket `lasts`."""

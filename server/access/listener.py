@@ -33,6 +33,14 @@ _WINDOW_AT = 228
 STOP = b"POST /api/stop "
 """How a STOP of a page without a websocket begins."""
 _RESET = struct.pack("ii", 1, 0)
+_UNREAD_PARTS = 16
+"""How many parts of 4 KB of a refused request are read at most."""
+_BODY = b'{"error": "connections", "detail": "Too many connections; reuse them, or wait a second."}'
+_TOO_MANY = (
+    b"HTTP/1.1 429 Too Many Requests\r\nContent-Type: application/json\r\nRetry-After: 1\r\n"
+    b"Cache-Control: no-store\r\nConnection: close\r\nContent-Length: %d\r\n\r\n%s"
+    % (len(_BODY), _BODY)
+)
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
@@ -89,10 +97,11 @@ class AdmissionListener(socket.socket):
             connection.setblocking(False)
             head = connection.peek()
             is_stop = head is not None and head.startswith(STOP)
-            if head == b"" or not (
-                is_stop or self.admission.may_come(head or b"", address[0], now_s)
-            ):
+            if head == b"":
                 connection.close()
+                continue
+            if not (is_stop or self.admission.may_come(head or b"", address[0], now_s)):
+                connection.refuse()
                 continue
             connection.admission = self.admission
             self.admission.arrive(connection.peer, now_s, connection.abort, connection.unread)
@@ -171,6 +180,21 @@ class _Connection(socket.socket):
         with contextlib.suppress(OSError):
             self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
             self.shutdown(socket.SHUT_RDWR)
+
+    def refuse(self) -> None:
+        """Answer that this session opens too many connections, and close.
+
+        What was sent is read first: the system would reset the connection otherwise, and the client
+        would not see the answer.
+        """
+        with contextlib.suppress(BlockingIOError):
+            for _ in range(_UNREAD_PARTS):
+                if not self.peek() or not self.recv(_HEAD):
+                    break
+        with contextlib.suppress(OSError):
+            self.send(_TOO_MANY)
+            self.shutdown(socket.SHUT_WR)
+        self.close()
 
     def close(self) -> None:
         super().close()

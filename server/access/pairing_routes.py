@@ -46,7 +46,9 @@ async def pair(request: Request, body: PairingToken) -> JSONResponse:
     pairing, now_s = _require_pairing(request), services_of(request).robot.clock.now_s()
     result = pairing.redeem(body.token, now_s, person_of(request), _secret(request))
     if isinstance(result, Refusal):
-        return JSONResponse({"error": result.reason, "detail": result.sentence}, result.status)
+        headers = {"retry-after": "60"} if result.status == 429 else None
+        told = {"error": result.reason, "detail": result.sentence}
+        return JSONResponse(told, result.status, headers)
     if result.secret != _secret(request):
         _end_sockets(request)
     response = JSONResponse({"role": result.role.value, "kept": result.is_kept})

@@ -108,6 +108,8 @@ def run(args: argparse.Namespace) -> int:
         known = ", ".join(driver_names())
         raise ConfigurationError(f"choose a robot with --robot NAME: one of {known}")
     start_logging(verbose=args.verbose)
+    if os.name == "posix":  # a recording shows a room: no other account may read it
+        os.umask(0o077)
     config = _make_config(args)
     learner = _name_learner(args)
     rig = build_rig(

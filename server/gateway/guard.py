@@ -241,6 +241,8 @@ async def _refuse(
         return
     prefix = "websocket.http.response" if kind == "websocket" else "http.response"
     headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
+    if refusal.status == 429:
+        headers["retry-after"] = "1"
     if refusal.location is not None:
         headers["location"] = scope.get(PREFIX, "") + refusal.location
     answer = gateway.explain(refusal, Headers(scope=scope), headers)

@@ -91,6 +91,8 @@ def it_ends_with_everything_saved_and_goes_on_from_there(folder: Path, end: sign
         assert process.wait(60) in (0, 130)
     model = ModelStore(Storage(folder)).load("sim")
     assert model.summary.n_examples >= taught
+    readable = [path for path in folder.rglob("*") if path.stat().st_mode & 0o077]
+    assert os.name == "nt" or not any(path.is_file() for path in readable), "its owner's only"
     [path] = folder.glob("episodes/*.mcap")
     summary = read_summary(path)
     assert summary.damage is None and sum(summary.taught.values()) == model.summary.n_examples

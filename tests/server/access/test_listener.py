@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import errno
 import itertools
+import json
 import socket
 import struct
 from typing import Any
@@ -198,6 +200,16 @@ def of_all_that_wait_a_stop_is_handed_on_first_and_of_one_person_a_share() -> No
         accepted = await _accept_all(listener)
         assert accepted[0].recv(20).startswith(b"POST /api/stop"), "whoever sends it, it goes first"
         assert len(accepted) == 1 + 8 + 10, "the others of that person cost nothing more"
+        refused = []
+        for client in clients[:40]:
+            client.setblocking(False)
+            with contextlib.suppress(BlockingIOError):
+                refused.append(client.recv(4096))
+        assert len(refused) == 32, "none is reset"
+        for told in refused:
+            head, body = told.split(b"\r\n\r\n")
+            assert head.startswith(b"HTTP/1.1 429 ") and b"\r\nRetry-After: 1\r\n" in head
+            assert head.endswith(f"Content-Length: {len(body)}".encode()) and json.loads(body)
         for one in itertools.chain(clients, accepted):
             one.close()
         listener.close()
