@@ -9,7 +9,6 @@ import pytest
 
 from robot.control.gate import Gate, GateConfig
 from robot.types import Action, Decision, DrivenBy, Mode, PilotCommand, Prediction, StopReason
-from tests.kit.sizes import crossed
 
 LEFT_PREDICTED = Prediction(
     frame_id=1, action=Action.LEFT, confidence=0.9, probabilities={Action.LEFT: 1.0}
@@ -144,7 +143,8 @@ def test_a_start_on_the_way_for_too_long_stops_the_robot(
     assert gate.stop_reason is (None if is_taken else StopReason.LINK_SLOW)
 
 
-@crossed(mode=[Mode.TRAIN, Mode.AUTONOMOUS], frame_age_s=[math.inf, 0.21, 3.0])
+@pytest.mark.parametrize("mode", [Mode.TRAIN, Mode.AUTONOMOUS])
+@pytest.mark.parametrize("frame_age_s", [math.inf, 0.21, 3.0])
 def test_a_start_stands_until_a_fresh_picture_comes(mode: Mode, frame_age_s: float) -> None:
     gate = started(mode)
     for now_s in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5):

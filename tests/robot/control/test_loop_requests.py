@@ -10,7 +10,6 @@ from robot.control.link_governor import LinkLevel
 from robot.control.state import Tick
 from robot.driver import BodyButton
 from robot.types import Action, DrivenBy, Mode, StopReason
-from tests.kit.sizes import crossed
 from tests.robot.bench_robot import BenchRobot, started
 
 F = Action.FORWARD
@@ -159,7 +158,8 @@ def test_a_start_button_that_was_pressed_before_the_release_starts_nothing() -> 
     assert pressed(robot, BodyButton.START).decision.mode is Mode.AUTONOMOUS
 
 
-@crossed(mode=MOVING, stop=["page", "gone", "held up", "emergency"])
+@pytest.mark.parametrize("mode", MOVING)
+@pytest.mark.parametrize("stop", ["page", "gone", "held up", "emergency"])
 def test_a_button_that_meets_a_moving_robot_never_starts_it(stop: str, mode: Mode) -> None:
     robot = started(mode)
     robot.step(1, F)
