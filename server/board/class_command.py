@@ -10,6 +10,8 @@ from robot.store.folder import default_root
 from server.cli.parser import whole
 
 MOST = 60
+LESSONS = {"teach-it": "box", "fool-it": "box", "fair-data": "box"}
+"""The lessons in `docs/lessons`, each with the place in which its simulated robots begin."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +19,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     text = "how many simulated ones; HOST:PORT of real ones, or a file of such lines; or both, "
     text += f"with commas in between{shown}"
     add("--robots", default="10", metavar="LIST", help=text)
-    add("--world", default="box", help=f"where the simulated ones drive{shown}")
+    add("--world", help="where the simulated ones drive (default: the lesson's place, or box)")
+    text = "say which page of docs/lessons to follow, and begin in its place"
+    add("--lesson", choices=tuple(LESSONS), help=text)
     text = "address for the pupils; 127.0.0.1: for this computer alone (default: all it has)"
     add("--host", default="0.0.0.0", help=text)
     text = f"the board's port; the robots have those that follow{shown}"
@@ -39,6 +43,9 @@ def run(args: argparse.Namespace) -> int:
     from server.hosting.logs import start_logging
 
     start_logging(verbose=args.verbose)
+    world = args.world or LESSONS.get(args.lesson, "box")
+    if args.lesson:
+        print(f"The lesson {args.lesson} is in docs/lessons: en.md, es.md or zh.md", flush=True)
     count, others = split(args.robots)
     listed = read_list(others) if others else []
     file = args.data / "class.key"
@@ -46,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     # Phones read this address in the codes, so the board uses it, too.
     here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
     place = {"host": args.host, "port": args.port, "data": args.data}
-    with simulated_robots(count, **place, world=args.world, key=file) as ports:
+    with simulated_robots(count, **place, world=world, key=file) as ports:
         serve_board(key, args.port, [*(RobotAddress(here, port) for port in ports), *listed])
     return 0
 
