@@ -13,12 +13,12 @@ from server.__main__ import main
 def test_names_that_cannot_be_are_refused(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["new-driver", name, "--out", str(tmp_path / "out")]) == 1
+    assert main(["new-driver", name, "--out", str(tmp_path / "out")]) == 2
     assert name in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
 def test_nothing_is_overwritten(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "out").mkdir()
-    assert main(["new-driver", "wheely", "--out", str(tmp_path / "out")]) == 1
+    assert main(["new-driver", "wheely", "--out", str(tmp_path / "out")]) == 2
     assert "--out" in capsys.readouterr().err
