@@ -17,6 +17,9 @@ from itertools import accumulate
 
 USUAL_PERIOD_S = 1 / 30
 """Period for which the link's limits are set, in seconds; a slower camera adds the difference."""
+SLOW_PERIOD_S = 0.75
+"""Period from which on a camera is reported as too slow, in seconds: of a webcam that usually gives
+ten to thirty pictures a second it is a fault, and nobody can steer by it."""
 _LEAST_SCALE = 0.05
 """Lower bound of the speed scale: bodies refuse 0, and even the slowest camera needs no less."""
 
@@ -92,6 +95,16 @@ class CameraTiming:
         self.state = self._judge(
             min(period_s, before.period_s + growth_s),
             min(_quantile(self._ages_s, self._AGE_QUANTILE), before.delivery_age_s + growth_s),
+        )
+
+    @property
+    def fault(self) -> str | None:
+        """Sentence for a camera that gives pictures, but too few of them to drive by."""
+        if len(self._periods_s) < 2 or (period_s := _typical(self._periods_s)) < SLOW_PERIOD_S:
+            return None
+        return (
+            f"The camera gives only one picture every {period_s:.1f} s, so the robot stands or "
+            "creeps. Check its light, its connection, and what else runs on its device."
         )
 
     def pause(self) -> None:

@@ -240,13 +240,17 @@ class ControlLoop:
                 link=link,
                 source_age_s=self._camera.source_age_s,
                 fault=self._steady.show(
-                    self._camera.fault or self._fault,
+                    self._camera.fault or self._fault or self._slow_camera(),
                     now_s,
                     may_move=decision.mode is not Mode.STOPPED,
                 ),
                 cycle_s=self.clock.now_s() - started_s,
             )
         )
+
+    def _slow_camera(self) -> str | None:
+        """Return the sentence for a camera that gives too few pictures."""
+        return None if self._camera.world_waits or self.is_resting else self._timing.fault
 
     def _is_held_up(self, seconds: float) -> bool:
         """Stop if the computer was held up for this time: the last decision is outdated."""

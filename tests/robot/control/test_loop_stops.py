@@ -112,6 +112,29 @@ def test_a_camera_that_reports_a_fault_stops_it_and_is_said() -> None:
     assert robot.loop.state.fault == "The camera was unplugged."
 
 
+@pytest.mark.parametrize("mode", [None, Mode.TRAIN, Mode.AUTONOMOUS])
+def test_a_camera_that_slows_to_a_picture_a_second_is_said_until_it_is_fast(
+    mode: Mode | None,
+) -> None:
+    robot = BenchRobot()
+    if mode is not None:
+        robot.start(mode)
+
+    def film(period_s: float, pictures: int) -> list[str | None]:
+        said = []
+        for scene in range(pictures):
+            robot.camera.show(scene % 2)
+            for _ in range(round(period_s / 0.05)):
+                robot.clock.advance(0.05)
+                robot.tick()
+            said.append(robot.loop.state.fault)
+        return said
+
+    assert not any(film(0.05, 40))
+    assert "only one picture every 1.0 s" in (film(1.0, 8)[-1] or "")
+    assert film(0.05, 200)[-1] is None
+
+
 def test_a_picture_that_is_none_is_left_out_and_said() -> None:
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
