@@ -25,7 +25,7 @@ from .world import (
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
-SCREENS = ("drive", "gallery", "why", "teaching", "undo", "study", "home", "settings")
+SCREENS = ("drive", "gallery", "why", "teaching", "undo", "challenge", "study", "home", "settings")
 MOST_BYTES = 80_000
 MOST_BYTES_FIRST = 60_000
 MOST_BYTES_STUDY = 14_000
