@@ -8,13 +8,18 @@ from __future__ import annotations
 import difflib
 import importlib
 import json
+import logging
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+log = logging.getLogger(__name__)
+_LONGEST_SAID = 300
+"""How much of another program's error is shown, in characters."""
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -102,6 +107,54 @@ def told_as(
     except caught as error:
         why = getattr(error, "strerror", None) or str(error)[:300] or repr(error)
         raise kind(f"{what}: {why}" + (f"; {do}" if do else "")) from error
+
+
+class PluginErrors:
+    """Turns the errors of one plug-in's code into ours.
+
+    Errors that the project raises on purpose (`RobotError`) pass: whoever raised them has said what
+    is wrong. The traceback of the others is in the log, once for each sentence.
+
+    Args:
+        kind: What the plug-in is: `robot` or `camera`.
+        name: By which it was chosen.
+        error_type: Raised in place of the others; it takes the sentence.
+        first: Called before anything is logged: a log goes to a terminal, which may be held.
+
+    Example:
+        >>> with PluginErrors("robot", "wheely", DriveError).named("connect"):
+        ...     {}["port"]
+        Traceback (most recent call last):
+        robot.errors.DriveError: the driver of the robot 'wheely' failed in connect: \
+KeyError: 'port'; the log has the details for its author
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        name: str,
+        error_type: type[RobotError],
+        first: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._what = f"the driver of the robot {name!r}" if kind == "robot" else f"{kind} {name!r}"
+        self._error_type, self._first = error_type, first
+        self._said = ""
+
+    @contextmanager
+    def named(self, call: str) -> Iterator[None]:
+        """Watch over one call of the plug-in's code."""
+        try:
+            yield
+        except RobotError:
+            raise
+        except Exception as error:
+            self._first()
+            said = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_SAID]
+            said = f"{self._what} failed in {call}: {said.removesuffix(': ')}"
+            if said != self._said:  # once, not thirty times a second
+                self._said = said
+                log.exception(said)
+            raise self._error_type(f"{said}; the log has the details for its author") from error
 
 
 def install_command(extra: str) -> str:

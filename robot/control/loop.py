@@ -27,7 +27,7 @@ from robot.control.online_learning import OnlineLearning
 from robot.control.state import Tick, sum_up
 from robot.control.steady_fault import SteadyFault
 from robot.driver import BodyButton, Driver
-from robot.errors import CameraError, DriveError
+from robot.errors import CameraError, DriveError, PluginErrors
 from robot.policy.policy import Policy
 from robot.types import (
     Action,
@@ -96,6 +96,7 @@ class ControlLoop:
         self.config = config or LoopConfig()
         self.clock = clock
         self.learning = OnlineLearning(policy, clock, driver.declared_moves)
+        self._body = PluginErrors("robot", driver.name, DriveError, self._stop_body)
         self.history = self.learning.history
         self.speed_share = 1.0
         self.error: Exception | None = None
@@ -262,7 +263,13 @@ class ControlLoop:
 
     def _heed_button(self) -> None:
         """Obey a button on the robot: every button stops it, and the start button starts it."""
-        button, stood = self._driver.take_button(), self.state.decision.mode is Mode.STOPPED
+        try:
+            with self._body.named("take_button"):
+                button = self._driver.take_button()
+        except DriveError as error:
+            self._stop(StopReason.DRIVE_FAULT, str(error))
+            return
+        stood = self.state.decision.mode is Mode.STOPPED
         if button is BodyButton.START and stood and self._gate.mode is Mode.STOPPED:
             if not self.state.emergency:  # else it was pressed before the release
                 self._start(self._last_mode)
@@ -320,7 +327,9 @@ class ControlLoop:
 
     def _sense(self, now_s: float) -> Sensors:
         try:
-            return self._dead_reckoning.locate(self._driver.sense(), self.state, now_s)
+            with self._body.named("sense"):
+                sensors = self._driver.sense()
+            return self._dead_reckoning.locate(sensors, self.state, now_s)
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return Sensors()
@@ -347,7 +356,8 @@ class ControlLoop:
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):
                 scale = decision.speed_scale
-                sent = self._driver.drive(decision.action, decision.point, speed_scale=scale)
+                with self._body.named("drive"):
+                    sent = self._driver.drive(decision.action, decision.point, speed_scale=scale)
                 if not self._is_held_up(self.clock.now_s() - started_s):
                     return decision, sent
         except DriveError as error:
@@ -359,7 +369,8 @@ class ControlLoop:
         try:
             before, self.state = self.state, self._sum_up(tick, self.state)
             if tick.decision.mode is not before.decision.mode:
-                self._driver.show(tick.decision.mode)
+                with self._body.named("show"):
+                    self._driver.show(tick.decision.mode)
             for listener in self._listeners:
                 listener(self.state)
         except Exception as error:  # as above
@@ -421,7 +432,8 @@ class ControlLoop:
 
     def _latch_emergency(self) -> None:
         self._gate.latch_emergency()
-        self._driver.stop()
+        with self._body.named("stop"):
+            self._driver.stop()
 
     def _forget_drive(self) -> None:
         """Forget the state of the drive that ends: earlier commands do not count any more."""
@@ -430,10 +442,13 @@ class ControlLoop:
 
     def _stop(self, reason: StopReason, fault: str) -> None:
         """Stop the motors at once, and report the fault."""
-        with contextlib.suppress(Exception):  # a body out of reach ends its move by itself
-            self._driver.stop()
+        self._stop_body()
         self._gate.trip(reason)
         self._fault = fault
+
+    def _stop_body(self) -> None:
+        with contextlib.suppress(Exception):  # a body that is out of reach ends its move itself
+            self._driver.stop()
 
     def _break_down(self, error: Exception) -> None:
         before, fault = self._fault, f"Something went wrong inside: {error}"

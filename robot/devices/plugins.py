@@ -62,8 +62,9 @@ def _load(group: str, name: str, kind: str, base: type[Any]) -> type[Any]:
         found = known[name].load()
     except MissingExtraError:
         raise
-    except (ImportError, AttributeError) as error:
-        raise PluginError(f"the {kind} {name!r} cannot be loaded: {error}") from error
+    except Exception as error:  # whatever the module does when it is imported
+        said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        raise PluginError(f"the {kind} {name!r} cannot be loaded: {said}") from error
     if not isinstance(found, type) or not issubclass(found, base):
         raise PluginError(f"the {kind} {name!r} is not a {base.__name__}: {found!r}")
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Mapping
 from typing import Any
@@ -14,6 +15,7 @@ from robot.devices.driver_thread import DriverThread
 from robot.devices.options import make_options
 from robot.devices.plugins import load_camera, load_driver
 from robot.driver import Driver
+from robot.errors import CameraError, DriveError, PluginError, PluginErrors, RobotError
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.types import StartStop, StopReason
@@ -36,6 +38,8 @@ class Rig(StartStop):
     ) -> None:
         self.clock = clock or RealClock()
         self.driver, self.camera = driver, camera
+        self._body = PluginErrors("robot", driver.name, DriveError)
+        self._eye = PluginErrors("camera", camera.name, CameraError)
         self.loop = ControlLoop(driver, camera, policy, self.clock, config)
         self._ending = threading.Event()
         self._thread: Worker | None = None
@@ -46,10 +50,13 @@ class Rig(StartStop):
         """Connect the body, start the camera, and run the loop. Raises RobotError if hardware is
         missing; the parts that were started are stopped again."""
         try:
-            self.driver.connect()
-            self.camera.start()
+            with self._body.named("connect"):
+                self.driver.connect()
+            with self._eye.named("start"):
+                self.camera.start()
         except BaseException:
-            self.stop()
+            with contextlib.suppress(RobotError):  # the first error is the one to read
+                self.stop()
             raise
         if self._thread is None:
             self._ending.clear()
@@ -64,9 +71,11 @@ class Rig(StartStop):
             self._thread.join(timeout=5.0)
             self._thread = None
         try:
-            self.camera.stop()
+            with self._eye.named("stop"):
+                self.camera.stop()
         finally:
-            self.driver.disconnect()
+            with self._body.named("disconnect"):
+                self.driver.disconnect()
 
     def _run(self) -> None:
         while not self._ending.is_set():
@@ -102,7 +111,8 @@ def build_rig(
     """
     given, clock = options or {}, RealClock()
     driver_type = load_driver(robot)
-    driver = driver_type(make_options(driver_type.options_type, given))
+    with PluginErrors("robot", robot, PluginError).named("__init__"):
+        driver = driver_type(make_options(driver_type.options_type, given))
     camera_type = load_camera(camera or driver_type.default_camera)
     eye = camera_type.for_driver(driver, make_options(camera_type.options_type, given), clock)
     body = DriverThread(driver, clock) if driver.is_remote else driver

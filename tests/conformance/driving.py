@@ -71,7 +71,7 @@ def tries(python: Path, out: Path) -> Iterator[Tried]:
         page = f"--teleop.type=drivelesson_page --teleop.address={leader} --teleop.id=leader"
         both = f"{robot} --robot.restarts=true {page} --fps=10"
 
-        def command(name: str, words: str) -> None:
+        def command(name: str, words: str, fails_with: str = "") -> None:
             environ = {**os.environ, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"}
             done = subprocess.run(
                 [python, "-m", f"lerobot.scripts.{name}", *words.split()],
@@ -81,7 +81,11 @@ def tries(python: Path, out: Path) -> Iterator[Tried]:
                 env=environ,
                 check=False,
             )
-            assert done.returncode == 0, done.stderr.strip().splitlines()[-1]
+            last = (done.stderr.strip().splitlines() or [""])[-1]
+            if fails_with:
+                assert done.returncode != 0 and fails_with in last, (done.returncode, last)
+            else:
+                assert done.returncode == 0, last
 
         def drives(name: str, words: str) -> str:
             before = taught(follower)
@@ -105,6 +109,13 @@ def tries(python: Path, out: Path) -> Iterator[Tried]:
             "lerobot-teleoperate",
             lambda: drives("lerobot_teleoperate", f"{both} --teleop_time_s=5"),
         )
+
+        def is_refused() -> str:
+            with _pilot(follower):
+                command("lerobot_teleoperate", f"{both} --teleop_time_s=5", "in other hands")
+            return "an error that says so"
+
+        yield "lerobot-teleoperate without the wheel", is_refused
         words = f"{_TRAINING} --dataset.root={driven} --output_dir={trained}"
         yield "lerobot-train, three steps of ACT", lambda: command("lerobot_train", words) or ""
         policy = trained / "checkpoints" / "last" / "pretrained_model"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from typing import Any, Self
 
 import numpy as np
@@ -36,6 +37,11 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         learner_: The learner; its labels are numbers of classes in the order that they came.
     """
 
+    classes_: NDArray[Any]
+    learner_: BSOCClassifier
+    _are_all_named: bool
+    _is_loaded = False
+
     def __init__(
         self,
         max_nodes: int = 32,
@@ -49,18 +55,47 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         self.group_cost = group_cost
         self.penalty = penalty
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self._is_loaded = True  # joblib's mmap_mode makes arrays that cannot be written
+
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:  # noqa: N803 - scikit-learn's name
         """Forget, and learn examples in their order; X of shape (n, d), y of shape (n,)."""
         return self._learn(X, y, None, is_new=True)
 
     def partial_fit(self, X: ArrayLike, y: ArrayLike, classes: Any = None) -> Self:  # noqa: N803
-        """Learn further examples; `classes`: all that there will be, if known."""
+        """Learn further examples.
+
+        Args:
+            X: Features, shape (n, d).
+            y: Labels, shape (n,).
+            classes: All that there will be, in the first call or in each. The columns of
+                `predict_proba` are then theirs from the first call on; else a class may come
+                later, and takes its place among the sorted ones.
+
+        Raises:
+            ValueError: If a label is not among the classes that were named.
+        """
         return self._learn(X, y, classes, is_new=not hasattr(self, "learner_"))
 
     def _learn(self, X: ArrayLike, y: ArrayLike, classes: Any, *, is_new: bool) -> Self:  # noqa: N803
         xs, ys = validate_data(self, X, y, reset=is_new)
         check_classification_targets(ys)
-        given = unique_labels(ys) if classes is None else unique_labels(ys, classes)
+        given = unique_labels(ys if classes is None else classes)
+        if not is_new and self._are_all_named:
+            given = self.classes_ if classes is None else given
+            if not np.array_equal(given, self.classes_):
+                raise ValueError(
+                    f"classes={given.tolist()} differ from the first call's, "
+                    f"{self.classes_.tolist()}; name the same ones, or leave them out"
+                )
+        if unknown := sorted(set(ys.tolist()) - set(given.tolist()), key=str):
+            raise ValueError(
+                f"y has labels that classes does not name: {unknown}; "
+                "name all that there will be in the first call of partial_fit"
+            )
+        if not is_new and self._is_loaded:
+            self.learner_, self._is_loaded = deepcopy(self.learner_), False
         if is_new:
             linear = None
             if self.penalty is not None:
@@ -73,8 +108,8 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
                 forgets=False,  # a stream of examples in any order is no pilot who changes his mind
             )
             self._came: list[Any] = []
-            self.classes_ = given
-        else:
+            self.classes_, self._are_all_named = given, classes is not None
+        elif not self._are_all_named:
             self.classes_ = unique_labels(self.classes_, given)
         places = {label: place for place, label in enumerate(self._came)}
         for x, label in zip(xs, ys.tolist(), strict=True):

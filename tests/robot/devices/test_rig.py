@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robot.devices.rig import Rig
+from robot.errors import CameraError
 from robot.exchange.replay_driver import ReplayDriver
 from robot.policy.registry import make_policy
 from robot.testing import FakeCamera, VirtualClock
@@ -24,6 +25,6 @@ def test_a_camera_that_cannot_be_closed_leaves_no_body_connected(
         raise RuntimeError("the library cannot close it")
 
     monkeypatch.setattr(camera, "stop", fail)
-    with pytest.raises(RuntimeError, match="cannot close"):
+    with pytest.raises(CameraError, match="cannot close"):
         rig.stop()
     assert not driver.is_connected

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -113,3 +114,33 @@ def test_after_a_refused_example_scikit_learn_is_answered_as_before() -> None:
         estimator.partial_fit([[1e30]], ["dusk"])
     assert estimator.partial_fit([[0.1]], ["night"]).predict_proba([[0.1]]).shape == (1, 3)
     assert estimator.predict([[0.1], [0.9]]).tolist() == ["night", "day"]
+
+
+def test_a_label_that_classes_did_not_name_is_refused_and_columns_stay() -> None:
+    named = BSOCEstimator().partial_fit([[0.9]], ["day"], classes=["night", "dusk", "day"])
+    before = named.predict_proba([[0.9]])
+    for classes in (None, ["day", "dusk", "night"]):
+        with pytest.raises(ValueError, match=r"'dawn'.*first call"):
+            named.partial_fit([[0.5], [0.1]], ["night", "dawn"], classes=classes)
+    with pytest.raises(ValueError, match="differ from the first call's"):
+        named.partial_fit([[0.5]], ["dawn"], classes=["dawn", "day", "dusk", "night"])
+    assert named.classes_.tolist() == ["day", "dusk", "night"]
+    np.testing.assert_array_equal(named.predict_proba([[0.9]]), before)
+    with pytest.raises(ValueError, match="'dawn'"):
+        BSOCEstimator().partial_fit([[0.5]], ["dawn"], classes=["day"])
+
+
+@pytest.mark.parametrize("penalty", [None, 1.0])
+def test_it_learns_on_from_a_file_that_is_mapped_into_memory(
+    tmp_path: Path, penalty: float | None
+) -> None:
+    joblib = pytest.importorskip("joblib")
+    xs, ys = blobs()
+    whole = BSOCEstimator(max_nodes=16, penalty=penalty).fit(xs, ys)
+    joblib.dump(whole, tmp_path / "model")
+    mapped = joblib.load(tmp_path / "model", mmap_mode="r")
+    file = (tmp_path / "model").read_bytes()
+    for estimator in (whole, mapped):
+        estimator.partial_fit(xs[::-1], ys[::-1])
+    np.testing.assert_array_equal(whole.predict_proba(xs), mapped.predict_proba(xs))
+    assert (tmp_path / "model").read_bytes() == file
