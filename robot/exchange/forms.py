@@ -36,7 +36,7 @@ from robot.exchange.tub import read_tub
 from robot.exchange.tub_records import is_tub
 
 Read = Callable[[Reading, ImportReport], Drive]
-_NO_TIME = "none: 20 pictures a second are assumed, and said"
+_NO_TIME = "none: 20 pictures a second are assumed, and reported"
 
 
 class Source(NamedTuple):

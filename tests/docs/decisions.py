@@ -16,7 +16,7 @@ _LINK = re.compile(r"\[(\d+)\]\(([\w.-]+\.md)\)")
 _TOP = """# Decisions
 
 Made from the pages by `make docs`; do not edit by hand.
-[The first page](0001-record-decisions.md) says
+[The first page](0001-record-decisions.md) explains
 what a decision is, and when it gets a new page.
 
 | number | decision | date | status |
@@ -25,10 +25,9 @@ what a decision is, and when it gets a new page.
 _BOTTOM = """
 ## Missing numbers
 
-None of them is a page that was taken away. Numbers were set aside in advance for work that went on
-side by side, and some of it needed no decision: 9, 11, 14, 15, 16, 22 and 23. Two were given up on
-the day they were given: 10 became 5, and 20 became 3 and 4. No number is given again, and the next
-page takes the next one.
+No page was removed. Numbers were reserved in advance for parallel work, and some of it needed no
+decision: 9, 11, 14, 15, 16, 22 and 23. Two were given up on the day they were reserved: 10 became
+5, and 20 became 3 and 4. No number is used again, and the next page takes the next one.
 """
 MISSING = {9, 10, 11, 14, 15, 16, 20, 22, 23}
 
