@@ -16,8 +16,8 @@ Made from the program by `make docs`; do not edit by hand.
 `drivelesson episodes import PATH` recognises these forms, in this order, in a file, a folder,
 folders within it, or an archive ([how to use it](../howto/episodes.md#import)). Steering and
 throttle here go from -1 to 1; right and ahead are positive. Steering beyond `--threshold` turns.
-A car that stands or drives backward gives no example. A robot with two wheels, or one that is driven by
-velocities, may also spin.
+A car that stands or drives backward gives no example. A robot with two wheels, or one that is
+driven by velocities, may also spin.
 """
 
 
