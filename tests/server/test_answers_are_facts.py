@@ -165,6 +165,7 @@ def holds(root: Path) -> dict[str, Any]:
         episodes = sorted(
             (one.title, one.is_protected, one.edits, one.frames)
             for one in part.episodes.summaries()
+            if one.frames  # the runs of these servers have none
         )
         history = rig.loop.history
         return {
@@ -199,13 +200,12 @@ def ask(
         server.forward(1.0)
         episodes = kept.part(Recordings).episodes
         trashed = sorted(path.name for path in (root / "trash").iterdir() if path.name.isdigit())
+        driven = next(one.id for one in episodes.summaries() if one.frames)
         known = {
             "node": str(images(server.rig.loop.history.policy)[0].node_id),
-            "episode": episodes.ids()[0],
+            "episode": driven,
             "model_key": trashed[0] if trashed else "",
-            "episode_key": episodes.delete(episodes.ids()[0])
-            if "{episode_key}" in str(body)
-            else "",
+            "episode_key": episodes.delete(driven) if "{episode_key}" in str(body) else "",
             "token": pairing.tokens[Role.PILOT],
         }
         disk = DiskThatFails(root, first, for_ever=for_ever)
@@ -235,6 +235,8 @@ def ask(
     return answer, holds(scratch / "killed"), disk.calls
 
 
+# A recorder whose disk refuses the end of a file leaves it to the garbage collector.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("write", ["pin", "undo", *few(list(WRITES)[3:], 4)])
 def test_nothing_answered_as_kept_is_gone(folder: Path, tmp_path: Path, write: str) -> None:
     def make(first: int, *, for_ever: bool) -> Any:
