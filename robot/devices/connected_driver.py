@@ -70,15 +70,15 @@ class ConnectedDriver(Driver, Generic[_C]):
             self._close(connection)
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        return self._send(action, None, speed_scale)
+        return self.__send(action, None, speed_scale)
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
         if not self.takes_points:
             return super().send_point(point, speed_scale=speed_scale)
         action = self.move_of(point)
-        return self._send(action, None if action is Action.STOP else point, speed_scale)
+        return self.__send(action, None if action is Action.STOP else point, speed_scale)
 
-    def _send(self, action: Action, point: Point | None, speed_scale: float) -> Action:
+    def __send(self, action: Action, point: Point | None, speed_scale: float) -> Action:
         self.check_action(action, speed_scale)
         self._connected()
         self._drive(action, point, speed_scale)
