@@ -162,7 +162,11 @@ def test_mending_is_read_out_with_times_and_states(desktop: Any, world: World) -
         assert spoken and " s" in spoken, f"{label} is read out in seconds, not in pictures"
     opened = [node for node in nodes if node.name.startswith("More about Nov") or "20" in node.name]
     assert any(node.states.get("expanded") for node in opened if node.role == "button")
-    moves = [n for n in nodes if any(part.startswith("group Here") for part in n.path)]
+    moves = [
+        n
+        for n in nodes
+        if any(part.startswith("group The robot should go here") for part in n.path)
+    ]
     assert [node.name for node in moves if node.role == "button"] == ["Forward", "Left", "Right"]
 
 
