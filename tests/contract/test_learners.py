@@ -16,6 +16,7 @@ from robot.learner import Learner, State
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import learner_kinds, make_policy
+from robot.policy.repeats import Repeats
 from robot.types import Action, Encoding, Example, Frame
 from tests.kit.sizes import few, seeds
 
@@ -53,6 +54,12 @@ def teach(policy: Policy, examples: int, first: int = 0) -> None:
         policy.learn(policy.extract(view(i % 9, i)), MOVES[i % 3])
 
 
+@pytest.fixture
+def each_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Learn a view that comes again, too; that it is not is tested with `Repeats`."""
+    monkeypatch.setattr(Repeats, "on_example", lambda self, lesson: None)
+
+
 def same(a: Any, b: Any) -> bool:
     if isinstance(a, State):
         fields = ("kind", "params", "arrays", "labels")
@@ -68,6 +75,7 @@ def test_it_is_a_learner(kind: str) -> None:
     assert isinstance(make(kind).learner, Learner)
 
 
+@pytest.mark.usefixtures("each_is_learned")
 def test_a_learner_of_images_shows_them_all_and_others_show_none(kind: str) -> None:
     policy = make(kind)
     teach(policy, 40)
@@ -142,6 +150,7 @@ def test_a_pinned_image_stays_as_it_is(kind: str) -> None:
         policy.learner.delete_node(pinned.node_id)
 
 
+@pytest.mark.usefixtures("each_is_learned")
 def test_a_strange_view_is_novel_or_the_learner_says_that_it_cannot_tell(kind: str) -> None:
     policy = make(kind)
     for i in range(60):
