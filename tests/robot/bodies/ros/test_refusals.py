@@ -182,10 +182,11 @@ def test_each_refusal_is_heard_and_named(
             heard_s.append(after_s)
     print(f"{len(heard_s)} refusals, heard after {1000 * max(heard_s):.0f} ms at most")
     assert sorted(heard_s)[len(heard_s) // 2] < HEARD_WITHIN_S
+    a_refusal_ends_when_the_bridge_takes_it(bridge)
+    a_refused_picture_is_the_cameras_fault(bridge)
 
 
-@pytest.mark.realtime
-def test_a_refusal_ends_when_the_bridge_takes_it(bridge: RefusingBridge) -> None:
+def a_refusal_ends_when_the_bridge_takes_it(bridge: RefusingBridge) -> None:
     """The node in the way may end: the topic is asked for again, and nobody connects anew."""
     text = json.dumps({"op": "status", "level": "error", "msg": TEXTS[0]})
     bridge.answer = Answer("advertise", [text])
@@ -200,8 +201,7 @@ def test_a_refusal_ends_when_the_bridge_takes_it(bridge: RefusingBridge) -> None
             assert time.monotonic() < deadline_s
 
 
-@pytest.mark.realtime
-def test_a_refused_picture_is_the_cameras_fault(bridge: RefusingBridge) -> None:
+def a_refused_picture_is_the_cameras_fault(bridge: RefusingBridge) -> None:
     says = "topic /camera already has type sensor_msgs/msg/Image"
     text = json.dumps({"op": "status", "level": "error", "msg": says})
     bridge.answer = Answer("subscribe", [text])
