@@ -22,7 +22,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--world", help="where the simulated ones drive (default: the lesson's place, or box)")
     text = "say which page of docs/lessons to follow, and begin in its place"
     add("--lesson", choices=tuple(LESSONS), help=text)
-    text = "address for the pupils; 127.0.0.1: for this computer alone (default: all it has)"
+    text = "address for the pupils; 127.0.0.1: only for this computer (default: all it has)"
     add("--host", default="0.0.0.0", help=text)
     text = f"the board's port; the robots have those that follow{shown}"
     add("--port", type=whole(1024, 65535 - MOST), default=8080, help=text)
