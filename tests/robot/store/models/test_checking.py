@@ -97,7 +97,8 @@ def of_arrays(arrays: Arrays) -> Iterator[tuple[str, Change]]:
             del arrays[name]
 
         later = ("touched", "novelty", "contradicted", "contradicted_since", "taken_up")
-        if not name.endswith(later):  # than 0.1
+        later += ("repeats", "repeats_labels")
+        if not name.endswith(later):  # than 0.1, or than 0.2
             yield f"{name} missing", drop
         yield f"{name} text", put(lambda a: np.array(["x"]))
         yield f"{name} complex", put(lambda a: a.astype(np.complex128))
