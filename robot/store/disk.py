@@ -1,4 +1,4 @@
-"""A thread that writes: it takes its turns, one after the other."""
+"""A thread that writes: it runs its jobs one after the other."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from robot.clock import Clock, Worker
 from robot.types import StartStop
 
 Announce = Callable[..., None]
-"""Called with what befell the disk or a file: the name of the event, and fields of its own."""
+"""Called with an event of the disk or of a file: its name, and its own fields."""
 FLUSH_EVERY_S = 0.2
-"""A kill or a power cut loses at most so much, while the disk keeps up."""
+"""Period of writing, in seconds: a kill or a power cut loses at most this much, unless the disk is
+slower."""
 
 
 def no_announcement(name: str, **fields: object) -> None:
@@ -19,9 +20,9 @@ def no_announcement(name: str, **fields: object) -> None:
 
 
 class DiskThread(StartStop):
-    """Takes its turns every `every_s`, or when it is woken, and once more at the end.
+    """Runs its turns every `every_s`, or when it is woken, and once more at the end.
 
-    A turn writes what waits for it and never raises.
+    A turn writes its queue and never raises.
     """
 
     def __init__(
@@ -47,7 +48,7 @@ class DiskThread(StartStop):
         self._wake.set()
 
     def stop(self) -> None:
-        """Take the last turns, and end; gives up on a hanging disk after ten seconds."""
+        """Run the last turns, and end; gives up on a hanging disk after ten seconds."""
         thread, self._thread = self._thread, None
         if thread is not None:
             self._is_ending = True

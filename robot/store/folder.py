@@ -1,6 +1,6 @@
-"""The one place on disk: what is kept, where, and how it gets there whole.
+"""The data folder: its layout, and writing files atomically.
 
-What stands where is in its README.txt, below, and in docs/reference/storage.md.
+The layout is described in its README.txt, below, and in docs/reference/storage.md.
 """
 
 from __future__ import annotations
@@ -29,29 +29,30 @@ from robot.store.presence import require_present
 log = logging.getLogger(__name__)
 
 _README = """\
-Drivelesson keeps here what was taught.
+Drivelesson stores here what robots were taught.
 
 models/     one folder a model, versions as NumPy .npz files (no pickles): open with numpy.load
-exports/    what was made for other programs
-trash/      what was deleted; move it back, or delete it for good
+exports/    files exported for other programs
+trash/      deleted files; move them back, or delete them for good
 {folders}
-All of it can be copied and moved while the program does not run.{secrets}
+All files can be copied and moved while the program does not run.{secrets}
 """
 FOLDERS = "drivelesson.folders"
-"""Entry points of the folders that extensions have in the data folder: each a `FolderKind`."""
+"""Group of the entry points for the extensions' own folders in the data folder, each a
+`FolderKind`."""
 
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
-"""Characters of a name (`check_name`), and of what is added to it in its folder."""
+"""Most characters of a name (`check_name`), and of the ending added to it in its folder."""
 _NAME = re.compile(rf"[^\W_][\w .()+,-]{{0,{_LONGEST_NAME - 1}}}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
 _KEY = re.compile(r"0\d{19}", re.ASCII)
 SCRATCH = ".import-"
-"""How the folders begin in which an import unpacks, in the trash."""
+"""Prefix of the folders in the trash in which an import unpacks."""
 _PART = re.compile(r"\..+\.\d+\.part", re.DOTALL)
-"""What `whole_file` writes first: other programs have `.part` files of their own."""
+"""Names of the temporary files of `whole_file`: other programs have `.part` files of their own."""
 _BUSY = (5, 32)
-"""Windows' numbers for a file that another program has open."""
+"""Windows' error numbers for a file that another program has open."""
 _PAUSES_S = (0.01, 0.03, 0.1, 0.3, 1.0)
 
 
@@ -64,11 +65,11 @@ class FolderKind:
     """A folder that an extension has in the data folder.
 
     Attributes:
-        about: What is in it, for README.txt, in lines; nothing: the folder is made when needed.
-        reads: The names of the files that the program reads in it, however many there are.
-        files: Files that the extension has beside it.
-        secrets: Which of all that nobody else may see.
-        debris: Returns what a power cut may have left half done in it.
+        about: Lines about its content for README.txt. Empty: the folder is made when needed.
+        reads: The names of the files in it that the program reads.
+        files: The extension's files beside the folder.
+        secrets: The names among all these that only the owner may see.
+        debris: Returns the unfinished files in it that a power cut may have left.
     """
 
     name: str
@@ -89,14 +90,14 @@ def _readme() -> str:
     kinds = folder_kinds()
     lines = [f"{kind.name + '/':12}{kind.about}\n" for kind in kinds if kind.about]
     secrets = ", ".join(secret for kind in kinds for secret in kind.secrets)
-    keep = f" Keep these to\nyourself, they are secret: {secrets}." if secrets else ""
+    keep = f" These are\nsecret, do not share them: {secrets}." if secrets else ""
     return _README.format(folders="".join(lines), secrets=keep)
 
 
 def default_root() -> Path:
-    """Return where things are kept unless a person says otherwise.
+    """Return the default data folder.
 
-    DRIVELESSON_DATA if it is set, else the user's data folder as the system has it.
+    It is DRIVELESSON_DATA if that is set, else the system's data folder of the user.
     """
     chosen = os.environ.get("DRIVELESSON_DATA")
     if chosen:
@@ -107,29 +108,29 @@ def default_root() -> Path:
 
 
 def check_name(name: str) -> str:
-    """Return a person's name for a thing in the form in which it can also name a file;
-    ConfigurationError if it could lead elsewhere, or some system could not store it."""
+    """Return a person's name for a thing in a form that is also a valid file name.
+    Raises ConfigurationError if it could lead elsewhere, or if some system could not store it."""
     tidy = composed(name).strip().rstrip(". ")
     if not _NAME.fullmatch(tidy) or _RESERVED.fullmatch(tidy) or len(tidy.encode()) > 200:
         raise ConfigurationError(
-            f"{name[:80]!r} cannot be a name: use up to {_LONGEST_NAME} letters, digits, spaces "
+            f"{name[:80]!r} is not a valid name: use up to {_LONGEST_NAME} letters, digits, spaces "
             "and ( ) - + , . and begin with a letter or digit"
         )
     return tidy
 
 
 def composed(name: str) -> str:
-    """Return a name with each accent on its letter: macOS may write them apart."""
+    """Return a name in Unicode's composed form (NFC): macOS may separate accents from letters."""
     return unicodedata.normalize("NFC", name)
 
 
 def fold(name: str) -> str:
-    """Return what is the same for names that a file system may mix up."""
+    """Return a key that is equal for names that some file system treats as one."""
     return composed(name).casefold()
 
 
 def free_name(wanted: str, taken: set[str]) -> str:
-    """Return `wanted`, or `wanted (2)` and so on, so that no file system mixes it up."""
+    """Return `wanted`, or `wanted (2)` and so on, such that no file system confuses it."""
     folded = set(map(fold, taken))
     candidate, number = wanted, 2
     while fold(candidate) in folded:
@@ -140,17 +141,17 @@ def free_name(wanted: str, taken: set[str]) -> str:
 
 
 def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:
-    """Put a file in its place all at once; see `whole_file`."""
+    """Write a file atomically; see `whole_file`."""
     with whole_file(path, mode=mode) as file:
         file.write(data)
 
 
 @contextlib.contextmanager
 def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
-    """Open a file that comes into its place all at once, where no exception ends the writing.
+    """Open a file that replaces `path` atomically when it was written without an exception.
 
-    After a power cut it is the old one or the new one; OSError if the disk refuses leaves the old
-    one untouched. Its folder is made if there is none. `mode` 0o600 is for secrets.
+    After a power cut `path` is the old file or the new one. If the disk refuses (OSError), the old
+    one stays. A missing folder is made. `mode` 0o600 is for secrets.
     """
     require_present(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -162,7 +163,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
             if not file.closed:
                 file.flush()
                 os.fsync(file.fileno())
-        if path.is_dir() and not path.is_symlink():  # somebody's, where the file belongs
+        if path.is_dir() and not path.is_symlink():  # a person's folder in the file's place
             set_aside(path)
         move(temporary, path)
     except BaseException:
@@ -175,7 +176,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
 def move(path: Path, target: Path) -> None:
     """Rename in one step, over a file that may be there; raises OSError.
 
-    On Windows another program that reads either, as virus scanners do, holds that up for a moment.
+    On Windows a program that reads either file, such as a virus scanner, delays it briefly.
     """
     for pause_s in (*_PAUSES_S, None):
         try:
@@ -188,16 +189,16 @@ def move(path: Path, target: Path) -> None:
 
 
 def set_aside(path: Path, ending: str = ".set-aside") -> str:
-    """Give what cannot be used another name beside it, and return that; never raises OSError."""
+    """Rename an unusable file, and return its new name; never raises OSError."""
     name = f"{path.name}{ending}"
     others = (f"{name}-{number}" for number in range(2, 1000))
     return move_aside(path, [path.with_name(one) for one in (name, *others)]).name
 
 
 def move_aside(path: Path, targets: Iterable[Path]) -> Path:
-    """Move what is in the way to the first of these places that is free; return where it is now.
+    """Move an obstacle to the first of these places that is free; return its present place.
 
-    Where nothing can be renamed it stays; never raises OSError.
+    It stays where it is if it cannot be renamed; never raises OSError.
     """
     target = next((place for place in targets if not os.path.lexists(place)), path)
     with contextlib.suppress(OSError):
@@ -206,12 +207,12 @@ def move_aside(path: Path, targets: Iterable[Path]) -> Path:
 
 
 def is_text(name: str) -> bool:
-    """True for a file's name that is UTF-8; others cannot be shown, nor sent."""
+    """True for a file's name that is UTF-8; other names can be neither shown nor sent."""
     return name == name.encode(errors="ignore").decode()
 
 
 def paths_in(folder: Path) -> list[Path]:
-    """List what stands in a folder under names that are text; nothing if it cannot be read."""
+    """List the entries of a folder whose names are UTF-8; empty if it cannot be read."""
     try:
         return sorted(path for path in folder.iterdir() if is_text(path.name))
     except OSError as error:
@@ -221,7 +222,7 @@ def paths_in(folder: Path) -> list[Path]:
 
 
 def size_of(path: Path) -> int:
-    """Return the bytes of what stands there, 0 if nothing does."""
+    """Return the bytes of a file or folder; 0 if it does not exist."""
     try:
         return path.lstat().st_size
     except OSError:
@@ -229,7 +230,7 @@ def size_of(path: Path) -> int:
 
 
 def sync_folder(folder: Path) -> None:
-    """Have the folder's list of names reach the disk, where the system can."""
+    """Flush the folder's directory entries to the disk, if the system can."""
     if hasattr(os, "O_DIRECTORY"):
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
@@ -239,10 +240,10 @@ def sync_folder(folder: Path) -> None:
 
 
 def make_private(folder: Path) -> None:
-    """Make a folder that only its owner can enter, or take others' rights to one that is there.
+    """Make a folder that only its owner can enter, or remove the rights of others to it.
 
     It holds pictures of a room, and secrets. A folder of another owner, or on a file system
-    without owners, stays as it is.
+    without owners, is not changed.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if hasattr(os, "getuid"):
@@ -253,10 +254,10 @@ def make_private(folder: Path) -> None:
 
 
 class Storage:
-    """The data folder. Making one makes the folder and what belongs in it.
+    """The data folder. Creating the object makes the folder and its subfolders.
 
-    ConfigurationError if nothing can be written there. With `must_be_usable` False `fault` says so
-    instead: for a server, which drives on without keeping anything. A full disk is no fault.
+    Raises ConfigurationError if the folder cannot be written. With `must_be_usable` False the
+    reason is in `fault` instead: a server drives on without storage. A full disk is not a fault.
     """
 
     def __init__(self, root: Path, *, must_be_usable: bool = True) -> None:
@@ -274,7 +275,7 @@ class Storage:
                 write_whole(self.root / "README.txt", _readme().encode())
             if must_be_usable:
                 self._try_longest()
-            else:  # much can be kept where the trash takes nothing, or a long path is none
+            else:  # storage is also useful without a trash, or without long paths
                 write_whole(self.root / ".probe", b"")
                 (self.root / ".probe").unlink(missing_ok=True)
         except OSError as error:
@@ -288,18 +289,18 @@ class Storage:
             self.fault = f"{self.root}: {error.strerror or error}"
 
     def folder(self, name: str) -> Path:
-        """Return the folder that an extension has here."""
+        """Return an extension's folder."""
         return self.root / name
 
     def kept(self) -> list[Path]:
-        """Return the folders that a person may look into: models, those of extensions, trash."""
+        """Return the folders for people: models, those of extensions, trash."""
         own = [self.root / kind.name for kind in folder_kinds() if kind.about]
         return [self.models, *own, self.exports, self.trash]
 
     def _try_longest(self) -> None:
-        """Make a file with a path as long as any to come: Windows takes 260 characters in all."""
-        # A folder of its own: another program may be trying at the same time. On Windows `tempfile`
-        # tries names for ever where nothing can be written.
+        """Make a file with the longest possible path: Windows allows 260 characters in all."""
+        # The folder is a new one since another program may try at the same time. On Windows
+        # `tempfile` retries endlessly where nothing can be written.
         folder = self.trash / uuid4().hex.ljust(_LONGEST_NAME, "n")
         try:
             folder.mkdir()
@@ -316,9 +317,9 @@ class Storage:
             shutil.rmtree(folder, ignore_errors=True)
 
     def half_done(self) -> list[Path]:
-        """List what a kill or a power cut left unfinished a minute ago or more.
+        """List the files that a kill or a power cut left unfinished a minute ago or more.
 
-        What is younger may be on its way just now, by another program.
+        Another program may still be writing a younger one.
         """
         found: list[Path] = []
         with contextlib.suppress(OSError):
@@ -341,7 +342,7 @@ class Storage:
                 path.unlink()
 
     def usage(self) -> dict[str, int]:
-        """Return the bytes of what is kept and of the trash, and what the disk has left: `free`."""
+        """Return the bytes of each folder and of the trash, and of the disk's `free` space."""
         sizes, free = {folder.name: _size(folder) for folder in self.kept()}, 0
         with contextlib.suppress(OSError):
             free = shutil.disk_usage(self.root).free
@@ -359,14 +360,14 @@ class Storage:
         return key
 
     def deleted(self) -> list[str]:
-        """Return the keys of what is in the trash, in the order in which it was deleted."""
+        """Return the keys of the items in the trash, in the order of deletion."""
         return [path.name for path in paths_in(self.trash) if _KEY.fullmatch(path.name)]
 
     def restore(self, key: str, folder: Path, ending: str = "") -> str:
         """Move a deleted file with this ending back, or a folder; return its name without it.
 
-        The name is a new one if the old one is in use. NotFoundError if it was restored or emptied,
-        or is something else.
+        It gets a new name if the old one is in use. Raises NotFoundError if it was restored or
+        emptied, or belongs elsewhere.
         """
         place = self.trash / key
         if not _KEY.fullmatch(key) or not place.is_dir():
@@ -375,7 +376,7 @@ class Storage:
             p for p in paths_in(place) if p.name.endswith(ending) and p.is_file() == bool(ending)
         ]
         if not found:
-            raise NotFoundError(f"that is none of the {folder.name}")
+            raise NotFoundError(f"that does not belong to the {folder.name}")
         old = found[0].name.removesuffix(ending)
         new = free_name(old, {path.name.removesuffix(ending) for path in paths_in(folder)})
         for path in paths_in(place):
@@ -384,21 +385,21 @@ class Storage:
         return new
 
     def _ours_in_trash(self) -> list[Path]:
-        """List what was deleted, and what an import unpacks; other programs' folders are theirs."""
+        """List deleted items and unpacked imports; folders of other programs are left alone."""
         found = paths_in(self.trash)
         return [p for p in found if _KEY.fullmatch(p.name) or p.name.startswith(SCRATCH)]
 
     def empty_trash(self) -> int:
-        """Delete for good what is in the trash; return how many bytes that freed."""
+        """Empty the trash for good; return the number of bytes freed."""
         size = _size(self.trash)
         for place in self._ours_in_trash():
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
-                    FolderLock(place).start()  # refuses where an import unpacks just now
+                    FolderLock(place).start()  # refuses while an import unpacks there
                 shutil.rmtree(place, ignore_errors=True)
         return size - _size(self.trash)
 
 
 def _size(folder: Path) -> int:
-    """Count the bytes of all files below; what cannot be read counts nothing."""
+    """Count the bytes of all files below; unreadable files count as 0."""
     return sum(size_of(Path(at, name)) for at, _, names in os.walk(folder) for name in names)

@@ -12,18 +12,18 @@ from robot.types import StartStop
 
 
 class FolderLock(StartStop):
-    """Locks a folder for this process. The system releases it however the process ends.
+    """Locks a folder for this process. The system releases it when the process ends in any way.
 
-    Start and stop it on the same thread, and keep it: what is garbage lets go.
+    Start and stop it on the same thread, and keep a reference: garbage collection releases it.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._holder = folder / ".lock.pid"  # for the sentence alone: filelock empties its file
+        self._holder = folder / ".lock.pid"  # only for the error: filelock empties its own file
         self._lock: Any = None
 
     def start(self) -> None:
-        """Take the folder; who is refused is told which process has it, or what is wrong."""
+        """Lock the folder; the error of a refusal names the process that has it, or the fault."""
         if self._lock is not None:
             return
         from filelock import FileLock, Timeout
@@ -35,8 +35,8 @@ class FolderLock(StartStop):
             lock.acquire()
         except Timeout as error:
             raise InUseError(
-                f"another drivelesson (process {self._read_holder()}) keeps its models and "
-                f"recordings in {self._folder}; stop it, or choose another folder with "
+                f"another drivelesson (process {self._read_holder()}) uses the data folder "
+                f"{self._folder}; stop it, or choose another folder with "
                 "--data FOLDER"
             ) from error
         except NotImplementedError:
@@ -46,7 +46,7 @@ class FolderLock(StartStop):
                 f"the data folder {self._folder} cannot be written: {error.strerror or error}; "
                 "choose another with --data FOLDER"
             ) from error
-        with contextlib.suppress(OSError):  # a full disk is no reason not to start
+        with contextlib.suppress(OSError):  # a full disk must not prevent the start
             self._holder.write_text(f"{os.getpid()}\n", encoding="ascii")
         self._lock = lock
 

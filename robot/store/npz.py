@@ -1,4 +1,4 @@
-"""NumPy's `.npz` files from anywhere: opened within bounds, never a pickle, no header believed."""
+"""Untrusted `.npz` files of NumPy: read within bounds, without pickles, headers checked."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from robot.errors import RecordingError
 _MAX_MEMBERS = 512
 _MAX_HEADER = 1 << 17
 _LOCAL = struct.Struct("<4s22xHH")
-"""Of a zip's local header: signature, and the lengths of name and extra field."""
+"""A zip's local header: signature, and the lengths of name and extra field."""
 
 
 def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an `.npz`, to be read; one that unpacks to more is refused before."""
+    """Return the arrays of an `.npz`, read-only; a file that unpacks to more is refused unread."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
@@ -43,7 +43,7 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
 
 
 def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> memoryview:
-    """Return a member's bytes, and no copy of them where it is not packed."""
+    """Return a member's bytes, without a copy if it is not packed."""
     if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 1:
         return memoryview(archive.read(member))
     signature, name_length, extra_length = _LOCAL.unpack_from(data, member.header_offset)
@@ -52,12 +52,12 @@ def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) ->
     if signature != b"PK\x03\x04" or len(part) != member.file_size:
         raise RecordingError("it was cut short")
     if zlib.crc32(part) != member.CRC:
-        raise RecordingError("a checksum does not fit")
+        raise RecordingError("a checksum does not match")
     return part
 
 
 def _read_array(data: memoryview) -> NDArray[Any]:
-    """Read one `.npy`; its header is believed only where the bytes are really there."""
+    """Read one `.npy`; its header must match the number of bytes present."""
     file = io.BytesIO(data[:_MAX_HEADER])
     if read_magic(file) == (1, 0):
         shape, is_fortran, dtype = read_array_header_1_0(file)
@@ -67,7 +67,7 @@ def _read_array(data: memoryview) -> NDArray[Any]:
     if dtype.hasobject:
         raise RecordingError("it holds pickled objects, which are never opened")
     if math.prod(shape) * dtype.itemsize != len(data) - start or min(shape, default=0) < 0:
-        raise ValueError(f"an array whose header says {shape} but whose bytes say otherwise")
+        raise ValueError(f"an array's header says {shape}, but its bytes do not match")
     return np.frombuffer(data, dtype, offset=start).reshape(shape, order="F" if is_fortran else "C")
 
 

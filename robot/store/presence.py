@@ -1,7 +1,7 @@
 """Notices that the data folder is gone, as when a stick is pulled or a share is unmounted.
 
-The path then leads to the empty folder beneath, and what is written there is hidden when the stick
-is back. So nothing is written below a watched folder unless it is the one that was there at first.
+The path then leads to the empty folder beneath, and files written there are hidden when the stick
+is back. So nothing is written below a watched folder unless it is still the original one.
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from pathlib import Path
 from robot.store.records import read_regular
 
 MARK = ".folder-id"
-"""The file by which a folder is known again, also where the system numbers its disk anew."""
+"""The file that identifies a folder, also if the system gives its disk a new number."""
 _watched: dict[Path, Presence] = {}
 _lock = threading.Lock()
 
 
 class Presence:
-    """One data folder, as it was when this was made.
+    """Identity of one data folder, taken on creation.
 
     Args:
-        root: The folder. A file of its own is written into it, if there is none.
+        root: The folder. The identifying file is written into it, if it is missing.
 
     Raises:
         OSError: If that file can neither be read nor written.
@@ -41,7 +41,7 @@ class Presence:
             file.write_bytes(self._mark)
 
     def is_there(self) -> bool:
-        """True while the path leads to the folder that it led to at first."""
+        """True while the path leads to the original folder."""
         try:
             place = _place_of(self.root)
             if place == self._place:
@@ -54,7 +54,7 @@ class Presence:
         return True
 
     def watch(self) -> None:
-        """From now on `require_present` refuses paths below this folder while it is gone."""
+        """Have `require_present` refuse paths below this folder while it is gone."""
         with _lock:
             _watched[self.root] = self
 

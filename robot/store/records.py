@@ -1,7 +1,8 @@
-"""Append-only files of checked records, each written to two files: damage to one costs nothing.
+"""Append-only files of checked records, each written to two files: damage to one loses nothing.
 
-A record is a magic word, the length and the CRC-32 of what follows, and that. A reader that meets
-damage looks for the next magic word: a flipped byte costs one record of one file, a cut its end.
+A record is a magic word, the length and the CRC-32 of the payload, and the payload. After damage
+a reader searches for the next magic word: a flipped byte costs one record of one file, and a
+truncation the records after it.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import BinaryIO
 
 MAGIC = b"\xd7DL1"
 MAX_FILE_BYTES = 128 * 2**20
-"""A file that is larger is not ours and is not read."""
+"""Largest file that is read, in bytes: this program writes no larger one."""
 _HEAD = struct.Struct("<4sII")
 
 
@@ -30,9 +31,9 @@ def open_new(path: Path) -> BinaryIO:
 
 
 class RecordWriter:
-    """Writes the same records to several new files; goes on while one of them takes them.
+    """Writes the same records to several new files, as long as one of them can be written.
 
-    For one thread, but for `sync`, which another may call. OSError if no file takes any more.
+    For one thread, except `sync`, which another may call. OSError if every file failed.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class RecordWriter:
             raise last or OSError("no file to write to")
 
     def write(self, payloads: Sequence[bytes]) -> None:
-        """Append records: what is written survives the end of the process, but no power cut yet."""
+        """Append records: they survive the end of the process, but not yet a power cut."""
         data = b"".join(map(frame_record, payloads))
         last = self._with_each(lambda file: (file.write(data), file.flush()))
         self.written_bytes += len(data)
@@ -58,14 +59,14 @@ class RecordWriter:
             raise last or OSError("the files are closed")
 
     def sync(self) -> None:
-        """Have what was written reach the disk; a file that refuses is written no more."""
+        """Flush the files to the disk; a file that fails is not written any more."""
         if self._synced_bytes == self.written_bytes:
             return
         self._synced_bytes = self.written_bytes
         self._with_each(lambda file: os.fsync(file.fileno()))
 
     def _with_each(self, use: Callable[[BinaryIO], object]) -> Exception | None:
-        """Use each file, and leave out what refuses; return the last refusal."""
+        """Use each file, and drop those that fail; return the last error."""
         last = None
         for file in list(self._files):
             try:
@@ -81,13 +82,13 @@ class RecordWriter:
             file.close()
 
     def close(self) -> None:
-        """Close what is open, without waiting for the disk; idempotent."""
+        """Close the open files without waiting for the disk; idempotent."""
         for file in list(self._files):
             self._leave_out(file)
 
 
 def read_records(path: Path) -> Iterator[bytes]:
-    """Yield every sound record of a file, in order; nothing of what is no regular file."""
+    """Yield every valid record of a file, in order; none if it is not a regular file."""
     data = read_regular(path, MAX_FILE_BYTES)
     at = 0
     while (at := data.find(MAGIC, at)) >= 0:
@@ -104,7 +105,7 @@ def read_regular(path: Path, max_bytes: int) -> bytes:
     with os.fdopen(handle, "rb") as file:
         status = os.fstat(handle)
         if not stat.S_ISREG(status.st_mode):
-            raise OSError(f"{path.name} is no regular file")
+            raise OSError(f"{path.name} is not a regular file")
         if status.st_size > max_bytes:
             raise OSError(f"{path.name} has more than {max_bytes >> 20} MB")
         return file.read(status.st_size)  # a buffer of `max_bytes` may take a second

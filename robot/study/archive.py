@@ -1,7 +1,7 @@
-"""A study's data in one zip, and all tables and figures made again from it, on any machine.
+"""A study's data in one zip, and its tables and figures, which any machine can rebuild from it.
 
-Nothing is computed anywhere else: the server packs what `rebuild` returns, and
-`drivelesson study report` compares what it rebuilds with what was packed.
+Nothing is computed elsewhere: the server packs the result of `rebuild`, and
+`drivelesson study report` compares its own result with the packed files.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ _ABOUT = """\
 A study made with Drivelesson.
 
 plan.toml    the plan
-events/      one event log a session: all that the rest is made of
-phases.csv   one row a participant and phase
-tables/      what the report shows, as CSV
-figures/     what the report shows, as SVG
+events/      one event log per session: the source of all the rest
+phases.csv   one row per participant and phase
+tables/      the report's tables, as CSV
+figures/     the report's figures, as SVG
 report.html  the report
 
-Everything but plan.toml and events/ can be made again from those two:
+Everything else can be rebuilt from plan.toml and events/:
 drivelesson study report THIS.zip --out FOLDER
 The columns are described in docs/reference/study.md of Drivelesson.
 """
 
 
 def rebuild(plan_text: str, logs: Mapping[str, bytes]) -> dict[str, str]:
-    """Return every table, figure and the report, by path, of a plan and logs by participant.
+    """Return every table, figure and the report, by path, from a plan and logs by participant.
 
-    ConfigurationError if the plan cannot be read, RecordingError if a log cannot.
+    Raises ConfigurationError if the plan cannot be read, RecordingError if a log cannot be read.
     """
     plan = parse_plan(plan_text, PLAN)
     found = [log for code in sorted(logs) for log in condition_logs(plan, code, logs[code])]
@@ -82,7 +82,7 @@ def _draw(plan: StudyPlan, rows: list[Row], logs: list[ConditionLog]) -> dict[st
 
 
 def _mean(profiles: Sequence[Profile], move: Action) -> list[float]:
-    """Return the mean share at each threshold, of those who made the move; [] if nobody did."""
+    """Return the mean share at each threshold over all who made the move; [] if nobody did."""
     made = [profile[move] for profile in profiles if move in profile]
     return [float(share) for share in np.mean(made, axis=0)] if made else []
 
@@ -112,11 +112,11 @@ def _report(
 
 
 def pack(plan_text: str, logs: Mapping[str, bytes]) -> bytes:
-    """Return the zip: plan, event logs, and all that is made of them."""
+    """Return the zip: plan, event logs, and the files made from them."""
     files: dict[str, bytes] = {
         "README.txt": _ABOUT.encode(),
         PLAN: plan_text.encode(),
-        # Written anew: in a log that 0.2 wrote, an answer may still be a formula.
+        # Logs are rewritten: in a log of version 0.2 an answer may still be a formula.
         **{
             f"{EVENTS}{code}.csv": write_events(read_events(log, code), with_head=True).encode()
             for code, log in sorted(logs.items())
@@ -141,7 +141,7 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
             raise ValueError(f"it unpacks to more than {_LARGEST_ZIP_MB} MB")
         files = {info.filename: archive.read(info) for info in entries}
     if PLAN not in files:
-        raise ConfigurationError(f"{path} is no study: {PLAN} is missing in it")
+        raise ConfigurationError(f"{path} is not a study: {PLAN} is missing in it")
     with told_as(ConfigurationError, f"{path}: {PLAN} is not UTF-8", UnicodeDecodeError):
         plan_text = files.pop(PLAN).decode()
     logs = {
@@ -151,7 +151,9 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
     }
     strange = [code for code in logs if not CODE.fullmatch(code)]
     if strange:
-        raise ConfigurationError(f"{path}: {EVENTS}{strange[0][:40]} is not named by a code")
+        raise ConfigurationError(
+            f"{path}: {EVENTS}{strange[0][:40]} does not have a participant's code as its name"
+        )
     files.pop("README.txt", None)
     return plan_text, logs, files
 
@@ -159,7 +161,7 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
 def report(zip_file: Path, out: Path) -> tuple[list[str], list[str]]:
     """Rebuild all tables and figures of a zip in a folder; see `unpack` and `rebuild`.
 
-    Returns the paths that came out as they were packed, and those that did not.
+    Returns the paths that are equal to the packed ones, and those that differ.
     """
     plan_text, logs, packed = unpack(zip_file)
     made = rebuild(plan_text, logs)

@@ -1,4 +1,4 @@
-"""The paper's protocol as plans: a study to begin with, and the guided trial of one person. Pure.
+"""The paper's protocol as plans: a first study, and the guided trial of one person. Pure.
 
 Source: FLAIRS-30 (2017), experiment with human teachers: trials 1 to 3; 90 s of teaching and
 330 s with corrections, or 180 s and 240 s; then 60 s alone, and a question on a 7-point scale.
@@ -22,7 +22,7 @@ TRIALS: Mapping[int, tuple[str, tuple[Action, ...]]] = {
 }
 """The place and the moves of each trial."""
 TIMES_S = {90: 330, 180: 240}
-"""Choices of teaching time, and the time with corrections that belongs to each."""
+"""Choices of teaching time, each with its time for corrections, in seconds."""
 ALONE_S = 60
 
 _PLAN = """\
@@ -30,16 +30,16 @@ _PLAN = """\
 # Source of this protocol: FLAIRS-30 (2017), experiment with human teachers, trial {trial}.
 title = "Trial {trial}: {seconds} seconds of teaching"
 participants = {participants}
-design = "within"            # every participant meets every condition; or "between": one each
+design = "within"            # every participant has every condition; or "between": one each
 world = "{world}"                # the simulator's world, or your name for the real place
 moves = {moves}
 learner = {learner}
 questionnaires = {questionnaires}
-result = {result}            # "shown": who has finished sees how alike they drove; or "hidden"
+result = {result}            # "shown": participants see their own result at the end; or "hidden"
 
-# Shown to the participant, who confirms it before anything begins. What it has to say is yours
-# to decide; without this line nothing is shown.
-# consent = "..."            # or one a language: {{ en = "...", es = "...", zh = "..." }}
+# Text that the participant confirms before the session begins. You decide on its content; without
+# this line no text is shown.
+# consent = "..."            # or one per language: {{ en = "...", es = "...", zh = "..." }}
 
 [[phase]]
 kind = "teach"               # the participant drives
@@ -75,9 +75,9 @@ def paper_plan(trial: int = 1) -> str:
 
 
 def trial_plan(trial: int, teach_s: int, learner: str = "default-32") -> str:
-    """Return the guided trial of one person, with one teaching time and the closing question;
-    ConfigurationError if the trial or the teaching time is unknown."""
-    if repr(trial) not in map(repr, TRIALS):  # True is no trial, though it equals 1
+    """Return the guided trial of one person, with one teaching time and the closing question.
+    Raises ConfigurationError if the trial or the teaching time is unknown."""
+    if repr(trial) not in map(repr, TRIALS):  # True is not a trial, though it equals 1
         raise ConfigurationError(f"there is no trial {trial!r}; choose 1, 2 or 3")
     if repr(teach_s) not in map(repr, TIMES_S):
         raise ConfigurationError(f"teaching takes 90 or 180 s, not {teach_s!r}")
@@ -95,6 +95,6 @@ def _write(trial: int, times: Mapping[int, int], **fields: Any) -> str:
         correct=correct,
         alone=ALONE_S,
         conditions="".join(_CONDITION.format(teach=t, correct=c) for t, c in times.items()),
-        # Texts are written alike in TOML.
+        # JSON and TOML write these values in the same way.
         **{name: json.dumps(value) for name, value in {"moves": moves, **fields}.items()},
     )

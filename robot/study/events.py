@@ -1,7 +1,7 @@
-"""A session's event log: one CSV file, one line an event, only ever appended to. Pure.
+"""A session's event log: an append-only CSV file with one line per event. Pure.
 
-Everything about a session is derived from its log: where it stands, its rows, the report. What
-each event means is in docs/reference/study.md.
+Everything about a session is derived from its log: its state, its rows, the report. The events are
+described in docs/reference/study.md.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ COLUMNS = tuple(field.name for field in fields(StudyEvent))
 _WHOLE, _REAL = ("position", "attempt"), ("wall_s", "phase_s", "distance_m")
 _LATEST_S = 2.5e11  # the year 9892: later ones have no date
 _RECORDING = re.compile(rb"(?m)^[^,\n]*,recording,.*,(\d{4}-\d\d-\d\d_\d{6}_\d{3})\r?$")
-# A spreadsheet runs a text that begins so, at the beginning of a line or after what it may take
-# for the end of a cell.
+# A spreadsheet runs a text with this beginning as a formula, at the beginning of a line or after
+# characters that may end a cell.
 _CELL, _RUNS = r"(^|[;\t\r\n])", r"""((?:[^\S\t\r\n]|['"])*[=+\-@＝＋－＠])"""
 _FORMULA, _DISARMED = re.compile(_CELL + _RUNS), re.compile(f"{_CELL}'{_RUNS}")
 
 
 def write_csv(lines: Iterable[Sequence[object]]) -> str:
-    """Return lines as CSV. A text that a spreadsheet would run as a formula gets an apostrophe."""
+    """Return lines as CSV. Texts that a spreadsheet would run as formulas get an apostrophe."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     for line in lines:
@@ -69,19 +69,19 @@ def write_events(events: Iterable[StudyEvent], *, with_head: bool = False) -> st
 
 
 def whole_lines(data: bytes) -> bytes:
-    """Return a log without the line that a power cut left half written."""
+    """Return a log without a last line that a power cut truncated."""
     return data[: data.rfind(b"\n") + 1]
 
 
 def recordings_in(log: bytes) -> list[str]:
-    """Return the recordings that a log names, also one of which not every line can be read."""
+    """Return the recordings that a log names, also if some of its lines cannot be read."""
     found = _RECORDING.findall(log)
     return list(dict.fromkeys(name.decode() for name in found))
 
 
 def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
-    """Read a session's log; a last line that was cut short is left out. RecordingError if it is not
-    such a log, or not from its beginning; says which line."""
+    """Read a session's log; a truncated last line is left out. Raises RecordingError, with the line
+    number, if it is not such a log, or does not start at its beginning."""
     with told_as(RecordingError, f"{where} is not UTF-8", UnicodeDecodeError):
         text = whole_lines(data).decode("utf-8-sig")
     events: list[StudyEvent] = []
@@ -96,14 +96,14 @@ def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
 
 
 def check_begun(events: Sequence[StudyEvent], where: str) -> int:
-    """Return the slot of the session; RecordingError if it does not begin with its beginning."""
+    """Return the slot of the session; RecordingError if the first event is another one."""
     first = events[0] if events else None
     if (
         first is None
         or first.event != "session_begun"
         or not re.fullmatch("[0-9]{1,6}", first.value)
     ):
-        raise RecordingError(f"{where} does not begin with the event session_begun")
+        raise RecordingError(f"the first event of {where} is not session_begun")
     return int(first.value)
 
 
@@ -118,12 +118,12 @@ def _read(line: list[str]) -> StudyEvent:
     if wall_s is None or wall_s < 0:
         raise ValueError("'wall_s' is missing, or before 1970")
     if texts["event"] == "frame":
-        Action(texts["move"])  # refuses what is none
+        Action(texts["move"])  # refuses invalid names
     return StudyEvent(**values)  # type: ignore[arg-type]  # as the columns say
 
 
 def number_in(text: str) -> float | None:
-    """Return the number that a text is, None for an empty one; ValueError if it is out of range."""
+    """Return the number in a text, None for an empty one; ValueError if it is out of range."""
     number = float(text) if text else None
     if number is not None and not (math.isfinite(number) and abs(number) <= _LATEST_S):
         raise ValueError(f"{text!r} is out of range")

@@ -1,4 +1,4 @@
-"""The figures of a study's report as SVG text, without a library: the same on every machine."""
+"""The figures of a study's report as SVG text, without a library: equal on every machine."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ _WIDTH, _HEIGHT = 480, 280
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 16, 36, 40
 _STYLE = "font-family='system-ui, sans-serif' font-size='12' fill='#1d2327'"
 _PILOT, _ROBOT = "#b87900", "#006ba8"
-_LEAST = 1e-300  # what is less has no tenth
+_LEAST = 1e-300  # a tenth of a smaller number underflows
 
 
 def strips(title: str, columns: Mapping[str, Mapping[str, float]], *, joined: bool) -> str:
-    """Draw one measure: a column a condition, a dot a participant, a bar at the mean.
+    """Draw one measure: a column per condition, a dot per participant, a bar at the mean.
 
     Args:
-        title: What is measured.
+        title: The measure.
         columns: By condition, the values by participant.
-        joined: A line joins the dots of one participant.
+        joined: True if a line joins the dots of one participant.
     """
     every = [value for values in columns.values() for value in values.values()]
     low, high, ticks = _axis(min(every, default=0.0), max(every, default=1.0))

@@ -1,4 +1,4 @@
-"""A study's plan, read from a TOML file. Field by field in docs/reference/study.md. Pure."""
+"""A study's plan, read from a TOML file. docs/reference/study.md describes its fields. Pure."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from robot.types import Action, Mode
 MOST_PARTICIPANTS, MOST_CONDITIONS, MOST_PHASES, MOST_QUESTIONS = 500, 8, 12, 60
 LONGEST_PHASE_S = 7200.0
 CODE = re.compile(r"[A-Z]{1,3}[0-9]{1,4}")
-"""A participant's code: nothing else of a person is asked for, or kept."""
+"""A participant's code: no other personal data is asked for or stored."""
 _MOVES = 'a list of moves such as ["forward", "left"]'
 
 
 PhaseKind = Literal["teach", "correct", "alone"]
-"""The pilot drives, the robot learns; or the robot drives, and is corrected; or is left alone."""
+"""The pilot drives and the robot learns; the robot drives and is corrected; or it drives by
+itself."""
 
 
 class PlannedPhase(PlanTable):
@@ -40,7 +41,7 @@ class PlannedPhase(PlanTable):
 
 
 class _Condition(PlanTable):
-    """A table [[condition]]; what it leaves out is as in the rest of the plan."""
+    """A table [[condition]]; missing fields are those of the rest of the plan."""
 
     name: str = text()
     world: str = text("")
@@ -76,7 +77,7 @@ class _Plan(PlanTable):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
-    """What is compared: a place, moves, a learner, and timed phases."""
+    """One condition of the comparison: a place, moves, a learner, and timed phases."""
 
     name: str
     world: str
@@ -95,7 +96,7 @@ class StudyPlan:
     is_within: bool
     consent: Words
     shows_result: bool
-    """Whether a participant who has finished sees how alike they drove."""
+    """True if participants see their result when they have finished."""
     conditions: tuple[Condition, ...]
     questions: tuple[Question, ...]
 
@@ -109,7 +110,7 @@ class StudyPlan:
 
     @property
     def balanced_every(self) -> int:
-        """The order is balanced for multiples of so many participants."""
+        """Number of participants for whose multiples the order is balanced."""
         return len(self._orders)
 
     @cached_property
@@ -118,15 +119,15 @@ class StudyPlan:
         return williams_rows(n) if self.is_within else [(i,) for i in range(n)]
 
     def questions_at(self, position: int, of: int) -> tuple[Question, ...]:
-        """Return what is asked after the condition at `position` (from 0) of `of`."""
+        """Return the questions after the condition at `position` (from 0) of `of`."""
         is_last = position == of - 1
         return tuple(q for q in self.questions if is_last or q.when == "each")
 
 
 def williams_rows(n: int) -> list[tuple[int, ...]]:
-    """Return in which order participants meet `n` conditions, numbered from 0: a Latin square.
+    """Return the participants' orders of `n` conditions, numbered from 0: a Latin square.
 
-    Every condition stands equally often at every position, and follows every other equally often.
+    Every condition is equally often at every position, and follows every other equally often.
     Source: E. J. Williams, "Experimental designs balanced for the estimation of residual effects of
     treatments", Australian Journal of Scientific Research A 2 (1949): one square for an even number
     of conditions, a square and its mirror image for an odd one.
@@ -137,7 +138,7 @@ def williams_rows(n: int) -> list[tuple[int, ...]]:
 
 
 def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
-    """Read a plan; ConfigurationError says what is wrong, where, and what to do."""
+    """Read a plan; the message of a ConfigurationError names fault, place and remedy."""
     import tomllib
 
     wrong = f"{where} is not TOML"

@@ -1,4 +1,4 @@
-"""The tables of a plan, read one by one; an error says what, where and what to do. Pure."""
+"""The tables of a plan, read one by one; an error names fault, place and remedy. Pure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot.types import Action
 Words = dict[str, str]
 """A text by language (`en`, `es`, `zh`)."""
 _BY_LANGUAGE = ("consent", "instructions", "text", "low", "high")
-_TEXT = 'a text, or one a language: {en = "...", es = "...", zh = "..."}'
+_TEXT = 'a text, or one per language: {en = "...", es = "...", zh = "..."}'
 _NAME, _LANGUAGE = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}"), re.compile(r"[a-z]{2}")
 _LONGEST_WORDS = 4000
 
@@ -29,7 +29,7 @@ class PlanTable(RawValue):
 
     @classmethod
     def read(cls, table: Mapping[str, Any], where: str) -> Self:
-        """Read one table; raises ConfigurationError, which says where."""
+        """Read one table; the message of a ConfigurationError names the place."""
         refuse_unknown(table, cls.known(table), where)
         spread = {name: _by_language(name, value) for name, value in table.items()}
         found = read(cls, spread, f"{where}: ")
@@ -43,7 +43,7 @@ class PlanTable(RawValue):
     def read_all(
         cls, tables: Sequence[Mapping[str, Any]], where: str, name: str, least: int, most: int
     ) -> list[Self]:
-        """Read the tables [[name]], each of which knows its number."""
+        """Read the tables [[name]]; errors give a table's number."""
         if not least <= len(tables) <= most:
             raise ConfigurationError(
                 f"{where}: there must be {least} to {most} tables [[{name}]], not {len(tables)}; "
@@ -56,11 +56,11 @@ class PlanTable(RawValue):
 
     @classmethod
     def known(cls, table: Mapping[str, Any]) -> Sequence[str]:
-        """Return which fields such a table may have."""
+        """Return the fields that such a table may have."""
         return list(fields_of(cls))
 
     def check_together(self) -> None:
-        """Refuse what no field says alone; raises ValueError."""
+        """Refuse combinations of fields; raises ValueError."""
 
 
 def refuse_unknown(table: Mapping[str, Any], known: Sequence[str], where: str) -> None:
@@ -79,7 +79,7 @@ def refuse_twins(names: Sequence[str], what: str, where: str) -> None:
 
 
 def _by_language(name: str, value: Any) -> Any:
-    """Give a text that may be one a language its language."""
+    """Return a text with its languages; a plain one is for all."""
     if name == "options" and isinstance(value, list):
         return [_by_language("text", each) for each in value]
     if name not in _BY_LANGUAGE or not isinstance(value, str):
@@ -88,11 +88,11 @@ def _by_language(name: str, value: Any) -> Any:
 
 
 def _check(name: str, value: Any) -> None:
-    """Refuse a field of which the type does not say all."""
+    """Refuse values that the field's type allows but the plan does not."""
     if name == "name" and not _NAME.fullmatch(value):
         raise ValueError(
             f"'name' is {value[:40]!r}; "
-            "a name has up to 31 small letters, digits, - and _, and no spaces"
+            "use up to 31 lower-case letters, digits, - and _, and no spaces"
         )
     if name in ("title", "world") and not value.isprintable():
         raise ValueError(f"{name!r} is {value[:40]!r}; write it in one line")
@@ -101,7 +101,7 @@ def _check(name: str, value: Any) -> None:
         if not _LANGUAGE.fullmatch(code) or len(said) > _LONGEST_WORDS:
             raise ValueError(f"{name!r} has {code[:40]!r}; write {_TEXT}")
     if name == "moves" and (not value or Action.STOP in map(Action, value)):
-        raise ValueError("'moves' must have at least one move, and not 'stop': every robot stops")
+        raise ValueError("'moves' must have at least one move, and never 'stop'")
     if name == "learner" and not is_learner_kind(kind := split_name(value)[0]):
         hint = did_you_mean(kind, learner_kinds())
         raise ValueError(f"'learner' is {value!r}{hint}; default-32 is the usual one")

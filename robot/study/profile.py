@@ -1,11 +1,11 @@
-"""Behavior Profile: at which distances does a driver make which move? And how far two differ.
+"""Behavior Profile: the distances at which a driver makes each move, and the difference of two.
 
 P(d < c | move) for c = 0, 0.02, ..., 4 m, d the sonar reading, and the sum of squared differences
 (SSD) of two profiles over all moves and all c: the measure of FLAIRS-30, 2017.
 
-The paper does not say how to count a move that was never made. Here its profile is 0 for every c,
-as that of no reading at all: a robot that never turns is then far from a teacher who does. Such
-moves are named, and `made` gives the same sum over the moves that both made.
+The paper does not define the profile of a move that was never made. Here it is 0 for every c, as
+without any reading: a robot that never turns is then far from a teacher who does. Such moves are
+named, and `made` gives the same sum over the moves that both made.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ Profile = Mapping[Action, NDArray[np.float64]]
 
 
 def behavior_profile(moves: Sequence[Action], distances_m: ArrayLike) -> Profile:
-    """Return the profile of a drive: what was done at which sonar reading. STOP is no move.
+    """Return the profile of a drive from its moves and sonar readings. STOP is not a move.
 
-    Each tick has an action and a reading, shape (n,); ValueError if there are not as many of both.
+    Each tick has an action and a reading, shape (n,); ValueError if the lengths differ.
     """
     distances = np.asarray(distances_m, np.float64)
     if distances.shape != (len(moves),):
@@ -43,7 +43,7 @@ def behavior_profile(moves: Sequence[Action], distances_m: ArrayLike) -> Profile
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """How far the robot's profile is from the teacher's."""
+    """The difference between the robot's profile and the teacher's."""
 
     per_move: Mapping[Action, float]
     never_by_teacher: tuple[Action, ...]
@@ -51,7 +51,7 @@ class Difference:
 
     @property
     def ssd(self) -> float:
-        """The published figure: summed over all moves, one never made counting as P = 0."""
+        """The published figure: the sum over all moves; one never made counts as P = 0."""
         return float(sum(self.per_move.values()))
 
     @property
@@ -62,7 +62,7 @@ class Difference:
 
 
 def compare(teacher: Profile, robot: Profile, moves: Sequence[Action]) -> Difference:
-    """Return the squared differences of two profiles, for each of `moves` and in sum."""
+    """Return the squared differences of two profiles, for each of `moves` and as a sum."""
     nothing = np.zeros(len(THRESHOLDS_M))
     return Difference(
         per_move={

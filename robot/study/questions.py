@@ -1,4 +1,4 @@
-"""Questions and how they are scored; the built-in questionnaires are in questionnaires.toml. Pure.
+"""Questions and their scores; the built-in questionnaires are in questionnaires.toml. Pure.
 
 Sources: S. G. Hart and L. E. Staveland, "Development of NASA-TLX" (1988), unweighted ("raw"): the
 mean of six scales from 0 to 100 in steps of 5. Trust: three of the items of J.-Y. Jian, A. M.
@@ -48,7 +48,7 @@ class Question(PlanTable):
             raise ValueError("'most' must be greater than 'least', by 'step' or more")
 
     def check(self, answer: Any) -> str:
-        """Return an answer in the form in which it is kept; ConfigurationError if it is none."""
+        """Return an answer as it is stored; ConfigurationError if it is not valid."""
         if self.kind == "text":
             if not isinstance(answer, str) or len(answer) > LONGEST_ANSWER:
                 raise ConfigurationError(
@@ -68,7 +68,7 @@ class Question(PlanTable):
 
 
 SCORES = {"nasa_tlx": "nasa-tlx", "trust": "trust"}
-"""Columns of scores, and the questionnaires of whose answers they are the mean."""
+"""Columns of scores, each with its questionnaire: a score is the mean of its answers."""
 
 
 def scores(answers: Mapping[str, Any]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""What a session came to: one row for each phase, made of its event log alone. Pure."""
+"""A session's results: one row for each phase, made only from its event log. Pure."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ def columns(plan: StudyPlan) -> tuple[str, ...]:
 
 
 def refuse_same_columns(plan: StudyPlan, where: str = "the plan") -> None:
-    """Refuse (ConfigurationError) a new plan of which an answer would stand in another column."""
+    """Refuse (ConfigurationError) a new plan in which a question has the name of another column."""
     refuse_twins(columns(plan), "phases.csv column", where)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionLog:
-    """One participant's last attempt at one condition; all its rows begin with `common`."""
+    """One participant's last attempt at one condition; all its rows start with `common`."""
 
     condition: Condition
     events: Sequence[StudyEvent]
     common: Row
 
     def profile(self, by: DrivenBy, *kinds: PhaseKind) -> Profile:
-        """Return the Behavior Profile of who drove in phases of these kinds."""
+        """Return the Behavior Profile of one driver in phases of these kinds."""
         names = {phase.name for phase in self.condition.phases if phase.kind in kinds}
         return profile_of(frames([e for e in self.events if e.phase in names], by))
 
@@ -57,7 +57,7 @@ def named(events: Sequence[StudyEvent], event: str) -> list[StudyEvent]:
 
 
 def frames(events: Sequence[StudyEvent], by: DrivenBy) -> list[StudyEvent]:
-    """Return the frames on which somebody drove."""
+    """Return the frames on which this driver drove."""
     return [e for e in named(events, "frame") if e.driven_by == by.value]
 
 
@@ -68,7 +68,7 @@ def profile_of(frames: Sequence[StudyEvent]) -> Profile:
 
 
 def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[ConditionLog]:
-    """Sort a session's events by condition; of a condition begun anew, the last attempt counts.
+    """Sort a session's events by condition; only the last attempt at a condition counts.
     RecordingError if the log cannot be read, or the plan no longer has a condition of it."""
     where = f"events/{participant}.csv"
     events = read_events(log, where)
@@ -78,7 +78,7 @@ def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[Condit
         mine = [event for event in events if event.position == position]
         attempt = max(event.attempt for event in mine)
         last = [event for event in mine if event.attempt == attempt]
-        # As it was driven: in a plan that was changed since, others stand at this place.
+        # The condition as it was driven: a plan that was changed since may have another here.
         condition = plan.by_name.get(name := last[0].condition)
         if condition is None:
             raise RecordingError(
@@ -105,7 +105,7 @@ def rows_of(plan: StudyPlan, log: ConditionLog) -> Iterator[Row]:
     for phase in log.condition.phases:
         if events := [event for event in log.events if event.phase == phase.name]:
             yield {**log.common, **_drive(log, phase, events, teacher)}
-    given = {e.name: e.value for e in named(log.events, "answer")}  # the last one where it changed
+    given = {e.name: e.value for e in named(log.events, "answer")}  # the last answer counts
     if given:
         answers: dict[str, Cell] = {
             q.name: given.get(q.name) if q.kind == "text" else _plain(given.get(q.name, ""))
@@ -152,10 +152,10 @@ def _drive(
 
 
 def outcome(log: ConditionLog) -> dict[str, Any]:
-    """Return how alike participant and robot drove, as plain values; profiles at 0, 0.02, ... m.
+    """Return the comparison of participant and robot as plain values; profiles at 0, 0.02, ... m.
 
-    The participant's profile is that of teaching, the robot's that of driving alone. Without either
-    (nobody moved, or there is no sonar) `ssd` is None.
+    The participant's profile is that of teaching, the robot's that of driving by itself. `ssd` is
+    None if either is missing (nobody moved, or there is no sonar).
     """
     moves = log.condition.moves
     pilot = log.profile(DrivenBy.PILOT, "teach")
@@ -182,7 +182,7 @@ def _moment(event: StudyEvent) -> str:
 
 
 def _plain(text: str) -> int | float | None:
-    """Return what is a number in the log as one; RecordingError if it is none."""
-    with told_as(RecordingError, "a log has no number where one belongs", ValueError):
+    """Return a field of the log as a number; RecordingError if it is not one."""
+    with told_as(RecordingError, "a field of a log is not a number", ValueError):
         number = number_in(text)
     return int(number) if number is not None and text.isdecimal() else number

@@ -1,6 +1,6 @@
-"""One participant's session: where it stands, and what may come next. Pure.
+"""One participant's session: its state, and its next step. Pure.
 
-The state is what its events say: a session is taken up again by following its log.
+The state follows from its events: a session is resumed by replaying its log.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from robot.study.questions import Question
 from robot.types import Action, DrivenBy, Mode
 
 LONGEST_STEP_S = 0.5
-"""A longer gap between two ticks was a pause, and does not count."""
+"""Longest gap between two ticks that counts, in seconds: a longer one was a pause."""
 
 
 class SessionStep(StrEnum):
-    """What a session waits for."""
+    """The step that a session waits for."""
 
     CONSENT = "consent"
     READY = "ready"
@@ -47,7 +47,7 @@ class StudySession:
         self.order = plan.order(slot)
         self.step = SessionStep.CONSENT if plan.consent else SessionStep.READY
         self.position = 0
-        """Which condition of the order, from 0."""
+        """Index of the condition in the order, from 0."""
         self.phase_index = 0
         self.phase_s = 0.0
         self.attempt = 0
@@ -57,16 +57,16 @@ class StudySession:
         self._was_pilot = False
         self._mode: Mode | None = None
 
-    # Where it stands --------------------------------------------------------------------------
+    # State ------------------------------------------------------------------------------------
 
     @property
     def condition(self) -> Condition:
-        """The condition that is on, or comes next."""
+        """The present condition, or the next one."""
         return self.plan.by_name[self.order[min(self.position, len(self.order) - 1)]]
 
     @property
     def phase(self) -> PlannedPhase | None:
-        """The phase whose clock may run; None unless something is to be driven."""
+        """The phase whose clock may run; None unless the next step is to drive."""
         return self.condition.phases[self.phase_index] if self.step is SessionStep.DRIVE else None
 
     @property
@@ -79,21 +79,21 @@ class StudySession:
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """What is asked after the present condition."""
+        """The questions after the present condition."""
         return self.plan.questions_at(self.position, len(self.order))
 
     def require(self, step: SessionStep) -> None:
-        """Raise ConfigurationError, which says for what the session waits, unless for this."""
+        """Raise ConfigurationError, which names the awaited step, unless it is this one."""
         if self.step is not step:
             raise ConfigurationError(
                 f"the session of {self.participant} waits for {self.step.value!r}, "
                 f"not {step.value!r}"
             )
 
-    # What happens -----------------------------------------------------------------------------
+    # Events -----------------------------------------------------------------------------------
 
     def make(self, event: str, wall_s: float, **fields: Any) -> StudyEvent:
-        """Return an event at the present place of the session; follows it."""
+        """Create an event at the present place of the session, and apply it."""
         phase = None if event == "condition_begun" else self.phase
         made = StudyEvent(
             wall_s=round(wall_s, 3),
@@ -109,7 +109,7 @@ class StudySession:
         return made
 
     def follow(self, event: StudyEvent) -> None:
-        """Take in one event, new or read from the log."""
+        """Apply one event, new or read from the log."""
         if event.phase_s is not None and self.phase is not None:
             self.phase_s = event.phase_s
         match event.event:
@@ -145,7 +145,7 @@ class StudySession:
 
         Args:
             wall_s: Seconds since 1970.
-            measure: Called at the end of a phase for what is noted then.
+            measure: Called at the end of a phase; returns the values to record.
         """
         phase = self.phase
         if phase is None:
@@ -189,7 +189,7 @@ class StudySession:
 
 
 def follow_log(plan: StudyPlan, participant: str, events: Iterable[StudyEvent]) -> StudySession:
-    """Return the session as its log leaves it; RecordingError if it is none of this plan."""
+    """Return the session after its log; RecordingError if the log does not belong to this plan."""
     events = list(events)
     where = f"the event log of {participant}"
     session = StudySession(plan, participant, check_begun(events, where))

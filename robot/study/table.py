@@ -32,7 +32,7 @@ class Table:
 
 
 def format_cell(cell: Cell) -> str:
-    """Return a cell as text: numbers with two digits, nothing as a dash."""
+    """Return a cell as text: numbers with two digits, None as a dash."""
     if cell is None:
         return "-"
     if isinstance(cell, float):

@@ -1,4 +1,4 @@
-"""The tables of a study's report, made of its rows. Pure; every number is exact to its digits."""
+"""The tables of a study's report, made from its rows. Pure; every digit of a number is exact."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Measure = tuple[str, str]
 
 
 def measures(plan: StudyPlan) -> list[Measure]:
-    """Return what is compared between the conditions."""
+    """Return the measures that are compared between the conditions."""
     driven = [
         (phase.name, column)
         for phase in plan.conditions[0].phases
@@ -103,7 +103,7 @@ def _order(plan: StudyPlan, rows: Sequence[Row]) -> Table:
         for c in plan.conditions
     )
     head = ("condition", *(f"position_{position}" for position in positions))
-    return Table(title="How many participants met each condition when", columns=head, rows=lines)
+    return Table(title="Participants by condition and position", columns=head, rows=lines)
 
 
 def _answers(plan: StudyPlan, rows: Sequence[Row]) -> Table:
@@ -113,8 +113,8 @@ def _answers(plan: StudyPlan, rows: Sequence[Row]) -> Table:
         given = Counter(values_of(rows, condition.name, (QUESTIONS, name)).values())
         lines += [(name, condition.name, int(answer), n) for answer, n in sorted(given.items())]
     return Table(
-        title="How often each answer was given",
+        title="Number of times that each answer was given",
         columns=("question", "condition", "answer", "n"),
         rows=tuple(lines),
-        note="A choice is the number of its option. Free texts are in phases.csv alone.",
+        note="A choice is the number of its option. Free texts are only in phases.csv.",
     )

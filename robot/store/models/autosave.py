@@ -1,4 +1,4 @@
-"""Saves what the robot learns by itself, and loads it again at the next start.
+"""Saves the learner automatically, and loads it again at the next start.
 
 The loop's thread only marks that a save is due; the disk's thread copies the learner and writes
 it. A save is due after every change of mode, undo and edit, every ten seconds of teaching, and at
@@ -30,9 +30,9 @@ SAVE_EVERY_S = 10.0
 
 
 class Autosave:
-    """Owns which model is in use, and saves it.
+    """Owns the model in use, and saves it.
 
-    `name` is what a new model is called before a person names it. A model with other moves than
+    `name` is the name of a new model before a person names it. A model with other moves than
     `moves` is not loaded. `announce` is called with events for the page.
     """
 
@@ -55,7 +55,7 @@ class Autosave:
         self.announce = announce
         self._journal = journal
         self.name: str | None = None
-        """Name of the model in use; None until there is something to save."""
+        """Name of the model in use; None until the learner was taught."""
         self._lock = self._clock.lock()
         self._is_due = False
         self._unsubscribe: Callable[[], None] | None = None
@@ -65,7 +65,7 @@ class Autosave:
 
     @property
     def has_unsaved(self) -> bool:
-        """Whether the learner was changed since it was last saved or loaded."""
+        """True if the learner was changed since it was last saved or loaded."""
         return self._loop.history.changes != self._saved_changes
 
     def start(self) -> None:
@@ -95,14 +95,14 @@ class Autosave:
             self.save_if_changed()
 
     def save_if_changed(self) -> None:
-        """Save if anything was learned since. Never raises: a failure is announced and retried."""
+        """Save if the learner was changed. Never raises: a failure is announced and retried."""
         if not self.has_unsaved:
             return
         try:
             with self._lock:  # another model may be on its way, and count as saved in a moment
                 if self.has_unsaved:
                     self.save()
-        except Exception as error:  # whatever it is, the thread must go on
+        except Exception as error:  # the thread must go on after any error
             expected = isinstance(error, OSError | RobotError)
             log.warning("the model was not saved: %s", error, exc_info=not expected)
             self.announce("model_not_saved", detail=str(error) or type(error).__name__)
@@ -148,7 +148,7 @@ class Autosave:
             self.save_if_changed()
 
     def load(self, name: str) -> None:
-        """Save the model in use, and go on with another; refused unless the robot is stopped."""
+        """Save the model in use, and change to another; refused unless the robot is stopped."""
         with self._lock:
             if self.has_unsaved:
                 self.save()
@@ -223,7 +223,7 @@ class Autosave:
                 self.store.set_place(name, place.strip())
 
     def delete(self, name: str) -> str:
-        """Delete a model; of the one in use the robot keeps what it knows, under a new name."""
+        """Delete a model; if it is in use, the robot keeps its learner under a new name."""
         with self._lock:
             if self.name == name and self.has_unsaved:
                 self.save()

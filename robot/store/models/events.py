@@ -18,7 +18,7 @@ PlainEvent = dict[str, Any]
 
 
 def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEvent:
-    """Describe one change of the learner; its vector is left out where its frame is recorded."""
+    """Describe one change of the learner; its vector is omitted if its frame is recorded."""
     if isinstance(event, Taught):
         example = event.example
         return {
@@ -77,10 +77,10 @@ def to_json(fields: PlainEvent) -> bytes:
 
 
 def to_plain(value: Any) -> Any:
-    """Return a value of NumPy as one that JSON can express."""
+    """Return a NumPy value as a plain one that JSON can express."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
-    raise TypeError(f"cannot keep a {type(value).__name__}")
+    raise TypeError(f"cannot serialize a {type(value).__name__}")
 
 
 def _describe_vector(x: Vector) -> PlainEvent:
@@ -98,12 +98,12 @@ def _read_vector(plain: PlainEvent) -> Vector:
 
 
 def describe_point(point: Point | None) -> PlainEvent:
-    """Describe a point beside its move; nothing where there is none."""
+    """Describe a point beside its move; empty if there is none."""
     return {} if point is None else point._asdict()
 
 
 def read_point(plain: PlainEvent) -> Point | None:
-    """Read what `describe_point` wrote; RecordingError if it is half a point, or out of range."""
+    """Read the fields of `describe_point`; RecordingError if one is missing or out of range."""
     numbers = [plain.get(name) for name in Point._fields]
     if numbers == [None, None]:
         return None

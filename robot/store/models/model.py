@@ -1,4 +1,4 @@
-"""A model: all that a policy learned, with a summary of it; serialized to bytes and back.
+"""A model: the state of a policy with a summary; serialized to bytes and back.
 
 The file is a NumPy `.npz`: `meta.npy` is JSON text as bytes, and `state.NAME.npy` are the learner's
 arrays. No pickles. A SHA-256 over everything is in the meta.
@@ -26,12 +26,12 @@ from robot.types import Action
 
 FORMAT = 1
 MAX_BYTES = 256 * 2**20
-"""A model that claims to be larger is refused before anything of it is unpacked."""
+"""Largest size of a model, in bytes: one that claims more is refused before it is unpacked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JournalPosition:
-    """The last journal entry that a model includes: which start of the program, and which change.
+    """The last journal entry that a model includes: a start of the program, and a change.
 
     `run` is a random name of that start and `boot` its number; `change` counts the changes of the
     learner since then. No clock is involved.
@@ -44,7 +44,7 @@ class JournalPosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelSummary:
-    """What a list of models shows. `saved_at_s` is wall-clock time, seconds since 1970.
+    """A model's entry in the list. `saved_at_s` is wall-clock time, seconds since 1970.
 
     `position` is what the model includes of the journal; None if it did not come of one.
     """
@@ -71,7 +71,7 @@ class Model:
 
     def to_policy(self) -> Policy:
         what = f"the model of the learner {self.summary.learner[:40]!r} cannot be opened"
-        with told_as(RecordingError, what, Exception):  # its learner may be anybody's
+        with told_as(RecordingError, what, Exception):  # its learner may be a plugin
             policy = make_policy(self.summary.learner, self.summary.moves)
             policy.set_state(self.state)
         return policy
@@ -93,7 +93,7 @@ def take_model(
     place: str = "",
     position: JournalPosition | None = None,
 ) -> Model:
-    """Copy the state of a policy. Call it on the thread that the policy belongs to."""
+    """Copy the state of a policy. Call it on the policy's own thread."""
     summary = ModelSummary(
         learner=policy.name,
         moves=tuple(policy.moves),
@@ -120,8 +120,8 @@ def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
 
 
 def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
-    """Read a model from the bytes of its file, whose arrays are read-only views of them;
-    RecordingError if it is damaged, hostile, too large, or of a newer format; says which."""
+    """Read a model from the bytes of its file; its arrays are read-only views of them.
+    Raises RecordingError if it is damaged, hostile, too large, or of a newer format."""
     arrays = _unpack(data, max_bytes)
     meta = _read_meta(arrays.pop("meta", None))
     if meta.get("sha256") != _checksum(meta, arrays):
@@ -147,7 +147,7 @@ def decode_summary(data: bytes) -> ModelSummary:
 
 
 def stamp(model: Model, **changes: Any) -> Model:
-    """Return the same model with another time or place in its summary."""
+    """Return the model with another time or place in its summary."""
     return replace(model, summary=replace(model.summary, **changes))
 
 
@@ -159,7 +159,7 @@ _LATER = (
 
 
 def same_nodes(a: State, b: State) -> bool:
-    """True if two learners hold the same, bit for bit: every array and every label."""
+    """True if two learners are equal, bit for bit: every array and every label."""
     common = a.arrays.keys() & b.arrays.keys()
 
     def digest(state: State) -> str:
@@ -171,7 +171,7 @@ def same_nodes(a: State, b: State) -> bool:
 
 
 def _label(text: str) -> str:
-    """Labels of moves come back as what they were, so that a state equals the one it was."""
+    """Return a label with its original type, so that a loaded state equals the saved one."""
     try:
         return Action(text)
     except ValueError:
@@ -179,7 +179,7 @@ def _label(text: str) -> str:
 
 
 def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Hash the meta (but for the hash itself) and every array with its name, type and shape."""
+    """Hash the meta (without the hash itself) and every array with its name, type and shape."""
     plain = {key: value for key, value in meta.items() if key != "sha256"}
     digest = hashlib.sha256(json.dumps(plain, sort_keys=True, default=to_plain).encode())
     for name in sorted(arrays):
@@ -199,14 +199,15 @@ def _read_meta(raw: NDArray[Any] | None) -> dict[str, Any]:
         if raw is None or raw.dtype != np.uint8:
             raise ValueError("it has no metadata")
         meta = json.loads(raw.tobytes())
-        # Half a character can be neither shown nor sent.
+        # A lone surrogate can be neither shown nor sent.
         json.dumps(meta, ensure_ascii=False).encode()
         is_known = isinstance(meta["format"], int) and meta["format"] >= 1
         if not is_known or not isinstance(meta["state"]["params"], dict):
             raise ValueError("its metadata have an unknown form")
     if meta["format"] > FORMAT:
         raise RecordingError(
-            f"this model has format {meta['format']}; this program reads up to {FORMAT}: update it"
+            f"this model has format {meta['format']}, but this version reads formats up to "
+            f"{FORMAT}; upgrade Drivelesson"
         )
     return dict(meta)
 

@@ -88,7 +88,7 @@ def _read_run(folder: Path, parts: list[Part]) -> _Run:
 
 
 def _take(run: _Run, record: bytes) -> None:
-    """Take in one record; its twin in the other file changes nothing."""
+    """Add one record; its copy in the other file changes nothing."""
     try:
         head, _, body = record.partition(HEAD)
         words: dict[str, Any] = json.loads(head)

@@ -1,4 +1,4 @@
-"""The models of one robot, by name: each a folder of versions, so that one is always valid."""
+"""The models of one robot, by name. Each is a folder of versions, so that one is always valid."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ _T = TypeVar("_T")
 log = logging.getLogger(__name__)
 
 KEEP_VERSIONS = 3
-"""How many versions of a model are kept: the newest may be damaged."""
+"""Number of versions of a model that are kept: the newest may be damaged."""
 _DAMAGED, _BROKEN = ".damaged", ".failed"
-"""Endings of versions that were set aside: they could not be read, or failed when they drove."""
+"""Endings of versions that were set aside: unreadable ones, and ones that failed in use."""
 _FAILED = "failed.txt"
 _VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
 _ASIDE = re.compile(r"\.(damaged|failed)(-\d+)?$", re.ASCII)
@@ -54,7 +54,7 @@ _DAMAGED_VERSION = re.compile(r"\d{1,9}\.npz\.damaged(-\d+)?", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredModel:
-    """One model of the list; `summary` is None where no version can be read."""
+    """One model of the list; `summary` is None if no version can be read."""
 
     name: str
     summary: ModelSummary | None
@@ -80,7 +80,7 @@ class ModelStore:
     def names(self) -> list[str]:
         """List the models: the folders that have a version, readable or not.
 
-        Other programs keep folders there, too, such as `@eaDir` and `.stfolder`.
+        Other programs also have folders there, such as `@eaDir` and `.stfolder`.
         """
         found = [path for path in paths_in(self._storage.models) if not path.is_symlink()]
         return sorted((path.name for path in found if _is_model(path)), key=str.casefold)
@@ -102,7 +102,7 @@ class ModelStore:
 
     @property
     def current(self) -> str | None:
-        """Name of the model that the robot used last, and uses at the next start."""
+        """Name of the model that the robot used last, and will use at the next start."""
         said = [_marked(marker) for marker in self._markers]
         sound = [name for name, checksum in said if checksum == _checksum(name)]
         if not sound and not self._markers[1].exists():  # version 0.2 wrote the name alone
@@ -184,11 +184,11 @@ class ModelStore:
         return max((one.saved_at_s for one in self._sound(name, decode_summary)), default=-1.0)
 
     def note_failure(self, name: str, why: str) -> None:
-        """Write down that the model in use failed: its newest version is set aside at a start."""
+        """Record that the model in use failed: the next start sets its newest version aside."""
         write_whole(self._storage.models / self._check(name) / _FAILED, why.encode())
 
     def set_failed_aside(self) -> list[str]:
-        """Set the newest version of each model aside that failed when it drove; return which."""
+        """Set the newest version of each failed model aside; return the models' names."""
         failed = [n for n in self.names() if (self._storage.models / n / _FAILED).is_file()]
         for name in failed:
             mark, why = self._storage.models / name / _FAILED, "it failed when it drove"
@@ -209,7 +209,7 @@ class ModelStore:
                 yield decode(_read(version))
 
     def good_models(self) -> Iterator[tuple[str, Model]]:
-        """Yield all readable models: the one used last, and the others, newest first.
+        """Yield all readable models: the one used last, then the others, newest first.
 
         Newest by journal position, and by time saved where there is none.
         """
@@ -283,7 +283,7 @@ class ModelStore:
         return paths_in(self._storage.models / name)
 
     def _versions(self, name: str) -> list[Path]:
-        """List the versions, the oldest first, whatever stands in their places."""
+        """List the versions, the oldest first, including entries that are not files."""
         versions = [path for path in self._files(name) if _VERSION.fullmatch(path.name)]
         return sorted(versions, key=lambda path: int(path.stem))
 
@@ -303,7 +303,7 @@ def _age_of(stored: StoredModel) -> tuple[int, int, float]:
 
 
 def _marked(marker: Path) -> tuple[str, str]:
-    """Return the name in a marker, and its checksum: half of a name may be another model's."""
+    """Return the name in a marker, and its checksum: a truncated name may be another model's."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         name, _, checksum = read_regular(marker, 4096).decode().strip().partition("\n")
         return name, checksum

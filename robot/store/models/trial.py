@@ -1,7 +1,7 @@
-"""Tries a model from anywhere before it is taken: it must be what it says, drive, and learn.
+"""Tries an untrusted model before it is accepted: it must match its summary, drive, and learn.
 
-What its parts may hold is what they declare (`robot/learner/part.py`). Nothing is made of a size
-that the model claims; then a copy of it is driven and taught on a few pictures.
+The contents of its parts must match their declarations (`robot/learner/part.py`). Nothing is
+allocated by a size that the model claims. Then a copy of it drives and learns on a few pictures.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from robot.types import Action
 _MACHINE = RealClock()
 
 TRIAL_S = 2.0
-"""Of the pictures so many are shown as there is time for, and always the first: a slow computer
-refuses nothing."""
+"""Time for showing pictures, in seconds. The first is always shown, so that a slow computer tries a
+model, too, and never refuses a valid one."""
 _PICTURES = 6
 _STEP_S = 0.15
 _MOST_MOVES = 32
@@ -31,9 +31,9 @@ _pictures = cache(sample_frames)
 
 
 def try_model(model: Model) -> None:
-    """Refuse a model that cannot be used, whatever is wrong with it, by a RecordingError."""
+    """Raise RecordingError for any model that cannot be used."""
     try:
-        with np.errstate(all="ignore"):  # what comes of it is judged
+        with np.errstate(all="ignore"):  # the results are checked
             _check_summary(model)
             policy = model.to_policy()
             policy.check()
@@ -41,7 +41,7 @@ def try_model(model: Model) -> None:
             policy.check()
     except RecordingError:
         raise
-    except Exception as error:  # its learner may be anybody's
+    except Exception as error:  # its learner may be a plugin
         raise RecordingError(f"the model is invalid: {str(error)[:250] or repr(error)}") from error
 
 
@@ -51,7 +51,7 @@ def _check_summary(model: Model) -> None:
     _demand(0 < len(moves) <= _MOST_MOVES, "it names no moves, or too many")
     _demand(len(set(moves)) == len(moves) and Action.STOP not in moves, "its moves are not unique")
     _demand(set(summary.taught) <= set(moves), "it was taught moves that it does not name")
-    _demand(set(map(str, model.state.labels)) <= set(moves), "it has labels that are no moves")
+    _demand(set(map(str, model.state.labels)) <= set(moves), "it has labels that are not moves")
 
 
 def _drive(policy: Policy) -> None:
@@ -63,13 +63,13 @@ def _drive(policy: Policy) -> None:
         for under_way in (None, next(moves)):
             shown = policy.propose(i, x, under_way=under_way, at_s=at_s)
             values = [shown.confidence, shown.novelty, *shown.probabilities.values()]
-            _demand(all(map(math.isfinite, values)), "what it makes of a picture is no number")
+            _demand(all(map(math.isfinite, values)), "its output for a picture is not a number")
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
         if _MACHINE.now_s() > until_s:
             break
     for node in policy.learner.nodes():  # as a page shows them
         policy.features.thumbnail(node.image)
-        _demand(set(node.votes) <= set(policy.moves), "an image has votes for no move")
+        _demand(set(node.votes) <= set(policy.moves), "an image has votes for unknown moves")
     policy.reset()
 
 

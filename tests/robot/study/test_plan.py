@@ -83,7 +83,7 @@ FAULTS = [
         r"'consent' has 'english'; .*a language",
     ),
     ('title = "Two times"', "", r"the plan: 'title' must be a text of at most 100"),
-    ('text = "Anything else?"', "", r"number 1: 'text' must be a text, or one a language"),
+    ('text = "Anything else?"', "", r"number 1: 'text' must be a text, or one per language"),
     ('kind = "choice"', "least = 5\nmost = 5", r"there is no field 'options'; known are"),
     ('kind = "text"', "least = 5\nmost = 5", r"number 1: 'most' must be greater than 'least'"),
     ("[[phase]]", "[phase]", r"not TOML|\[\[phase\]\]"),

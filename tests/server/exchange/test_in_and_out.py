@@ -223,7 +223,7 @@ def test_films_and_datasets_go_to_the_exports(
         ("episodes export last --as folder --fps 5 --task x", "--as folder takes no --fps, --task"),
         ("episodes export last --as film --all", "--as film takes no --all; leave it out"),
         ("episodes export last --as tub --task x", "--as tub takes no --task"),
-        ("episodes import /nowhere --name a/b", "'a/b' cannot be a name"),
+        ("episodes import /nowhere --name a/b", "'a/b' is not a valid name"),
         ("episodes import /nowhere", "nowhere does not exist"),
         ("episodes import /nowhere --threshold 7", "--threshold"),
     ],

@@ -53,7 +53,7 @@ def test_what_cannot_be_learned_is_one_clear_line(
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        ("--out a/b", "'a/b' cannot be a name"),
+        ("--out a/b", "'a/b' is not a valid name"),
         ("--out FILE/m.npz", "cannot write"),
         (f"--out {'n' * 300}.npz", "cannot write"),
         ("--out LINK.npz", "exists already"),

@@ -126,7 +126,7 @@ def test_a_header_that_lies_about_its_size_is_refused() -> None:
     honest = npy(np.zeros(4, np.uint8))
     lying = honest.replace(b"(4,), }" + b" " * 11, b"(400000000000,), }")
     assert lying != honest and len(lying) == len(honest)
-    with pytest.raises(RecordingError, match="bytes say otherwise"):
+    with pytest.raises(RecordingError, match="its bytes do not match"):
         decode_model(members(meta=lying))
 
 
