@@ -1,4 +1,4 @@
-"""What is kept in memory of an open recording: some fifty bytes a picture, and no object each."""
+"""The tables of an open recording in memory: some fifty bytes per picture, in shared arrays."""
 
 from __future__ import annotations
 
@@ -32,12 +32,13 @@ _FRAME = np.dtype(
     ]
 )
 _NOT_PLAIN = 255
-"""In place of a label's number: an event that is more than an example of a recorded picture."""
+"""Marks, in place of a label's number, an event that is not just an example of a recorded picture.
+"""
 _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
 
 class FrameTable(Mapping[int, FrameEntry]):
-    """The pictures of a recording by their ids, in ascending order; of two with one id the last."""
+    """The pictures of a recording by their ids, in ascending order; a later duplicate id wins."""
 
     def __init__(self, origin_ns: int = 0) -> None:
         self.origin_ns = origin_ns
@@ -46,7 +47,7 @@ class FrameTable(Mapping[int, FrameEntry]):
         self._table: NDArray[np.void] | None = None
         self._ids = np.zeros(0, np.uint32)
         self.is_ordered = True
-        """Whether pictures stand in the file in the order of their ids, each once."""
+        """True if the file has the pictures in the order of their ids, each once."""
 
     def add(self, block: Block) -> None:
         rows = block.of(Topic.CAMERA)
@@ -111,11 +112,11 @@ class FrameTable(Mapping[int, FrameEntry]):
         return {_size(self._channels[n]) for n in np.unique(self.table["channel"]).tolist()}
 
     def rank(self, frame_id: int) -> int | None:
-        """Return which picture of the recording it is, from 0."""
+        """Return the index of the picture in the recording, from 0; None if it has none."""
         ids = self.ids
         if not 0 <= frame_id < 2**32:
             return None
-        index = int(ids.searchsorted(np.uint32(frame_id)))  # an int would have all ids converted
+        index = int(ids.searchsorted(np.uint32(frame_id)))  # an int would convert all ids
         return index if index < len(ids) and ids[index] == frame_id else None
 
     def __getitem__(self, frame_id: int) -> FrameEntry:
@@ -141,7 +142,7 @@ def _size(channel: MessageChannel) -> tuple[int, int]:
 
 
 class LessonTable(Sequence[tuple[float, HistoryEvent]]):
-    """What was taught and taken back: each event with its time, in the order of the file."""
+    """The teaching and undo events, each with its time, in the order of the file."""
 
     def __init__(self) -> None:
         self._now_s = array("d")
@@ -154,7 +155,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._others: dict[int, HistoryEvent] = {}
 
     def add(self, times_s: Sequence[float], texts: Sequence[bytes]) -> None:
-        """Add messages; RecordingError, or another of `UNREADABLE`, where one is damaged."""
+        """Add messages; RecordingError, or another of `UNREADABLE`, if one is damaged."""
         try:
             plain: list[Any] = json.loads(b"[" + b",".join(texts) + b"]")
             is_whole = len(plain) == len(texts)
@@ -166,7 +167,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             self._add(now_s, json.loads(text))
 
     def _add_plain(self, times_s: Sequence[float], plain: Sequence[Fields]) -> bool:
-        """Add examples that are all of the usual form; False, and nothing done, if they are not."""
+        """Add examples in the common form; if one has another, add none and return False."""
         try:
             frames = [fields["frame"] for fields in plain]
             labels = [fields["label"] for fields in plain]
@@ -243,7 +244,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         return Taught(example=self.example(index), x=_NO_VECTOR, at_s=self._at_s[index])
 
     def example(self, index: int) -> Example:
-        """Return the example of an event that taught one."""
+        """Return the example of a teaching event."""
         if self._label[index] == _NOT_PLAIN:
             event = self._others[index]
             assert isinstance(event, Taught)
@@ -272,16 +273,16 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
 
     @property
     def frames(self) -> NDArray[np.int64]:
-        """The picture that each event teaches; -1 where it teaches none."""
+        """The picture that each event teaches; -1 if it teaches none."""
         return np.array(self._frame, np.int64)
 
     def rows_of(self, kind: type[Undone] | type[Edited]) -> list[int]:
-        """Return which events are of a kind, in order."""
+        """Return the indices of the events of a kind, in order."""
         return [index for index, event in self._others.items() if isinstance(event, kind)]
 
 
 class Labels(Mapping[int, Example]):
-    """The examples of a recording that were not taken back, by picture: of each the last."""
+    """The examples of a recording that were not undone, by picture: the last one of each."""
 
     def __init__(self, lessons: LessonTable) -> None:
         self._lessons = lessons
@@ -317,7 +318,7 @@ class Labels(Mapping[int, Example]):
 
     @property
     def counts(self) -> Counter[Action]:
-        """How many pictures have each label."""
+        """Number of pictures with each label."""
         return Counter(map(self._lessons.label, self._rows.tolist()))
 
 
@@ -340,7 +341,7 @@ class Span:
 
 
 def read_fields(texts: Sequence[bytes]) -> list[Fields]:
-    """Read messages in JSON; RecordingError if one is no object."""
+    """Read messages in JSON; RecordingError if one is not an object."""
     found = json.loads(b"[" + b",".join(texts) + b"]")
     if len(found) != len(texts) or not all(isinstance(fields, dict) for fields in found):
         raise RecordingError("a message has an unknown form")

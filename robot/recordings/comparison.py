@@ -21,7 +21,7 @@ from robot.types import Action, Example
 _STRETCHES = 50
 _HELD_OUT = range(2, _STRETCHES, 5)
 FEWEST_FRAMES = 50
-"""With fewer labelled frames nothing is held out: the result would mean little."""
+"""Least number of labelled frames for a comparison: with fewer, the result would mean little."""
 _SHOWN = 10
 
 
@@ -110,7 +110,7 @@ def _labelled(episodes: Sequence[EditedEpisode]) -> Iterator[tuple[Episode, Exam
 
 
 def _stretch_of(rank: int, count: int) -> int:
-    """Return in which of the stretches, which begin at `count * n // _STRETCHES`, a frame is."""
+    """Return the stretch of a frame; stretch n begins at `count * n // _STRETCHES`."""
     return ((rank + 1) * _STRETCHES - 1) // count
 
 

@@ -1,4 +1,4 @@
-"""A recording as a person sees it: with its labels, and with the edits applied."""
+"""A recording as people see it: with its labels, and with the edits applied."""
 
 from __future__ import annotations
 
@@ -26,18 +26,19 @@ from robot.store.models.events import describe_event, read_point
 from robot.types import Action, Point
 
 _SOON_S = 0.5
-"""What comes later than this after a picture is not about it: the robot stood in between."""
+"""Time after a picture, in seconds, after which a message does not belong to it: the robot stood in
+between."""
 _LATE_S = 2.0
-"""A slow computer proposes a move for a picture this much later at most."""
+"""Longest delay of a proposal on a slow computer after its picture, in seconds."""
 _MOST_WAITING = 20_000
 _ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeFrame:
-    """One picture with what belongs to it. `at_s` counts from the recording's beginning.
+    """One picture with its data. `at_s` counts from the recording's beginning.
 
-    The points are there where the pilot taught, or the robot drove, by degrees.
+    The points are set if the pilot taught, or the robot drove, by degrees.
     """
 
     frame_id: int
@@ -59,7 +60,7 @@ class EpisodeFrame:
     pose: tuple[float, float, float] | None = None
     """x and y in metres, heading in radians."""
     is_pose_estimate: bool = False
-    """True if the pose was reckoned from the wheels; in simulation it is the truth."""
+    """True if the pose was estimated from the wheels; in simulation it is exact."""
 
 
 def moments(episode: Episode, notes: Notes) -> Iterator[EpisodeFrame]:
@@ -80,8 +81,8 @@ def sample(
     count: int,
     between: Range | None = None,
 ) -> list[EpisodeFrame]:
-    """Return at most `count` moments at even distances, of all pictures or of a range of frames;
-    only their chunks are read."""
+    """Return at most `count` evenly spaced moments, of all pictures or of a range of frames. Only
+    their chunks are read."""
     table, labels = episode.frames, taught_frames(episode)
     ranks = range(len(table))
     if between is not None:
@@ -96,7 +97,7 @@ def sample(
 
 
 def even(total: int, count: int) -> list[int]:
-    """Choose at most `count` of 0 to `total` - 1 at even distances."""
+    """Choose at most `count` evenly spaced numbers of 0 to `total` - 1."""
     if total <= count:
         return list(range(total))
     return [round(i * (total - 1) / max(count - 1, 1)) for i in range(count)]
@@ -113,7 +114,7 @@ def labels(episode: Episode, notes: Notes) -> Iterator[Action]:
 
 
 class _Said:
-    """Messages of one topic about the pictures that are under way; each is parsed when needed."""
+    """Messages of one topic about the pictures being read; each is parsed when needed."""
 
     def __init__(self) -> None:
         self._times_s: list[float] = []
@@ -125,14 +126,14 @@ class _Said:
         self._messages += block.texts(rows)
 
     def first(self, at_s: float) -> Fields:
-        """Return the first that is not older; an empty one if none follows soon."""
+        """Return the first message that is not older; an empty one if none follows soon."""
         index = bisect_left(self._times_s, at_s)
         if index == len(self._times_s) or self._times_s[index] - at_s >= _SOON_S:
             return {}
         return self._at(index)
 
     def about(self, frame_id: int, at_s: float) -> Fields:
-        """Return the first that names this picture, which was taken then; or an empty one."""
+        """Return the first message that names this picture, taken at `at_s`; or an empty one."""
         times_s = self._times_s
         for index in range(bisect_left(times_s, at_s), len(times_s)):
             if times_s[index] - at_s >= _LATE_S:
@@ -153,7 +154,7 @@ class _Said:
 
 
 def _fields_in(message: bytes) -> Fields:
-    """Read a message; one that is damaged says nothing."""
+    """Read a message; a damaged one is empty."""
     try:
         fields = json.loads(message)
     except UNREADABLE:
@@ -204,7 +205,7 @@ def _tell(
     ranks: NDArray[np.int64],
     said: tuple[_Said, _Said, _Said],
 ) -> Iterator[EpisodeFrame]:
-    """Yield these pictures with what was said of them."""
+    """Yield these pictures with the messages about them."""
     decisions, sensed, proposed = said
     ids, captured_s, start_s = (
         episode.frames.ids[ranks],
@@ -241,7 +242,7 @@ def _tell(
 
 
 def edit_of(verb: str, between: Range, episode: Episode, label: str | None = None) -> Edit:
-    """Return what a person wants done to a range of frames; `trim` keeps these alone."""
+    """Return the edit of a range of frames that a person asked for; `trim` keeps only these."""
     if verb == "trim":
         return trim(episode.frames, *between)
     move = None
@@ -257,8 +258,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
     """Write a copy of the recording with the edits applied.
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
-    ids and predictions are unchanged. Edits of learned images go along, for a later recording may
-    take them back; not into a part, as what it was split from has them.
+    ids and predictions are unchanged. Edits of learned images are copied, since a later recording
+    may undo them; but not into a part, since the recording that it was split from has them.
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))
@@ -280,7 +281,7 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 def _write_events(
     writer: EpisodeWriter, episode: Episode, notes: Notes, now_s: float, is_part: bool
 ) -> None:
-    """Write what was undone of an earlier recording, and what is to be learned."""
+    """Write the undo events of an earlier recording's examples, and the examples to learn."""
     events = episode.events
     [rows] = surviving([(episode, notes)])
     undone = map(events.event, np.intersect1d(events.rows_of(Undone), rows).tolist())

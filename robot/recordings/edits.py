@@ -42,13 +42,13 @@ class Edit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notes:
-    """What is stored beside a recording: a title, protection from deletion, and the edits."""
+    """Data stored beside a recording: a title, protection from deletion, and the edits."""
 
     title: str = ""
     is_protected: bool = False
     edits: tuple[Edit, ...] = ()
     undone: tuple[Edit, ...] = ()
-    """Undone edits, the last one first: what redo applies again."""
+    """Undone edits, the last one first, for redo."""
 
     def with_edit(self, edit: Edit) -> Notes:
         return replace(self, edits=(*self.edits, edit), undone=())
@@ -74,13 +74,13 @@ class Notes:
         return found
 
     def relabels(self, ids: NDArray[np.integer]) -> list[Action | None]:
-        """Return for each frame the label that a person gave it last; None where nobody did."""
+        """Return for each frame the label that a person gave it last; None without one."""
         if not any(edit.verb == "relabel" for edit in self.edits):
             return [None] * len(ids)
         return [self.relabel(frame_id) for frame_id in ids.tolist()]
 
     def relabel(self, frame_id: int) -> Action | None:
-        """Return the label that a person gave this frame last; None if nobody did."""
+        """Return the label that a person gave this frame last; None without one."""
         given = [e.label for e in self.edits if e.verb == "relabel" and e.covers(frame_id)]
         return given[-1] if given else None
 
@@ -129,7 +129,7 @@ def write_notes(episode: Path, notes: Notes) -> None:
         "undone": [asdict(edit) for edit in notes.undone],
     }
     text = json.dumps(plain, indent=1, ensure_ascii=False)
-    write_whole(notes_path(episode), text.encode(errors="replace"))  # a terminal may send no text
+    write_whole(notes_path(episode), text.encode(errors="replace"))  # a shell may pass surrogates
 
 
 def _edit_from_plain(plain: Any) -> Edit:

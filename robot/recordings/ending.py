@@ -1,7 +1,7 @@
-"""Gives a recording that was cut short the end that it lacks, once, at the next start.
+"""Completes a truncated recording, once, at the next start.
 
-What the cut left is copied, and the copy takes the recording's place when it is whole. A file that
-is damaged in another way is left as it is.
+The remaining records are copied, and the copy replaces the recording when it is complete. A file
+that is damaged in another way is not changed.
 """
 
 from __future__ import annotations
@@ -25,25 +25,27 @@ from robot.store.folder import whole_file
 log = logging.getLogger(__name__)
 
 _MOST_LOST_BYTES = 16 * 2**20
-"""A cut takes part of one record; whoever seems to have lost more is damaged in another way."""
+"""Most bytes behind the last whole record of a truncated file: a cut leaves part of one record, so
+a file with more is damaged in another way."""
 _SPARE_BYTES = 64 * 2**20
 _RECORDS_AT_ONCE = 32
 _REST_S = 0.003
-"""An hour has 300,000 records: the robot starts and drives meanwhile, on the same processor."""
+"""Pause between groups of records, in seconds. An hour has 300,000 records, and the robot starts
+and drives meanwhile on the same processor."""
 
 
 def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:
-    """End every recording of these that was cut short, a few records at a time; never raises."""
+    """Complete every truncated recording of these, a few records at a time; never raises."""
     for path in paths:
         try:
             if end_recording(path, lambda: clock.sleep(_REST_S)):
-                log.info("the recording %s was cut short; it has its end now", path.name)
+                log.info("the recording %s was truncated; it is complete now", path.name)
         except OSError as error:
-            log.warning("the recording %s stays cut short: %s", path.name, error)
+            log.warning("the truncated recording %s was not completed: %s", path.name, error)
 
 
 def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
-    """Give one recording its end if it was cut short; True if it was. Raises OSError."""
+    """Complete one recording if it was truncated; True if it was. Raises OSError."""
     if not path.is_file() or path.is_symlink():
         return False
     status = path.stat()
@@ -62,7 +64,7 @@ def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
 
 
 def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> None:
-    """Raises one of `UNREADABLE` if more is wrong with the recording than that it was cut."""
+    """Raises one of `UNREADABLE` if the recording has other damage than the truncation."""
     writer, cut, summary = None, Cut(reason="", lost_bytes=0), {"damage": CUT_SHORT}
     for number, record in enumerate(scan(path), 1):
         if number % _RECORDS_AT_ONCE == 0:
@@ -70,7 +72,7 @@ def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> 
         if isinstance(record, Cut):
             cut = record
         elif isinstance(record, Metadata) and record.name == SUMMARY:
-            summary = record.values  # nothing but what repeats the rest was cut
+            summary = record.values  # only records that repeat others were cut off
         elif isinstance(record, Metadata) and record.name == RUN:
             writer = EpisodeWriter(copy, check_run(record.values))
         elif writer is None:

@@ -34,9 +34,9 @@ _READ = set(Topic) - {Topic.POSE}  # which the sensors have, too
 
 @dataclass(slots=True, kw_only=True)
 class Episode:
-    """What a recording holds. Times are seconds of the run's clock.
+    """The content of a recording. Times are seconds of the run's clock.
 
-    `on_read` is called for each picture that is read: a command shows by it how far it is.
+    `on_read` is called for each picture that is read, for a command's progress display.
     """
 
     path: Path
@@ -52,7 +52,7 @@ class Episode:
 
     @property
     def id(self) -> str:
-        """The recording's name: its file's, so that a copy has a name of its own."""
+        """The recording's name: that of its file, so that a copy has another name."""
         return self.path.stem
 
     @property
@@ -101,15 +101,14 @@ class Episode:
         return self._keep(offset, read_chunk(self.path, offset)) if data is None else data
 
     def _keep(self, offset: int, data: bytes) -> bytes:
-        """Keep the last few chunks: their pictures are mostly asked for soon, and in order."""
+        """Cache the last few chunks: their pictures are mostly needed soon, and in order."""
         self._chunks[offset] = data
         for old in list(self._chunks)[:-_CHUNKS_KEPT]:
             self._chunks.pop(old, None)
         return data
 
     def blocks(self, offset: int = 0) -> Iterator[Block]:
-        """Yield the recording chunk by chunk: from the beginning, or from the chunk on that begins
-        at an offset."""
+        """Yield the recording chunk by chunk, from the beginning or from the chunk at an offset."""
         parts: Iterator[Part] = walk(self.path)
         if offset:
             parts = blocks_from(self.path, offset, self.channels)
@@ -140,7 +139,7 @@ class Episode:
 
 
 def open_episode(path: Path) -> Episode:
-    """Read what a recording teaches and the positions of its pictures; a cut file up to its end.
+    """Read a recording's lessons and the positions of its pictures; a truncated file up to its end.
 
     RecordingError if it is not a recording of this program, or of a newer format.
     """
@@ -183,9 +182,9 @@ def _take_block(episode: Episode, block: Block) -> None:
 
 
 def check_run(values: dict[str, str]) -> dict[str, str]:
-    """Return what a recording says of itself."""
+    """Return the metadata of a recording after checking them."""
     if int(values["format"]) > FORMAT:
-        raise RecordingError("it was recorded by a newer version; update this program")
+        raise RecordingError("it was recorded by a newer version; upgrade Drivelesson")
     int(values["origin_ns"])
     seconds_in(values.get("started_at_s", "0"))
     from_text(values.get("declared_moves", ""))
@@ -193,10 +192,10 @@ def check_run(values: dict[str, str]) -> dict[str, str]:
 
 
 def seconds_in(text: str) -> float:
-    """Read how long something took, or when it was; ValueError for what is no date."""
+    """Read a duration or a time; ValueError if it is not valid."""
     number = float(text)
     if not 0 <= number <= _LATEST_S:
-        raise ValueError(f"{text!r} is no time")
+        raise ValueError(f"{text!r} is not a time")
     return number
 
 

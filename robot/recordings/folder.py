@@ -1,4 +1,4 @@
-"""Where recordings lie in the data folder."""
+"""The recordings' folder in the data folder."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robot.store.folder import FolderKind, size_of
 
 NAME = "episodes"
 _INDEX = ".index.json"
-"""A list that version 0.2 kept of them."""
+"""Index of the recordings that version 0.2 wrote."""
 
 
 def _debris(folder: Path) -> Iterable[Path]:

@@ -1,6 +1,6 @@
-"""Pictures as Foxglove's own messages, in protobuf: the camera's bytes go in and out untouched.
+"""Pictures as Foxglove's own messages, in protobuf: the camera's bytes stay unchanged.
 
-The two messages are written down in https://github.com/foxglove/foxglove-sdk (schemas/proto).
+The two messages are defined in https://github.com/foxglove/foxglove-sdk (schemas/proto).
 protobuf is imported when the first picture comes: an EV3 never records.
 """
 
@@ -65,7 +65,7 @@ def encode_image(frame: Frame, stamp_ns: int) -> bytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameEntry:
-    """Where a picture is, and when it was taken, in seconds of the run's clock.
+    """The place of a picture, and its time in seconds of the run's clock.
 
     The id, and the size of a JPEG, are not in the message itself.
     """
@@ -106,7 +106,7 @@ def _schema(name: str) -> Schema:
 
 
 def _descriptors(name: str) -> Any:
-    """Describe a message and what it imports: a FileDescriptorSet, as MCAP asks for it."""
+    """Describe a message and its imports as the FileDescriptorSet that MCAP requires."""
     from google.protobuf import descriptor_pb2, timestamp_pb2
 
     package, _, message = name.partition(".")

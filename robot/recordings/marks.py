@@ -1,4 +1,4 @@
-"""A small number for each of many frames: two bytes each, however long a recording lasts."""
+"""A small number for each frame: two bytes each, for recordings of any length."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PAGE = 4096
 
 
 class FrameMarks:
-    """Numbers from 0 to 65,535 by frame id; 0 where none was set."""
+    """Numbers from 0 to 65,535 by frame id; 0 if none was set."""
 
     def __init__(self) -> None:
         self._pages: dict[int, array[int]] = {}
@@ -30,7 +30,7 @@ class FrameMarks:
 
 
 class Tally:
-    """How many pictures a recording has, and how often each label was taught and not undone."""
+    """Counts the pictures of a recording, and its examples of each label without undone ones."""
 
     def __init__(self) -> None:
         self.frames = 0
@@ -43,7 +43,7 @@ class Tally:
         self._has_picture[frame_id] = 1
 
     def note(self, event: HistoryEvent) -> None:
-        """Count what an event teaches, or takes back."""
+        """Count the examples that an event teaches or undoes."""
         if isinstance(event, Taught):
             label = event.example.label
             if label not in self._labels:

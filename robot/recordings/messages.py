@@ -1,6 +1,6 @@
 """The messages of a recording besides its pictures: topics, schemas, and the fields of each.
 
-Times of messages are in MCAP's own log time; what is here needs none of its own.
+A message's time is MCAP's log time, so the messages have no time field of their own.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from robot.types import PilotCommand, Point, Prediction, Sensors
 
 
 class Topic(StrEnum):
-    """What each message is about."""
+    """The topics of the messages."""
 
     CAMERA = "/camera"
     COMMAND = "/command"
@@ -32,9 +32,10 @@ class Topic(StrEnum):
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
 """Names of the metadata records at the beginning and at the end."""
 EDITED = "edited"
-"""What the beginning names where edits were worked in: edits of images do not apply there."""
+"""Metadata name in the beginning of a recording with applied edits: edits of images do not apply
+there."""
 MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
-"""Names of the attachments: what the learner knew at the beginning and at the end."""
+"""Names of the attachments: the learner's model at the beginning and at the end."""
 
 Fields = dict[str, Any]
 
@@ -133,7 +134,7 @@ SCHEMAS: dict[Topic, Fields] = {
         },
     ),
 }
-"""Topic to JSON schema. /camera and /pose are Foxglove's own; robot/recordings/images.py."""
+"""JSON schema by topic. /camera and /pose are Foxglove's own; see robot/recordings/images.py."""
 
 
 @cache
@@ -189,7 +190,7 @@ def describe_sensors(sensors: Sensors) -> Fields:
 
 
 def pose_in_frame(pose: Fields, stamp_ns: int) -> Fields:
-    """Return a pose of the sensors as the message of it that Foxglove draws."""
+    """Return a pose of the sensors as the message that Foxglove draws."""
     seconds, nanoseconds = divmod(stamp_ns, 10**9)
     half_rad = pose["heading_rad"] / 2
     return {

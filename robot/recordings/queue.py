@@ -1,4 +1,4 @@
-"""What waits to be recorded: a bounded queue, and the file that it is written to."""
+"""A bounded queue of items to record, and the file that they are written to."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderConfig:
-    """Bounds of the queue, time limits, and what is kept."""
+    """Bounds of the queue, time limits, and the recordings to keep."""
 
     keeps_drives: bool = True
-    """Keep a recording in which the robot moved and nothing was taught."""
+    """True to keep a recording in which the robot moved but was not taught."""
 
     queue_bytes: int = 32 * 2**20
-    """Bytes of queued pictures; more are dropped and counted."""
+    """Most bytes of queued pictures; more are dropped and counted."""
     queue_items: int = 4096
-    """Queued items of any kind; messages are small and are dropped last."""
+    """Most queued items of any kind; messages are small and are dropped last."""
     pause_s: float = 10.0
-    """A robot that stands for so long ends the recording."""
+    """Time that the robot stands before the recording ends, in seconds."""
     trail_s: float = 1.0
-    """Pictures go on for so long after the robot came to stand."""
+    """Time that pictures are still recorded after the robot came to a stop, in seconds."""
     lead_frames: int = 15
-    """Pictures from before the start that go along, as far as they fill a quarter of the queue: the
-    pilot may label them."""
+    """Number of pictures from before the start that are recorded, because the pilot may label them;
+    they fill at most a quarter of the queue."""
     spare_bytes: int = 64 * 2**20
-    """Recording stops while the disk still has so much left: for models, and for the system."""
+    """Free bytes on the disk below which recording stops: they are for models and the system."""
 
 
 class RecordingQueue:
-    """Takes what is to be recorded on the loop's thread, and writes it on the disk's."""
+    """Takes items to record on the loop's thread, and writes them on the disk's."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class RecordingQueue:
         self.waiting_bytes = 0
         """Bytes of queued pictures."""
         self.lost: Counter[str] = Counter()
-        """`frames` and `messages` dropped since the program began: the disk was too slow."""
+        """Numbers of `frames` and `messages` dropped since the program began, for a slow disk."""
         self.episode_id: str | None = None
         self.fault: str | None = None
 
@@ -80,7 +80,7 @@ class RecordingQueue:
         self._put(0, self._begin, run, model, self.lost.copy(), must_go=True)
 
     def end(self, model: Model | None, *, is_kept: bool) -> None:
-        """End the recording; `model` is what the learner knows now, None if not known."""
+        """End the recording; `model` is the learner's present state, None if not known."""
         self._put(0, self._end, model, is_kept, must_go=True)
 
     def write_frame(self, frame: Frame) -> bool:
@@ -106,18 +106,18 @@ class RecordingQueue:
         return True
 
     def refuse(self, sentence: str) -> None:
-        """Record nothing; `fault` is this sentence."""
+        """Stop recording; `fault` is this sentence."""
         self.fault = sentence
         self._announce("recording_off", detail=sentence)
 
     def resume(self) -> None:
-        """Record again from the next start on, after what `fault` says has gone away."""
+        """Record again from the next start on, after the cause of `fault` is gone."""
         self.fault = None
 
     # On the disk's thread ------------------------------------------------------------------------
 
     def write_waiting(self) -> None:
-        """Write what waits, and flush it. Never raises: a failure ends the recording."""
+        """Write the queue, and flush it. Never raises: a failure ends the recording."""
         try:
             waiting = len(self._jobs)
             for _ in range(waiting):
@@ -130,7 +130,7 @@ class RecordingQueue:
                 self._writer.flush()
                 if self._clock.now_s() - self._checked_s > 2.0:
                     self._check_room()
-        except Exception as error:  # whatever it is, the thread must go on
+        except Exception as error:  # the thread must go on after any error
             with self._lock:
                 self.waiting_bytes = sum(size for size, _, _ in self._jobs)
             if isinstance(error, OSError):
@@ -191,7 +191,7 @@ class RecordingQueue:
         """Stop recording until the robot starts again; it drives on."""
         writer, self._writer = self._writer, None
         if writer is not None:
-            with contextlib.suppress(Exception):  # it was refused before
+            with contextlib.suppress(Exception):  # the disk has refused already
                 writer.abandon()
         self.episode_id = None
         log.warning(sentence)

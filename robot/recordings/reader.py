@@ -1,10 +1,9 @@
-"""Reading MCAP files that may be cut short, damaged or made to harm.
+"""Reads MCAP files that may be truncated, damaged or malicious.
 
-Impossible lengths are rejected before anything is set aside for them, chunks are unpacked within
-bounds, and reading stops at the first record that does not make sense. All before it is good: an
-episode is readable up to where its file was cut. Layout: mcap.dev/spec. The library `mcap` is not
-asked for more than what stands within a record: it believes lengths, and takes a file that was cut
-short for a whole one.
+Impossible lengths are rejected before memory is allocated for them, chunks are unpacked within
+bounds, and reading stops at the first invalid record. All records before it are good: a truncated
+episode is readable up to its end. Layout: mcap.dev/spec. The library `mcap` only reads the content
+of a record: it trusts lengths, and takes a truncated file for a whole one.
 """
 
 from __future__ import annotations
@@ -23,16 +22,17 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError, need, told_as
 
 MAX_RECORD_BYTES = 256 * 2**20
-"""Attachments hold models, chunks hold pictures; nothing of ours is larger."""
+"""Largest record, in bytes: attachments hold models, chunks hold pictures, and none of ours is
+larger."""
 MAX_CHUNK_BYTES = 64 * 2**20
-"""What one chunk may unpack to."""
+"""Largest unpacked size of a chunk, in bytes."""
 MAGIC = b"\x89MCAP0\r\n"
 CUT_SHORT = "the file was cut short"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 2, 3, 4, 5, 6, 7
 _ATTACHMENT, _METADATA, _METADATA_INDEX, _DATA_END = 9, 12, 13, 15
 _HEAD = struct.Struct("<BQ")
 _END = struct.Struct("<BQQQI8s")
-"""The end of a file: its footer, whose third value is where the summary begins, and `MAGIC`."""
+"""The end of a file: its footer, whose third value is the summary's offset, and `MAGIC`."""
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _BUFFER_BYTES = 4096
 _MOST_SUMMARY_BYTES = 16 * 2**20
@@ -51,7 +51,7 @@ _ROW = np.dtype(
 
 
 class Schema(NamedTuple):
-    """What the messages of a channel look like."""
+    """The form of a channel's messages."""
 
     name: str
     encoding: str
@@ -59,7 +59,7 @@ class Schema(NamedTuple):
 
 
 class MessageChannel(NamedTuple):
-    """What all messages of a channel have in common; the metadata are names and values."""
+    """Properties of all messages of a channel; the metadata are names and values."""
 
     topic: str
     encoding: str
@@ -68,7 +68,7 @@ class MessageChannel(NamedTuple):
 
 
 class Message(NamedTuple):
-    """One message. `place` finds it again: its chunk, and where in it its data begin and end."""
+    """One message. `place` locates it: its chunk, and the begin and end of its data there."""
 
     channel: MessageChannel
     log_ns: int
@@ -82,9 +82,9 @@ class Message(NamedTuple):
 
 
 class Block(NamedTuple):
-    """The messages of one chunk: its place, what it unpacks to, and a row for each message.
+    """The messages of one chunk: its place, its unpacked bytes, and a row for each message.
 
-    A row has `channel`, `sequence`, `log_ns`, and where in `data` the message begins and ends.
+    A row has `channel`, `sequence`, `log_ns`, and the begin and end of the message in `data`.
     """
 
     offset: int
@@ -119,10 +119,10 @@ class Attachment(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """The file ends here although it is not at its end; the reason is for a person.
+    """The readable part of a damaged file ends here; the reason is for a person.
 
-    `lost_bytes` stand behind the last whole record of a file that was cut short; None if it is
-    damaged in another way.
+    `lost_bytes` come after the last whole record of a truncated file; None if it is damaged in
+    another way.
     """
 
     reason: str
@@ -143,7 +143,7 @@ def require_mcap() -> None:
 
 
 def scan(path: Path) -> Iterator[Record]:
-    """Yield what an MCAP file holds, in its order; a `Cut` comes last if the file is not whole."""
+    """Yield the content of an MCAP file in order; a `Cut` comes last if the file is not whole."""
     for part in walk(path):
         if not isinstance(part, Block):
             yield part
@@ -155,7 +155,7 @@ def scan(path: Path) -> Iterator[Record]:
 
 
 def walk(path: Path) -> Iterator[Part]:
-    """Do as `scan`, chunk by chunk: a million messages need no object each."""
+    """Yield the same as `scan`, but chunk by chunk, without an object for each message."""
     require_mcap()
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -171,8 +171,8 @@ def walk(path: Path) -> Iterator[Part]:
 
 
 def blocks_from(path: Path, offset: int, channels: Mapping[int, MessageChannel]) -> Iterator[Block]:
-    """Yield the chunks from the one on that begins at `offset`, until one cannot be read; the
-    channels are those that `walk` found."""
+    """Yield the chunks from `offset` on, until one cannot be read; the channels are those that
+    `walk` found."""
     with path.open("rb") as file:
         file.seek(offset)
         content = _Content(channels)
@@ -183,14 +183,14 @@ def blocks_from(path: Path, offset: int, channels: Mapping[int, MessageChannel])
 
 
 def has_end(path: Path) -> bool:
-    """True unless a file is being written, or was cut short."""
+    """True unless a file is being written, or was truncated."""
     with path.open("rb") as file:
         file.seek(-min(file.seek(0, os.SEEK_END), len(MAGIC)), os.SEEK_END)
         return file.read() == MAGIC
 
 
 def read_chunk(path: Path, offset: int) -> bytes:
-    """Return what the chunk that begins at `offset` unpacks to; `Place` says what is where."""
+    """Return the unpacked bytes of the chunk at `offset`; a `Place` locates a message in them."""
     with path.open("rb") as file:
         file.seek(offset)
         _, opcode, body = next(_records(file))
@@ -206,7 +206,7 @@ def read_metadata(path: Path) -> dict[str, dict[str, str]]:
 
 
 def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
-    """Do as `read_metadata`, with a file that is open."""
+    """Return the same as `read_metadata`, from an open file."""
     end_at = file.seek(0, os.SEEK_END) - _END.size
     file.seek(max(end_at, 0))
     end = file.read()
@@ -222,7 +222,7 @@ def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
         file.seek(min(place, end_at))
         _, opcode, body = next(_records(file, _MOST_SUMMARY_BYTES))
         if opcode != _METADATA:
-            raise RecordingError("no metadata where the summary says")
+            raise RecordingError("the metadata are not where the summary says")
         record = _parse("Metadata", body)
         found[record.name] = record.metadata
     return found
@@ -255,14 +255,14 @@ def _parse(kind: str, body: bytes) -> Any:
 
     try:
         return getattr(records, kind).read(ReadDataStream(io.BytesIO(body)))
-    except Exception as error:  # the library's, and those of what it reads by
+    except Exception as error:  # of the library, and of those that it uses
         reason = str(error) or "it is shorter than it says"
         raise RecordingError(f"a record is damaged: {reason}") from error
 
 
 class _Content:
-    """What the file holds, and what it has said of its channels so far; `end` is where the last
-    whole record ends."""
+    """The content of a file, with the channels known so far; `end` is the end of the last whole
+    record."""
 
     def __init__(self, channels: Mapping[int, MessageChannel] | None = None) -> None:
         self.end = len(MAGIC)
@@ -270,7 +270,7 @@ class _Content:
         self._channels = dict(channels or {})
 
     def parts(self, file: BinaryIO) -> Iterator[Part]:
-        """Yield what is read, up to where the data end: what follows repeats some of it."""
+        """Yield the parts, up to the end of the data: the summary after it only repeats."""
         chunk: tuple[int, bytes] | None = None
         indexes: list[bytes] = []
         has_all = False
@@ -307,13 +307,13 @@ class _Content:
         rows = _rows(data, places)
         for number in np.unique(rows["channel"]).tolist():
             if number not in self._channels:
-                raise RecordingError("a message of no known channel")
+                raise RecordingError("a message of an unknown channel")
         yield Block(offset, self._channels, data, rows)
         if trouble is not None:
             raise trouble
 
     def _walked(self, data: bytes) -> tuple[NDArray[np.int64], RecordingError | None]:
-        """Go through a chunk's records; return where each message is, and what is wrong after."""
+        """Walk through a chunk's records; return the place of each message, and the first error."""
         places: list[tuple[int, int]] = []
         at, size, trouble = 0, len(data), None
         while at < size:
@@ -323,7 +323,7 @@ class _Content:
                 at += _HEAD.size
                 stop = at + length
             if stop > size:
-                trouble = RecordingError("a record that is longer than what holds it")
+                trouble = RecordingError("a record is longer than its chunk")
                 break
             if opcode == _MESSAGE:
                 places.append((at, stop))
@@ -352,8 +352,8 @@ class _Content:
 
 
 def _indexed(data: bytes, indexes: Sequence[bytes]) -> NDArray[np.int64] | None:
-    """Return where each message begins and ends by the chunk's own index; None unless messages
-    are all that the chunk has, and the index names each: it is believed no further."""
+    """Return the begin and end of each message by the chunk's own index. None unless the chunk has
+    only messages and the index names each of them: otherwise the index is not trusted."""
     if not indexes or any(len(body) % 16 != 6 for body in indexes):
         return None
     parts = [np.frombuffer(body, "<u8", offset=6)[1::2] for body in indexes]
@@ -389,7 +389,7 @@ def _rows(data: bytes, places: NDArray[np.int64]) -> NDArray[np.void]:
 
 
 def _gather(raw: NDArray[np.uint8], at: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
-    """Return so many bytes from each place on, shape (places, count)."""
+    """Return `count` bytes from each place, shape (places, count)."""
     found: NDArray[np.uint8] = raw[at[:, None] + np.arange(count)]
     return found
 
@@ -409,8 +409,8 @@ def _unpacked(body: bytes) -> bytes:
 
 
 def _unpack(compression: str, data: bytes, size: int) -> bytes:
-    """Unpack to at most one byte more than was claimed, whatever the data holds."""
-    # Each library has errors of its own; all mean the same here.
+    """Unpack to at most one byte more than was claimed."""
+    # Each library has its own errors; all mean the same here.
     with told_as(RecordingError, "a chunk cannot be unpacked", Exception):
         if compression == "zstd":
             import zstandard

@@ -1,9 +1,9 @@
 """Records each run while it is driven. The loop only queues; the disk's thread writes.
 
 A recording begins when the robot leaves `stopped`, or when something changes the learner; it ends
-after the robot has stood for ten seconds. What waits for the disk is bounded by count and by
-bytes: a slow disk costs pictures, which are counted, and never the loop's time or the memory. An
-example whose picture was dropped is recorded with its feature vector, so that none is lost.
+after the robot has stood for ten seconds. The queue for the disk is bounded by count and by bytes:
+a slow disk costs pictures, which are counted, and never the loop's time or the memory. An example
+whose picture was dropped is recorded with its feature vector, so that none is lost.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
 
 _KEPT_IDS = 512
-"""So many pictures back an example finds its own in the recording."""
+"""Number of the latest pictures among which an example finds its own in the recording."""
 
 
 class Recorder:
     """Records the runs of one loop.
 
     `announce` is called when recording begins, ends, stops because of a fault, or loses pictures.
-    `disk` is the thread that writes, by default one of its own. `about` is what each recording says
-    of the robot: `robot`, `declared_moves` and `options` of `describe_run`. How it goes is in
-    `queue`.
+    `disk` is the thread that writes, by default one of its own. `about` is each recording's
+    description of the robot: `robot`, `declared_moves` and `options` of `describe_run`. `queue` has
+    the state.
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Recorder:
         self._base: Model | None = None
         self._is_open = False
         self._is_kept = False
-        """Whether the learner changed, or the robot moved: otherwise the recording is discarded."""
+        """True if the learner changed or the robot moved: otherwise the recording is discarded."""
         self._mode = Mode.STOPPED
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
@@ -98,18 +98,18 @@ class Recorder:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
-        self.queue.end(None, is_kept=True)  # if the loop did not: it hangs
+        self.queue.end(None, is_kept=True)  # in case the loop hangs and did not do it
         self._disk.stop()
 
     # On the loop's thread ----------------------------------------------------------------------
 
     def _end(self) -> None:
-        """Finish between two ticks, so that the one under way is recorded, too."""
+        """Finish between two ticks, so that the present one is also recorded."""
         self._unsubscribe()
         self.finish()
 
     def note(self, tick: Tick) -> None:
-        """Queue what is to be recorded of one tick."""
+        """Queue the data of one tick for recording."""
         if self._base is None and not self._is_open:
             self._base = self._take()
             return
@@ -133,7 +133,7 @@ class Recorder:
         self._end_if_due(tick, events)
 
     def keep(self) -> None:
-        """Keep what is being recorded, whatever it has."""
+        """Keep the present recording in any case."""
         self._is_kept = True
 
     def finish(self) -> None:
@@ -174,7 +174,7 @@ class Recorder:
             self.queue.write_message(Topic.MODE, now_s, now)
         if tick.frame is not None:
             if now_s - self._moved_s <= self._config.trail_s:
-                while self._lead:  # a command may label what was seen just before
+                while self._lead:  # a command may label a picture from just before
                     self._keep(self._lead.popleft())
                 self._record_frame(tick)
             else:
@@ -221,14 +221,14 @@ class Recorder:
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)
         while sum(len(frame.data) for frame in self._lead) > self._config.queue_bytes // 4:
-            self._lead.popleft()  # large ones would fill the queue all at once
+            self._lead.popleft()  # large pictures would fill the queue at once
 
     def _keep(self, frame: Frame) -> None:
         if frame.frame_id not in self._kept and self.queue.write_frame(frame):
             self._kept.append(frame.frame_id)
 
     def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
-        """End after a pause, and where an undo reached back beyond this recording."""
+        """End after a pause, and when an undo reached back beyond this recording."""
         reached_back = any(
             isinstance(event, Undone) and not all(self._taught[i] for i in event.frame_ids)
             for event in events

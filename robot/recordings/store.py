@@ -22,9 +22,9 @@ from robot.store.presence import require_present
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
 _OPEN_EPISODES, _DESCRIBED = 2, 2**16
-"""So many are remembered: opened, and as the list shows them."""
+"""Sizes of the caches: of open recordings, and of their entries in the list."""
 _READ_WHOLE_BYTES = 2 * 2**20
-"""Of a recording that is being written only the beginning is read once it is larger."""
+"""Size, in bytes, above which only the beginning of a recording in progress is read."""
 
 
 class EpisodeStore:
@@ -39,7 +39,7 @@ class EpisodeStore:
         self._recording = recording or (lambda: None)
         self._is_recorder = recording is not None  # otherwise another program may be
         self.budget_bytes = DEFAULT_BUDGET_BYTES
-        """Beyond this the oldest unprotected episodes are offered for deletion."""
+        """Total size above which the oldest unprotected episodes are offered for deletion."""
         self._lock = threading.RLock()
         self._listing = threading.Lock()
         self._open = lru_cache(_OPEN_EPISODES)(lambda path, *state: open_episode(path))
@@ -48,7 +48,7 @@ class EpisodeStore:
         )
 
     def ids(self) -> list[str]:
-        """Name the episodes, in the order of their names, the last first."""
+        """List the episodes' names in descending order."""
         return sorted((path.stem for path in self._paths()), reverse=True)
 
     def summaries(self) -> list[EpisodeSummary]:
@@ -57,7 +57,7 @@ class EpisodeStore:
         for path in self._paths():
             with contextlib.suppress(OSError):  # it is gone
                 found.append(self._describe(path))
-        # A copy that a synchroniser made has a longer name, and stands behind its original.
+        # A copy made by a file synchroniser has a longer name, and is listed after its original.
         return sorted(found, key=lambda s: (-s.started_at_s, len(s.id), s.id))
 
     def summary(self, episode_id: str) -> EpisodeSummary:
@@ -69,7 +69,7 @@ class EpisodeStore:
         return [path for path in found if path.is_file() and size_of(path) and path.name[0] != "."]
 
     def _describe(self, path: Path) -> EpisodeSummary:
-        """Describe a recording by reading it, unless it and its notes are as they were."""
+        """Describe a recording by reading it, unless it and its notes are unchanged."""
         notes = notes_path(path)
         found = [file.stat() for file in (path, notes) if file is path or file.exists()]
         state = [(status.st_size, status.st_mtime_ns) for status in found]
@@ -80,7 +80,7 @@ class EpisodeStore:
     def path(self, episode_id: str) -> Path:
         is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
         path = self._storage.folder(NAME) / f"{episode_id}.mcap"
-        with contextlib.suppress(OSError, ValueError):  # no file can have such a name
+        with contextlib.suppress(OSError, ValueError):  # the name is impossible for a file
             if is_name and episode_id and path.is_file():
                 return path
         raise NotFoundError(f"unknown episode {episode_id[:80]!r}")
@@ -121,7 +121,7 @@ class EpisodeStore:
         """Move an episode to the trash; return the key for `restore`."""
         path = self._idle_path(episode_id)
         if read_notes(path).is_protected:
-            raise ConfigurationError("this recording is protected; take the protection off first")
+            raise ConfigurationError("this recording is protected; remove the protection first")
         return self._storage.discard(path, notes_path(path))
 
     def restore(self, key: str) -> str:
@@ -130,7 +130,7 @@ class EpisodeStore:
             return self._storage.restore(key, self._storage.folder(NAME), ".mcap")
 
     def compact(self, episode_id: str) -> str:
-        """Apply the edits to the recording; the key that is returned restores the original."""
+        """Apply the edits to the recording; the returned key restores the original."""
         with self._lock:
             path = self._idle_path(episode_id)
             notes, episode = read_notes(path), self.open(episode_id)
@@ -145,7 +145,7 @@ class EpisodeStore:
     def split(self, episode_id: str, frame_id: int) -> str:
         """Make two recordings of one, the second beginning with this frame; return its name.
 
-        The first stays whole on the disk, with an edit that leaves out what is in the second.
+        The first stays whole on the disk, with an edit that deletes the frames of the second.
         ConfigurationError if one of the two would be empty.
         """
         with self._lock:
@@ -166,7 +166,7 @@ class EpisodeStore:
 
     @contextlib.contextmanager
     def new_file(self, name: str) -> Iterator[Path]:
-        """Take a place as `new_path` does; it is free again if what writes there fails."""
+        """Reserve a place as `new_path` does; it is free again if the writer fails."""
         path = self.new_path(name)
         try:
             yield path
@@ -175,9 +175,9 @@ class EpisodeStore:
             raise
 
     def new_path(self, name: str) -> Path:
-        """Take a free place, by an empty file: another program may look for one, too.
+        """Reserve a free place by an empty file: another program may also look for one.
 
-        Notes of a recording that is gone would edit the new one.
+        Notes of a deleted recording with this name would edit the new one.
         """
         require_present(self._storage.folder(NAME))
         names = (path.name for path in paths_in(self._storage.folder(NAME)))
@@ -190,7 +190,7 @@ class EpisodeStore:
             taken.add(path.stem)
 
     def offered(self) -> list[EpisodeSummary]:
-        """List what would bring the space back within the budget; nothing is deleted unasked."""
+        """List the episodes whose deletion would meet the budget; none is deleted unasked."""
         summaries, offered = self.summaries(), []
         excess = sum(summary.bytes for summary in summaries) - self.budget_bytes
         for summary in reversed(summaries):

@@ -1,4 +1,4 @@
-"""What a list of episodes shows, read from the two ends of a file without going through it."""
+"""An episode's entry in the list, read from the two ends of its file only."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from robot.recordings.writer import describe_content
 class EpisodeSummary:
     """One recording of the list. `started_at_s` is wall-clock time, seconds since 1970.
 
-    `damage` says what is wrong: where a file that was cut short ends, or why a file cannot be read
-    at all (`is_readable` is False).
+    `damage` describes a fault: the end of a truncated file, or the reason why a file cannot be read
+    (`is_readable` is False).
     """
 
     id: str
@@ -42,9 +42,9 @@ class EpisodeSummary:
 
 
 def read_summary(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
-    """Describe a recording, whatever state it is in; only a missing file raises (OSError).
+    """Describe a recording in any state; only a missing file raises (OSError).
 
-    Of one that `is_growing` only the beginning is read.
+    If it `is_growing`, only the beginning is read.
     """
     size = path.stat().st_size
     try:
@@ -76,7 +76,7 @@ def _read_head(path: Path) -> dict[str, Any]:
 
 
 def _read_ends(path: Path) -> dict[str, Any]:
-    """Read the metadata at the end of the file; count what one without a sound end holds."""
+    """Read the metadata at the end of the file; if the end is damaged, count the content."""
     with contextlib.suppress(*UNREADABLE, OSError):
         metadata = read_metadata(path)
         return _facts(metadata[RUN], metadata[SUMMARY])

@@ -28,9 +28,9 @@ EditedEpisode = tuple[Episode, Notes]
 
 
 class Step(NamedTuple):
-    """One thing to learn of a recording: an edit, or an example with the label that it has now.
+    """One thing to learn from a recording: an edit, or an example with its present label.
 
-    The vector of an example is empty where its picture was recorded. One that a person labelled
+    The vector of an example is empty if its picture was recorded. An example that a person labelled
     afterwards has the teaching time -1.
     """
 
@@ -52,7 +52,7 @@ class Report:
 
 
 def plan(episodes: Sequence[EditedEpisode]) -> Iterator[Step]:
-    """Yield what there is to learn, in order, without what was undone or deleted."""
+    """Yield the steps to learn, in order, without undone or deleted ones."""
     for (episode, notes), rows in zip(episodes, surviving(episodes), strict=True):
         late = _labelled_late(episode, notes)
         due = next(late, None)
@@ -77,7 +77,7 @@ def plan(episodes: Sequence[EditedEpisode]) -> Iterator[Step]:
 
 
 def count_steps(episodes: Sequence[EditedEpisode]) -> int:
-    """Return how many steps `plan` yields."""
+    """Return the number of steps of `plan`."""
     return sum(1 for _ in plan(episodes))
 
 
@@ -96,15 +96,15 @@ def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
 
 
 def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
-    """Return for each recording which of its events count: without what was undone while driving,
-    also across the recordings of one run; what was undone of a recording before these stays."""
+    """Return for each recording the indices of its events without those undone while driving, also
+    across the recordings of one run. Undo events for a recording before these stay."""
     counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
     frames = [episode.events.frames for episode, _ in episodes]
     for place, (episode, _) in enumerate(episodes):
         for row in episode.events.rows_of(Undone):
             event = episode.events.event(row)
             assert isinstance(event, Undone)
-            counts[place][row] = False  # nothing that comes later is undone by it
+            counts[place][row] = False  # it undoes no later event
             gone = 0
             if not event.frame_ids:
                 gone = _undo_edit(episodes, counts, place, row)
@@ -121,7 +121,7 @@ def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
 def _undo_edit(
     episodes: Sequence[EditedEpisode], counts: list[NDArray[np.bool_]], place: int, row: int
 ) -> int:
-    """Take back the last edit of an image before an event; return how many that are."""
+    """Undo the last edit of an image before an event; return the number of events."""
     for earlier in range(place, -1, -1):
         for edited in reversed(episodes[earlier][0].events.rows_of(Edited)):
             if counts[earlier][edited] and (earlier < place or edited < row):
@@ -137,9 +137,9 @@ def learn_again(
     only: Callable[[Step], bool] = lambda step: True,
     on_step: Callable[[], None] = lambda: None,
 ) -> Report:
-    """Teach the policy everything the recordings hold.
+    """Teach the policy all steps of the recordings.
 
-    Edits of learned images are repeated only where they apply to the same images: with the learner
+    Edits of learned images are repeated only if they apply to the same images: with the learner
     that was driven, and up to the first recording with edits. Others are counted as left out.
     ConfigurationError if a label is not one of the policy's moves.
     """

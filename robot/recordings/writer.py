@@ -1,4 +1,4 @@
-"""One recording on its way to the disk: an MCAP file that is readable up to its last flush."""
+"""Writes one recording: an MCAP file that is readable up to its last flush."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ def describe_run(
     options: Mapping[str, Any] | None = None,
     source: str = "drive",
 ) -> dict[str, str]:
-    """Return what is known of a recording when it begins, as the metadata at its beginning.
+    """Return the metadata at the beginning of a recording.
 
-    `started_at_s` is wall-clock time, seconds since 1970. `origin_ns` is what the run's clock
-    showed as 0, in nanoseconds since 1970. Frame ids are unique within one `run_id`: several
-    recordings of one run of the program share it.
+    `started_at_s` is wall-clock time, seconds since 1970. `origin_ns` is the zero of the run's
+    clock, in nanoseconds since 1970. Frame ids are unique within one `run_id`: several recordings
+    of one run of the program share it.
     """
     return {
         "format": str(FORMAT),
@@ -68,12 +68,12 @@ def describe_run(
         "declared_moves": to_text(declared_moves),
         "options": json.dumps(dict(options or {}), default=str),
         "source": source,
-        "timed": "1",  # examples were learned with their teaching times, unlike in 0.1
+        "timed": "1",  # examples have teaching times, unlike in 0.1
     }
 
 
 def describe_content(frames: int, taught: Mapping[Action, int], lasted_s: float) -> dict[str, str]:
-    """Return how much a recording holds; `taught` counts the examples that were not undone."""
+    """Return the size of a recording; `taught` counts the examples that were not undone."""
     return {
         "frames": str(frames),
         "taught": json.dumps({label: count for label, count in taught.items() if count}),
@@ -109,7 +109,7 @@ class EpisodeWriter:
 
     @property
     def frames(self) -> int:
-        """How many pictures it has."""
+        """Number of its pictures."""
         return self._tally.frames
 
     def write_frame(self, frame: Frame) -> None:
@@ -126,7 +126,7 @@ class EpisodeWriter:
             self._add(json_channel(Topic.POSE), stamp_ns, drawn)
 
     def write_copy(self, record: Message | Metadata | Attachment) -> None:
-        """Add what stands in another recording, byte for byte."""
+        """Add a record of another recording, byte for byte."""
         if isinstance(record, Metadata):
             self._writer.add_metadata(record.name, record.values)
         elif isinstance(record, Attachment):
@@ -135,7 +135,7 @@ class EpisodeWriter:
             self._add(record.channel, record.log_ns, record.data, record.sequence)
 
     def flush(self) -> None:
-        """Flush to the disk: a kill or a power cut then loses nothing of it."""
+        """Flush to the disk, so that a kill or a power cut loses nothing written before."""
         self._writer.flush()
         _sync(self._file)
 
@@ -183,6 +183,6 @@ class EpisodeWriter:
 
 
 def _sync(file: BinaryIO) -> None:
-    """Have the file's bytes reach the disk, if it is a real file."""
+    """Flush the file's bytes to the disk, if it is a real file."""
     with contextlib.suppress(io.UnsupportedOperation):
         os.fsync(file.fileno())

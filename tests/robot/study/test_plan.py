@@ -66,7 +66,7 @@ FAULTS = [
     ("{ teach = 6 }", "{ teech = 6 }", r"number 2, seconds: there is no field 'teech' \(did you"),
     ('name = "long"', 'name = "short"', r"two of the conditions are called 'short'; give each"),
     ('"forward", "left"', '"forward", "Left!"', r"the plan: 'Left!' is not a valid name of a move"),
-    ('"forward", "left"', '"stop"', r"'moves' must have at least one move, and not 'stop'"),
+    ('"forward", "left"', '"stop"', r"'moves' must have at least one move, and never 'stop'"),
     ('world = "box"', "", r"\[\[condition\]\] number 1: 'world' is missing"),
     ('["yes", "no"]', '["yes"]', r"number 2: 'options' must be a list of 2 to 20 texts"),
     ('kind = "choice"', 'kind = "scale"', r"there is no field 'options'; known are"),
@@ -80,7 +80,7 @@ FAULTS = [
     (
         "title =",
         'consent = { english = "x" }\ntitle =',
-        r"'consent' has 'english'; .*a language",
+        r"'consent' has 'english'; .*per language",
     ),
     ('title = "Two times"', "", r"the plan: 'title' must be a text of at most 100"),
     ('text = "Anything else?"', "", r"number 1: 'text' must be a text, or one per language"),

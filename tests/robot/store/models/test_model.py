@@ -135,7 +135,7 @@ def test_a_header_that_lies_about_its_size_is_refused() -> None:
     [
         (b"no json", "not a model"),
         (b"[]", "not a model"),
-        (b'{"format": 99, "state": {"params": {}}}', "update"),
+        (b'{"format": 99, "state": {"params": {}}}', "upgrade"),
         (b'{"format": 1, "state": {"params": {}}}', "damaged"),
     ],
 )
