@@ -15,6 +15,7 @@ from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives, unpacked
 from robot.recordings.episode import open_episode
+from robot.recordings.messages import Topic
 from robot.types import Action
 
 from .labels import drive_at, taught_labels
@@ -148,7 +149,9 @@ def test_a_recording_of_another_robot_is_the_same_and_an_import(tmp_path: Path) 
     assert source.copy(target, report) == len(given.frames)
     back = open_episode(target)
     assert back.run == {**given.run, "source": "recording of another robot"}
-    assert back.messages == given.messages and repr(back.events) == repr(given.events)
+    for topic in set(Topic) - {Topic.CAMERA}:
+        assert [*back.messages(topic)] == [*given.messages(topic)], topic
+    assert [*given.events] and repr([*back.events]) == repr([*given.events])
     assert back.attachments == given.attachments and not back.damage
     assert all(back.frame(i) == given.frame(i) for i in given.frames)
     assert sum(report.labels.values()) == len(taught_labels(given)) > 0
