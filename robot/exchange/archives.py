@@ -22,21 +22,21 @@ from robot.store.lock import FolderLock
 _MOST_UNPACKED_BYTES = 16 * 2**30
 _MOST_FILES = 2_000_000
 _ZIPS = (".zip", ".tm")
-"""Zip archives; a project of Teachable Machine is one, too."""
+"""Endings of zip archives; a project of Teachable Machine is also one."""
 ENDINGS = (*_ZIPS, ".tar", ".tar.gz", ".tgz", ".tar.bz2")
 _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
 _OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
-"""What spoils one file of an archive alone; so does a name that this system gives to no file."""
+"""Errors that affect only one file of an archive, as does a name that is invalid on this system."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 
 
 @contextlib.contextmanager
 def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
-    """Unpack an archive into a folder that lasts as long as the context; else give the path itself.
+    """Unpack an archive into a folder for the duration of the context; else yield the path itself.
 
-    `scratch` has room for what is in it. What is damaged, or leads out of the archive, is skipped;
-    RecordingError if it cannot be read, or unpacks to more than 16 GB.
+    `scratch` has room for the content. Files that are damaged, or lead out of the archive, are
+    skipped. RecordingError if it cannot be read, or unpacks to more than 16 GB.
     """
     ending = next((e for e in ENDINGS if path.name.lower().endswith(e)), None)
     if ending is None or not path.is_file():
@@ -51,10 +51,10 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
         except _DAMAGED as error:
             if not any(folder.iterdir()):
                 raise RecordingError(f"{path} cannot be unpacked: {error}") from error
-            report.skip(path.name, f"the archive is damaged or cut from here on: {error}")
+            report.skip(path.name, f"the archive is damaged or truncated from here on: {error}")
         try:
             yield folder
-        except RecordingError as error:  # nobody else knows that folder
+        except RecordingError as error:  # its path is of a temporary folder
             told = f"{error}".replace(str(folder), str(path))
             raise RecordingError(f"{told}{report.why_nothing()}") from error
 

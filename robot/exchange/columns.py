@@ -1,4 +1,4 @@
-"""The columns of a table, by what they mean: by their names, or else by what is in them."""
+"""Finds the meaning of a table's columns: by their names, or else by their content."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot.exchange.stamps import seconds_of
 
 Cells = list[str]
 Row = tuple[str, Cells]
-"""Where a row stands, and its cells."""
+"""The place of a row, and its cells."""
 
 NAMES: dict[str, tuple[str, ...]] = {
     "picture": (
@@ -47,9 +47,9 @@ NAMES: dict[str, tuple[str, ...]] = {
     "correction": ("correction",),
     "degrees": ("degrees",),
 }
-"""What a column may mean, and what it is called then."""
+"""Meanings of columns, each with the names that it may have."""
 _MEANT = "label", "steering", "left_wheel", "linear"
-"""Each says by itself what was right, the first that is there."""
+"""Meanings that are a label by themselves; the first one present counts."""
 _PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
 _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
 _PEEK_ROWS = 50
@@ -58,35 +58,35 @@ _UDACITY = "steering", "throttle", "brake", "speed"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnTable:
-    """A table that was read: its rows, and which column has what."""
+    """A table that was read: its rows, and the columns by meaning."""
 
     rows: list[Row]
     columns: Mapping[str, int]
     names: Sequence[str]
     has_decimal_commas: bool = False
     pictures: tuple[int, ...] = ()
-    """Every column that names pictures, those of cameras that are not taken, too."""
+    """All columns that name pictures, including those of unused cameras."""
 
     def cell(self, cells: Cells, role: str) -> str | None:
-        """Return what a row has of this meaning; None without such a column."""
+        """Return the cell of a row with this meaning; None without such a column."""
         return cells[self.columns[role]].strip() if role in self.columns else None
 
     def number(self, cells: Cells, role: str) -> str:
-        """Return the text of a number, with a point."""
+        """Return the text of a number, with a decimal point."""
         text = self.cell(cells, role) or ""
         return text.replace(",", ".") if self.has_decimal_commas else text
 
     def name(self, role: str) -> str:
-        """Return what the column is called."""
+        """Return the name of the column with this meaning."""
         return self.names[self.columns[role]] or role
 
 
 def read_table_file(
     text: str, name: str, said: Mapping[str, str], report: ImportReport
 ) -> ColumnTable:
-    """Read the rows that are whole, and find the columns' meanings.
+    """Read the complete rows, and find the columns' meanings.
 
-    `said` are the meanings that a person has said, with the name or number of the column.
+    `said` are the meanings given by a person, with the name or number of the column.
     RecordingError if the pictures or their labels cannot be found.
     """
     is_json = name.lower().endswith(".jsonl")
@@ -121,7 +121,7 @@ def read_table_file(
 
 
 def _lines(text: str, name: str, delimiter: str, report: ImportReport) -> Iterator[Row]:
-    """Yield the rows that are not empty, and where they stand."""
+    """Yield the rows that are not empty, and their places."""
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
     while True:
         place = f"{name} line {reader.line_num + 1}"
@@ -137,7 +137,7 @@ def _lines(text: str, name: str, delimiter: str, report: ImportReport) -> Iterat
 
 
 def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
-    """Yield the names of all fields, then what each line has of them."""
+    """Yield the names of all fields, then the values of each line."""
     found = []
     for number, line in enumerate(text.splitlines(), start=1):
         row = parse(line)
@@ -152,12 +152,12 @@ def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
 
 
 def is_picture_name(text: str) -> bool:
-    """True of a text that ends as the name of a picture."""
+    """True if the text ends like the name of a picture."""
     return text.strip().lower().endswith((*PICTURES, ".webp", ".bmp", ".gif"))
 
 
 def plain(name: str) -> str:
-    """Return a column's name in small letters, its words joined by `_`, without a unit."""
+    """Return a column's name in lower case, its words joined by `_`, without a unit."""
     text = re.sub(r"[\[(].*?[\])]", "", name.strip().strip("\"'").lower())
     return re.sub(r"[\s.\-]+", "_", text.strip()).strip("_") or name.strip().lower()
 
@@ -205,7 +205,7 @@ def _said_column(role: str, which: str, names: list[str]) -> int:
 
 
 def _of_pictures(sample: list[Cells], width: int) -> list[int]:
-    """Return the columns of which most cells are names of pictures."""
+    """Return the columns in which most cells are names of pictures."""
     of: list[int] = []
     for column in range(width):
         filled = [row[column] for row in sample if row[column].strip()]
@@ -215,8 +215,8 @@ def _of_pictures(sample: list[Cells], width: int) -> list[int]:
 
 
 def _picture_columns(named: list[int], of_pictures: list[int], names: list[str]) -> list[int]:
-    """Choose the column of the pictures: of those so named, or else of those that have some, the
-    one of no side."""
+    """Choose the column of the pictures, which is not for one side: among the columns with such a
+    name, or else among those with pictures."""
     chosen = [i for i in named if i in of_pictures] or named or of_pictures
     ahead = [i for i in chosen if not _SIDES.search(names[i])]
     return ahead or chosen
@@ -229,7 +229,7 @@ def _are_equal(found: list[int], rows: list[Cells]) -> bool:
 def _by_content(
     columns: dict[str, int], sample: list[Cells], of_pictures: list[int], free: set[int]
 ) -> None:
-    """Find the meanings of a table without a head line, as far as there is no doubt."""
+    """Find the meanings in a table without a header line, if they are certain."""
     if "picture" not in columns and of_pictures:
         ahead = [i for i in of_pictures if not all(_SIDES.search(row[i]) for row in sample)]
         if len(ahead or of_pictures) > 1:

@@ -1,7 +1,7 @@
-"""A drive from another program, as far as it is whole: the one way into an episode.
+"""A drive from another program, as far as it is valid: every import becomes an episode here.
 
-A reader says of each picture where it stands and what it means. Here what cannot be used is skipped
-and listed, times become a time line, and pictures are read one at a time.
+A reader gives the place and the label of each picture. This module skips and lists unusable ones,
+makes a time line of their times, and reads the pictures one at a time.
 """
 
 from __future__ import annotations
@@ -30,39 +30,39 @@ from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Poi
 
 _T = TypeVar("_T")
 _MOST_PLACES, _MOST_REASONS = 3, 12
-"""Places of a reason, and reasons, that are listed; the rest is counted."""
+"""Numbers of places of a reason, and of reasons, that are listed; the rest is counted."""
 _ENOUGH_TO_HINT = 10
-"""Examples from which on it is worth a hint that one side has none."""
+"""Number of examples from which a missing side is worth a hint."""
 _LEAST_TRIM = 0.01
 
 
 class ImportReport:
-    """Collects what was skipped while a drive is read; a strict one refuses it at the first."""
+    """Collects the items skipped while a drive is read; a strict report raises at the first."""
 
     def __init__(self, *, is_strict: bool = False) -> None:
         self.is_strict = is_strict
         self.skipped: list[tuple[str, str]] = []
-        """Place and reason of each thing that was left out."""
+        """Place and reason of each skipped item."""
         self.remarks: list[str] = []
         self.labels: Counter[Action] = Counter()
-        """Examples that were written, by their labels."""
+        """Number of written examples by label."""
         self.rate: float = 0.0
         """The usual number of pictures a second."""
 
     def skip(self, place: str, reason: str) -> None:
-        """Leave something out; raises RecordingError if the import is strict."""
+        """Record a skipped item; raises RecordingError if the import is strict."""
         place, reason = map(_shown, (place, reason))
         if self.is_strict:
             raise RecordingError(f"{place}: {reason}")
         self.skipped.append((place, reason))
 
     def remark(self, text: str | None) -> None:
-        """Note something that a person should know of the drive; None says nothing."""
+        """Add a remark about the drive for people; None adds nothing."""
         if text and text not in self.remarks:
             self.remarks.append(text)
 
     def lines(self) -> list[str]:
-        """Return the remarks, then how much was skipped, and each reason with its first places."""
+        """Return the remarks, then the number of skipped items, and each reason with its places."""
         places: dict[str, list[str]] = {}
         for place, reason in self.skipped:
             places.setdefault(reason, []).append(place)
@@ -74,7 +74,7 @@ class ImportReport:
         return self.remarks + told
 
     def why_nothing(self) -> str:
-        """Return the first reason for which a drive has nothing left, as the end of a sentence."""
+        """Return the first reason why the drive is empty, as the end of a sentence."""
         if not self.skipped:
             return ""
         place, reason = self.skipped[0]
@@ -91,19 +91,19 @@ class FrameEvent:
     """Seconds of any clock; anything else counts as missing."""
     label: Action | None
     point: Point | None = None
-    """The label by degrees, if it was meant so."""
+    """The label by degrees, if the pilot steered so."""
     does: Point | None = None
-    """What the label does on the body that drove, as far as its source says so."""
+    """The label's steering and throttle on the body that drove, if its source has them."""
     steering: float | None = None
-    """As it was written, as a share of full lock; None where nothing was."""
+    """The steering as written, as a share of full lock; None if it is missing."""
     is_intervention: bool = False
     is_others: bool = False
-    """Not driven by the pilot, as far as is known: so no example."""
+    """True if it was not driven by the pilot, so that it is not an example."""
     place: str = ""
-    """Where it stands, for the report."""
+    """Its place, for the report."""
 
     def frame(self, frame_id: int, captured_s: float) -> Frame:
-        """Read its picture as that of a camera; raises RecordingError if it is damaged."""
+        """Read its picture as a camera's frame; raises RecordingError if it is damaged."""
         return Frame(frame_id=frame_id, captured_s=captured_s, **asdict(self.picture()))
 
 
@@ -129,10 +129,10 @@ def drive_of(
     report: ImportReport,
     **about: Any,
 ) -> Drive:
-    """Make a drive of the shots that can be read; RecordingError if there are none.
+    """Make a drive of the readable shots; RecordingError if there are none.
 
-    `read` makes a shot of where one stands and what was found there, or raises ValueError. `what`
-    they were found in is told a person; `about` are further fields of the drive.
+    `read` makes a shot from its place and the item found there, or raises ValueError. `what` names
+    the source in errors; `about` are further fields of the drive.
     """
     shots = []
     for place, raw in found:
@@ -146,14 +146,14 @@ def drive_of(
         report.remark(f"not driven by the pilot, so no examples: {others} pictures")
     stands = sum(shot.label is None and shot.steering is not None for shot in shots) - others
     if stands > 0:
-        report.remark(f"stands or drives backward, so no examples: {stands} pictures")
+        report.remark(f"standing or driving backward, so no examples: {stands} pictures")
     moves = _moves_with(shot.label for shot in shots)
     known = {"moves": moves, "declared_moves": _declared(shots)}
     return Drive(shots=shots, report=report, **{**known, **about})
 
 
 def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lambda: None) -> int:
-    """Write a drive as an episode; return how many pictures it has.
+    """Write a drive as an episode; return its number of pictures.
 
     RecordingError if the drive is broken or empty, OSError if the disk refuses: no file is left.
     """
@@ -192,7 +192,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
 
 
 def _hint(drive: Drive) -> str | None:
-    """Return what to do where one side has no example, though the car was steered."""
+    """Return advice for a drive in which one side has no example, though the car was steered."""
     labels, written = drive.report.labels, [s.steering for s in drive.shots if s.label]
     steered = [s for s in written if isinstance(s, int | float) and math.isfinite(s)]
     missing = [side for side in (Action.LEFT, Action.RIGHT) if not labels[side]]
@@ -232,7 +232,7 @@ def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
 
 
 def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
-    """Return the moves that did on that body what they are not known for, by most of its shots."""
+    """Return the moves that steer differently on that body, by most of its shots."""
     said: dict[Action, list[Point]] = {}
     for shot in shots:
         if shot.label is not None and shot.does is not None:
@@ -246,12 +246,12 @@ def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
 
 
 def _counted(places: list[str]) -> str:
-    """Return the places, or how many there are and the first of them."""
+    """Return the places, or their number and the first of them."""
     if len(places) <= _MOST_PLACES:
         return ", ".join(places)
     return f"{len(places)}, the first in {', '.join(places[:_MOST_PLACES])}"
 
 
 def _shown(text: str) -> str:
-    """Leave out what a terminal would obey: some of it is from names that others gave."""
+    """Remove control characters for terminals, since names come from untrusted files."""
     return "".join(sign if sign.isprintable() else "?" for sign in text)

@@ -1,4 +1,4 @@
-"""Files of other programs, as far as they are text or pictures, under names that nobody trusts."""
+"""Text and picture files of other programs, under untrusted names."""
 
 from __future__ import annotations
 
@@ -18,26 +18,26 @@ from robot.types import Encoding, Frame
 
 _MOST_TEXT_BYTES, _MOST_PICTURE_BYTES = 64 * 2**20, 32 * 2**20
 PICTURES = (".jpg", ".jpeg", ".png")
-"""How the names of pictures end that can be read, in small letters."""
+"""Endings of readable pictures, in lower case."""
 _MOST_PICTURES = 2_000_000
 
 
 def files_ending(folder: Path, *suffixes: str) -> list[Path]:
-    """List a folder's files with these endings, also in capitals, in the order of their names; none
-    of those that macOS lays beside them (`._NAME`)."""
+    """List a folder's files with these endings, in any case, in the order of their names, without
+    the files that macOS adds (`._NAME`)."""
     found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes)
     return sorted(path for path in found if path.is_file() and not path.name.startswith("."))
 
 
 def folders_in(folder: Path) -> list[Path]:
-    """List a folder's own folders, in the order of their names; no links, and none that programs
-    keep for themselves (`.git`, `_old`, `__MACOSX`)."""
+    """List a folder's subfolders, in the order of their names, without links and without the
+    programs' own (`.git`, `_old`, `__MACOSX`)."""
     found = (each for each in folder.iterdir() if each.name[0] not in "._")
     return sorted(each for each in found if each.is_dir() and not each.is_symlink())
 
 
 def by_number(paths: Iterable[Path]) -> list[Path]:
-    """Sort files as a person does: `2.jpg` before `10.jpg`."""
+    """Sort files in natural order: `2.jpg` before `10.jpg`."""
 
     def key(path: Path) -> list[tuple[int, int, str]]:
         parts = re.split(r"(\d{1,18})", path.name.casefold())
@@ -47,8 +47,8 @@ def by_number(paths: Iterable[Path]) -> list[Path]:
 
 
 def read_text(path: Path) -> str:
-    """Read a file; bytes that are no UTF-8 become question marks. RecordingError if it cannot be
-    read, or is larger than 64 MB."""
+    """Read a file; bytes that are not UTF-8 become replacement characters. RecordingError if it
+    cannot be read, or is larger than 64 MB."""
     with told_as(RecordingError, f"{path} cannot be read", OSError, ValueError):
         is_too_large = path.stat().st_size > _MOST_TEXT_BYTES
         text = "" if is_too_large else path.read_text("utf-8-sig", errors="replace")
@@ -58,7 +58,7 @@ def read_text(path: Path) -> str:
 
 
 def parse(text: str) -> Any:
-    """Return what a text says as JSON; None if it is none."""
+    """Return the value of a JSON text; None if it is not JSON."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -66,11 +66,11 @@ def parse(text: str) -> Any:
 
 
 def read_picture_file(folder: Path, name: str) -> Picture:
-    """Read a picture of a folder, by an untrusted name; RecordingError if the name leads out of the
-    folder, there is no such file, or it is no picture of a sensible size."""
-    # RuntimeError is that of a loop of links.
+    """Read a picture of a folder, by an untrusted name. RecordingError if the name leads out of the
+    folder, or the file is missing, not a picture, or too large."""
+    # A loop of links raises RuntimeError.
     with told_as(RecordingError, "the picture cannot be read", OSError, RuntimeError, ValueError):
-        path = (folder / name.replace("\\", "/")).resolve()  # tables are written on Windows, too
+        path = (folder / name.replace("\\", "/")).resolve()  # tables may come from Windows
         if not path.is_relative_to(folder.resolve()):
             raise ValueError(f"it leads out of the folder {folder}")
         try:
@@ -81,16 +81,16 @@ def read_picture_file(folder: Path, name: str) -> Picture:
 
 
 class Pictures:
-    """A folder's pictures, found by the last parts of names that were written elsewhere."""
+    """A folder's pictures, found by the last parts of paths from another computer."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
     def find(self, name: str) -> str:
-        """Return where in the folder a picture is, by the name that a table has for it.
+        """Return a picture's path in the folder, by its name in a table.
 
-        That is the name itself; or else, of the pictures with the same last part, the one whose
-        folders agree with the most parts before. ValueError if several do.
+        It is the name itself; or else, of the pictures with the same last part, the one whose
+        folders match most of the parts before. ValueError if several match equally.
         """
         parts = [part for part in re.split(r"[\\/]+", name.strip()) if part != "."]
         if not parts:
@@ -110,7 +110,7 @@ class Pictures:
         return best[0]
 
     def all(self) -> set[str]:
-        """Return where all pictures are."""
+        """Return the paths of all pictures."""
         return {path for same in self._by_last.values() for path in same}
 
     @cached_property
@@ -126,7 +126,7 @@ class Pictures:
 
 
 def _agreeing(wanted: list[str], path: str) -> int:
-    """Count the last parts of a path that are as wanted; both from the end."""
+    """Count the matching parts of two paths, from the end."""
     there = [part.casefold() for part in reversed(path.split("/"))]
     for count, (one, other) in enumerate(zip(wanted, there, strict=False)):
         if one != other:
@@ -135,7 +135,7 @@ def _agreeing(wanted: list[str], path: str) -> int:
 
 
 def write_picture(frame: Frame, folder: Path, stem: str) -> str:
-    """Write a frame as a file, without loss, and return its name: `.jpg` as it was, else `.png`."""
+    """Write a frame as a lossless file, and return its name: an unchanged `.jpg`, else a `.png`."""
     folder.mkdir(parents=True, exist_ok=True)
     is_jpeg = frame.encoding is Encoding.JPEG
     name = f"{stem}.jpg" if is_jpeg else f"{stem}.png"

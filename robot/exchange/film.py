@@ -24,11 +24,11 @@ from robot.types import Encoding, Frame
 _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56
 SUFFIXES = (".mp4", ".mov", ".mkv")
-"""How a film's name may end: containers that hold H.264."""
+"""Endings of films: containers that hold H.264."""
 H264, AV1 = "libx264", "libsvtav1"
 """Codecs, as FFmpeg calls their encoders."""
 AV = ("av", "writing films", "export")
-"""The library, what it is for, and the extra that has it."""
+"""The library, its purpose, and the extra that installs it."""
 
 
 def write_film(
@@ -41,21 +41,21 @@ def write_film(
     key_every: int | None = None,
     codec: str = H264,
 ) -> int:
-    """Write pictures of one size, evenly spaced in time; return how many.
+    """Write pictures of one size, evenly spaced in time; return their number.
 
-    With 4:2:0 colour, which every player supports; it needs even sides: an odd last row or column
+    Colour is 4:2:0, which every player supports. It needs even sides, so an odd last row or column
     is left out. A key frame each second, or every `key_every` pictures, makes seeking fast.
-    RecordingError if there are none, or of several sizes, or of one row or column.
+    RecordingError if there are no pictures, or several sizes, or only one row or column.
     """
     av = need(*AV)
     count, stream = 0, None
-    os.environ.setdefault("SVT_LOG", "1")  # AV1's encoder tells the terminal all it does
+    os.environ.setdefault("SVT_LOG", "1")  # otherwise AV1's encoder logs to the terminal
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
         for picture in pictures:
             even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
             if not even.size:
-                raise RecordingError("a film needs pictures of two pixels a side at least")
+                raise RecordingError("a film needs pictures of at least two pixels a side")
             if stream is None:
                 stream = container.add_stream(
                     codec, rate=fps, options={"crf": str(crf), "preset": preset}
@@ -77,8 +77,8 @@ def write_film(
 
 
 def of_size(frame: Frame, size: tuple[int, int]) -> Pixels:
-    """Return a frame's pixels, scaled if it has not this width and height: while it is recorded a
-    camera may change its resolution, be turned, or be replaced."""
+    """Return a frame's pixels, scaled to this width and height: during a recording a camera may
+    change its resolution, be turned, or be replaced."""
     pixels = to_rgb(frame)
     if (frame.width, frame.height) == size:
         return pixels
@@ -89,8 +89,8 @@ def of_size(frame: Frame, size: tuple[int, int]) -> Pixels:
 
 
 def to_jpeg(pixels: Pixels) -> Picture:
-    """Encode pixels, shape (height, width, 3), at a quality at which nobody sees a difference;
-    RecordingError if they are larger than 4096 pixels a side."""
+    """Encode pixels, shape (height, width, 3), without a visible loss. RecordingError if they are
+    larger than 4096 pixels a side."""
     import cv2
 
     height, width = pixels.shape[:2]
@@ -102,8 +102,8 @@ def to_jpeg(pixels: Pixels) -> Picture:
 
 
 class FilmReader:
-    """Gives the pictures of a film by their times, best one after the other; its pictures a second
-    say how near one must be."""
+    """Reads the pictures of a film by their times, fastest in order. `fps` sets the tolerance of a
+    time."""
 
     def __init__(self, path: Path, fps: float) -> None:
         self._path, self._fps = path, fps
@@ -113,7 +113,7 @@ class FilmReader:
 
     def at(self, t_s: float) -> Picture:
         """Return the picture at this time, as a JPEG; RecordingError if the film has none there."""
-        if t_s < self._asked_s:  # back, or for the first time
+        if t_s < self._asked_s:  # a step back, or the first call
             self._begin(t_s)
         self._asked_s = t_s
         self._skip_to(t_s)
@@ -122,8 +122,8 @@ class FilmReader:
         return to_jpeg(self._next.to_ndarray(format="rgb24"))
 
     def _begin(self, t_s: float) -> None:
-        """Decode from the last key frame before a time; from the beginning where the film's index
-        leads behind it."""
+        """Decode from the last key frame before a time, or from the beginning if the film's index
+        leads to a later one."""
         for from_s in (t_s, 0.0):
             self._frames = self._decode(from_s)
             self._next = next(self._frames, None)
@@ -135,7 +135,7 @@ class FilmReader:
             self._next = next(self._frames, None)
 
     def _decode(self, from_s: float) -> Iterator[Any]:
-        """Yield frames as far as they can be decoded, from the last key frame before a time."""
+        """Yield the decodable frames, from the last key frame before a time."""
         av = need(*AV)
         try:
             with av.open(str(self._path)) as container:
@@ -145,12 +145,12 @@ class FilmReader:
                 for frame in container.decode(video=0):
                     if frame.time is not None:
                         yield frame
-        except (av.error.FFmpegError, IndexError, ValueError):  # cut, or none
+        except (av.error.FFmpegError, IndexError, ValueError):  # truncated, or not a film
             return
 
 
 def check_suffix(path: Path) -> None:
-    """Refuse a name without a supported suffix by a ConfigurationError, which lists these."""
+    """Raise ConfigurationError, which lists the supported suffixes, for any other."""
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
             f"a film's name must end in {' or '.join(SUFFIXES)}, not in {path.suffix!r}: {path}"
@@ -158,11 +158,11 @@ def check_suffix(path: Path) -> None:
 
 
 def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = None) -> int:
-    """Write an episode as a film to look at: large, with label and prediction below the picture.
+    """Write an episode as a film for people: large, with label and prediction below the picture.
 
-    It lasts as long as the drive without what was deleted. Where the camera gave no picture for a
-    moment, the nearest one stays; longer gaps are cut. All are brought to the first one's size.
-    Returns how many pictures the film has.
+    It has the duration of the drive without deleted frames. In a short gap of the camera the
+    nearest picture stays; longer gaps are cut. All pictures are scaled to the first one's size.
+    Returns the number of pictures.
     """
     found = enumerate(moments(episode, notes))
     line = make_timeline((episode.frames.captured_s - episode.start_s).tolist())

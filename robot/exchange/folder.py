@@ -14,7 +14,7 @@ from robot.recordings.episode import Episode
 
 TABLE, MOVES = "frames.csv", "moves.json"
 METADATA = "metadata.csv"
-"""The same labels as Hugging Face's `imagefolder` looks for them."""
+"""The file in which Hugging Face's `imagefolder` looks for the labels."""
 COLUMNS = (
     *("file", "frame", "time_s", "label", "angle", "throttle", "degrees"),
     *("predicted", "confidence", "driven_by", "sent", "correction"),
@@ -22,10 +22,10 @@ COLUMNS = (
 
 
 def write_folder(episode: Episode, notes: Notes, folder: Path) -> int:
-    """Write an episode as pictures and `frames.csv`; return how many pictures there are.
+    """Write an episode as pictures and `frames.csv`; return the number of pictures.
 
-    `metadata.csv` has the labels once more, under the names that `imagefolder` of Hugging Face
-    looks for. `moves.json` has the driver's declared moves, so that its own labels are recognised.
+    `metadata.csv` repeats the labels under the names that Hugging Face's `imagefolder` looks for.
+    `moves.json` has the driver's declared moves, so that its own labels are recognised.
     """
     folder.mkdir(parents=True)
     declared = describe(episode.moves, episode.declared_moves)

@@ -1,6 +1,6 @@
-"""The forms of data that can be imported: how each is recognised, read, and what it means.
+"""The forms of data that can be imported: how each is recognised and read, and its meaning.
 
-One table: the import, its refusals and the documents are made from it.
+The import, its refusals and the documents are made from this one table.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ _NO_TIME = "none: 20 pictures a second are assumed, and reported"
 
 
 class Source(NamedTuple):
-    """A drive that was found: what a person calls it, and what reads it.
+    """A drive that was found: its name for people, and the function that reads it.
 
     Reading raises RecordingError if nothing can be used, or MissingExtraError; pictures are read
-    when the drive is written. `copy` instead writes it to a path, of what is a recording already.
+    when the drive is written. `copy`, for recordings of this program, writes it to a path instead.
     """
 
     name: str
@@ -59,14 +59,14 @@ class Form:
     """One form of data.
 
     Attributes:
-        name: What people call it.
-        there: What is on the disk.
-        label: What says which move was right: its sign, unit and range.
-        time: What says when.
-        find: Returns the drives at a path, or None if it is not of this form. It is quick: what is
-            damaged is said when a drive is read.
-        is_whole: It says by itself what is in a folder. A form that is not so takes what no other
-            form does.
+        name: Its name for people.
+        there: Its files on the disk.
+        label: The source of the label: its sign, unit and range.
+        time: The source of the time.
+        find: Returns the drives at a path, or None if it is not of this form. It is quick: damage
+            is reported when a drive is read.
+        is_whole: True if the form describes a whole folder. Other forms take the files that no
+            such form takes.
     """
 
     name: str
@@ -78,7 +78,7 @@ class Form:
 
 
 def refusing(path: Path, why: str) -> Source:
-    """Return what was recognised, and cannot be taken."""
+    """Return a source that was recognised but cannot be imported."""
 
     def read(reading: Reading, report: ImportReport) -> Drive:
         raise RecordingError(f"{path} {why}")
@@ -87,7 +87,7 @@ def refusing(path: Path, why: str) -> Source:
 
 
 def _one(is_it: Callable[[Path], bool], read: Callable[..., Drive]) -> Find:
-    """Return what finds one drive where a path is of a form."""
+    """Return a function that finds one drive at a path of this form."""
 
     def find(path: Path) -> list[Source] | None:
         return [Source(path.name, partial(read, path))] if is_it(path) else None
@@ -112,7 +112,7 @@ def _find_tables(path: Path) -> list[Source] | None:
         is_table = path.suffix.lower() in ENDINGS
         return [Source(path.name, partial(read_table, path))] if is_table else None
     tables = files_ending(path, *ENDINGS)
-    if path / TABLE in tables:  # a folder of ours: what else lies there says the same
+    if path / TABLE in tables:  # our own folder: the other tables in it have the same labels
         tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):
         tables = [table for table in tables if names_pictures(table)]
@@ -136,7 +136,7 @@ def _find_npz(path: Path) -> list[Source] | None:
 
 
 def _holds_classes(path: Path) -> bool:
-    """True of folders of classes, none of which is a drive of its own."""
+    """True if the subfolders are classes, and none of them is a drive of its own."""
     return are_classes(path) and not any(
         form.find(each) for each in folders_in(path) for form in FORMS if form.is_whole
     )
@@ -245,7 +245,7 @@ FORMS: tuple[Form, ...] = (
         is_whole=False,
     ),
 )
-"""In the order in which they are tried."""
+"""All forms, in the order in which they are tried."""
 
 UNUSABLE: dict[tuple[str, ...], str] = {
     (".h5", ".keras", ".tflite", ".pb", ".onnx", ".pt", ".pth", ".safetensors", "model.json"): (
@@ -267,4 +267,4 @@ UNUSABLE: dict[tuple[str, ...], str] = {
     (".webp", ".bmp", ".gif", ".tif", ".tiff"): "pictures that are neither JPEG nor PNG",
     (".json", ".xml", ".txt", ".yaml", ".csv"): "text, but no table that names pictures",
 }
-"""By the end of a file's name what it is, and why it cannot be taken."""
+"""Kinds of file that cannot be imported, with the reason, by the end of their names."""

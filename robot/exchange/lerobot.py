@@ -49,18 +49,19 @@ TASK = "Drive as the pilot taught."
 _FILES_A_CHUNK = 1000
 _FILMS = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 _KEY_EVERY = 2
-"""A loader asks for frames in any order: it should have few to decode before each."""
+"""Number of pictures per key frame: loaders read frames in any order, and decode from a key frame.
+"""
 _AS_LEROBOT: dict[str, Any] = {"codec": AV1, "crf": 30, "preset": "12"}
-"""How LeRobot 0.6 encodes: only films of one codec merge, as their bytes are copied."""
+"""Encoder settings of LeRobot 0.6: only films of one codec merge, as their bytes are copied."""
 _STEERED = ("steering.pos", "throttle.vel")
-"""As the package for LeRobot calls them (docs/examples/lerobot)."""
+"""Names of the action's elements in the package for LeRobot (docs/examples/lerobot)."""
 FPS = 20
-"""Pictures a second of a dataset, unless a person says otherwise: sets of one robot then merge."""
+"""Default pictures a second of a dataset; sets of one robot merge only at one rate."""
 SENSORS = "sensors"
 _SENSORS = ("distance_m", "bumped", "battery")
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 _OWN = ("intervention", PILOT, DEGREES, SENSORS)
-"""Columns that only this program writes."""
+"""Columns that only this program writes, so a plain dataset omits them."""
 _STANDS = Point(0.0, 0.0)
 _CARD = """---
 task_categories: [robotics]
@@ -73,10 +74,10 @@ configs:
 A LeRobot dataset, written by Drivelesson. `meta/info.json` says what is in it.
 """
 Stats = dict[str, dict[str, list[Any]]]
-"""Least, most, mean, deviation, quantiles and count, by feature."""
+"""Minimum, maximum, mean, deviation, quantiles and count, by feature."""
 
 Part = tuple[Episode, list[EpisodeFrame]]
-"""One LeRobot episode: a recording, and moments of it at even distances in time."""
+"""One LeRobot episode: a recording, and moments of it, evenly spaced in time."""
 
 
 def write_lerobot(
@@ -87,11 +88,11 @@ def write_lerobot(
     task: str = TASK,
     plain: bool = False,
 ) -> int:
-    """Write recordings as one dataset; return how many LeRobot episodes it has.
+    """Write recordings as one dataset; return its number of LeRobot episodes.
 
-    `fps` pictures a second, and the task that the robot was doing, as a text. What a dataset has
-    follows from the robot's moves only, so lessons of one robot merge. A `plain` one has what
-    LeRobot's own command records of our robots, and only what was taught: it merges with those.
+    `fps` is pictures a second; `task` describes the robot's task. The columns of a dataset depend
+    only on the robot's moves, so lessons of one robot merge. A `plain` dataset has the columns that
+    LeRobot's own command records from our robots, and only taught frames: it merges with those.
     RecordingError if there are no pictures.
     """
     need(*PYARROW)
@@ -154,8 +155,8 @@ def _split(episode: Episode, notes: Notes, fps: int, taught_only: bool) -> list[
 
 
 def _pictures(part: Part, size: tuple[int, int], counts: NDArray[np.int64]) -> Iterator[Pixels]:
-    """Yield pictures, shape (height, width, 3), and add to `counts`, shape (3, 256), how often each
-    brightness occurs in each colour: all statistics follow from it."""
+    """Yield pictures, shape (height, width, 3), and add the frequency of each brightness in each
+    colour to `counts`, shape (3, 256), from which all statistics follow."""
     episode, taken = part
     for moment in taken:
         picture = of_size(episode.frame(moment.frame_id), size)
@@ -164,10 +165,10 @@ def _pictures(part: Part, size: tuple[int, int], counts: NDArray[np.int64]) -> I
 
 
 def _table(parts: list[Part], fps: int) -> tuple[Columns, dict[str, Any]]:
-    """Return the values of all frames, and what each column is.
+    """Return the values of all frames, and the description of each column.
 
-    The action is steering and throttle; of a robot with a move that has none, a number for each of
-    its moves. All zero: it stands.
+    The action is steering and throttle; if a move of the robot has none, it is a number for each
+    move. All zero: the robot stands.
     """
     frames = [(of, moment) for of, taken in parts for moment in taken]
     lengths = [len(taken) for _, taken in parts]
@@ -210,7 +211,7 @@ def _table(parts: list[Part], fps: int) -> tuple[Columns, dict[str, Any]]:
 
 
 def _moves(parts: list[Part]) -> list[str]:
-    """Return all moves of the robots, whether a lesson has them or not, and any other label."""
+    """Return all moves of the robots, including unused ones, and all other labels."""
     declared = {str(move.name) for of, _ in parts for move in of.declared_moves}
     known = declared | {str(move) for of, _ in parts for move in of.moves}
     taught = {str(moment.label) for _, taken in parts for moment in taken if moment.label}
@@ -218,7 +219,7 @@ def _moves(parts: list[Part]) -> list[str]:
 
 
 def _does(episode: Episode, moment: EpisodeFrame) -> tuple[Action, Point | None]:
-    """Return what the robot did at a picture, as far as it was recorded; else what was right."""
+    """Return the robot's action at a picture if it was recorded, else the label."""
     if moment.sent is None:
         return done_at(moment, episode.declared_moves)
     action = Action(moment.sent)
@@ -231,7 +232,7 @@ def _all_sensed(part: Part) -> NDArray[np.float64]:
 
 
 def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
-    """Return when a sensor said what, shape (n, 2)."""
+    """Return the times and values of a sensor, shape (n, 2)."""
     said = [
         (now_s - episode.start_s, float(words[name]))
         for now_s, words in episode.messages(Topic.SENSORS)
@@ -241,7 +242,7 @@ def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
 
 
 def _sensed(part: Part, name: str) -> NDArray[np.float64]:
-    """Return a sensor's last value at each picture; before the first, the first; else 0."""
+    """Return a sensor's last value at each picture: the first one before it, and 0 without any."""
     episode, taken = part
     readings = _readings(episode, name)
     if not len(readings):

@@ -1,7 +1,7 @@
-"""LeRobot datasets in: versions 2.0, 2.1 and 3.0, an episode at a time, as far as they are whole.
+"""Reads LeRobot datasets, versions 2.0, 2.1 and 3.0, one episode at a time, also damaged ones.
 
-Version 2 has a table and a film an episode; in version 3 many episodes share a file, and a table
-says which rows and seconds are whose. Source: lerobot, datasets/utils.py, and its documents
+Version 2 has a table and a film per episode. In version 3 episodes share a file, and a table has
+the rows and seconds of each. Source: lerobot, datasets/utils.py, and its documents
 lerobot-dataset-v3.mdx and porting_datasets_v3.mdx.
 """
 
@@ -38,7 +38,7 @@ from robot.exchange.steering import (
 from robot.types import DEFAULT_MOVES, Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
-"""Where nothing else says who drove, the pilot is believed to have driven these alone."""
+"""Columns of interventions: without other information, only these frames count as the pilot's."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]
@@ -47,12 +47,12 @@ _VELOCITIES: dict[tuple[str, str], Pair] = {
     ("linear_velocity", "angular_velocity"): (1.0, 1.0),
     ("x.vel", "theta.vel"): (FULL_MPS, FULL_TURN_DEG_S),
 }
-"""Actions of lerobot's own robots that drive, ahead and to the left, and how much is full: shares
-of it (EarthRover Mini), or metres and degrees a second (LeKiwi)."""
+"""Names of the actions ahead and to the left of lerobot's own driving robots, with their full
+values: shares (EarthRover Mini), or metres and degrees a second (LeKiwi)."""
 
 
 class _Info(RawValue):
-    """What is needed of meta/info.json."""
+    """The needed fields of meta/info.json."""
 
     codebase_version: str = text()
     fps: float = number(above=0, most=1000)
@@ -63,7 +63,7 @@ class _Info(RawValue):
 
 
 class LerobotDataset:
-    """A dataset that was opened; RecordingError if its description is lost or is none."""
+    """An opened dataset; RecordingError if its description is missing or invalid."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -75,11 +75,11 @@ class LerobotDataset:
             raise RecordingError(f"{folder} is a LeRobot dataset {version[:20]}, not v2 or v3")
 
     def episodes(self) -> list[int]:
-        """Return the numbers of its episodes, from its table of them and from its data."""
+        """Return the numbers of its episodes, from its table of episodes and from its data."""
         return sorted(n for n in {*self._rows, *self._files} if n >= 0)
 
     def why_empty(self) -> str:
-        """Return why a dataset has no episode, as the end of a sentence."""
+        """Return the reason why a dataset has no episode, as the end of a sentence."""
         if any(self.folder.glob("data/*/*.parquet")) or any(self.folder.glob("images/*/*")):
             return (
                 "is a LeRobot dataset that was never finalized: its tables have no end, so nothing "
@@ -89,7 +89,7 @@ class LerobotDataset:
 
     @cached_property
     def _rows(self) -> dict[int, Record]:
-        """The table of episodes by their numbers, without the parts of it that are damaged."""
+        """The table of episodes by number, without damaged parts."""
         rows: list[Any] = []
         if self._is_v3:
             for path in sorted(self.folder.glob("meta/episodes/*/*.parquet")):
@@ -102,7 +102,7 @@ class LerobotDataset:
 
     @cached_property
     def _files(self) -> dict[int, Path]:
-        """Where the frames of each episode are, by the name of a file or by what is in it."""
+        """The file of each episode's frames, by its name or by its content."""
         files: dict[int, Path] = {}
         for path in sorted(self.folder.glob("data/*/*.parquet")):
             if of_name := re.fullmatch(r"episode_(\d{1,9})", path.stem):
@@ -164,7 +164,7 @@ class LerobotDataset:
         )
 
     def _camera(self, report: ImportReport) -> str:
-        """Return the camera that looks ahead, as far as its name says so, or else the first."""
+        """Return the camera that looks ahead by its name, or else the first."""
         features = self._info.features
         cameras = [
             name
@@ -179,7 +179,7 @@ class LerobotDataset:
         return best
 
     def _film(self, camera: str, episode: int) -> Callable[[Record], Callable[[], Picture]]:
-        """Return what gives a frame's picture out of the film."""
+        """Return a function that finds a frame's picture in the film."""
         numbers: Record = {
             "video_key": camera,
             "episode_index": episode,
@@ -213,7 +213,7 @@ class LerobotDataset:
         return picture_of
 
     def _seconds(self, record: Record) -> float | None:
-        """Return when a frame was taken; a lost time is that of its number, by definition."""
+        """Return a frame's time; a missing one follows from its number, by definition."""
         [stamp_s] = _flat(record.get("timestamp"))[:1] or [None]
         [index] = _flat(record.get("frame_index"))[:1] or [None]
         if isinstance(stamp_s, float) and 0 <= stamp_s < _MOST_S:
@@ -221,12 +221,12 @@ class LerobotDataset:
         return index / self._info.fps if isinstance(index, int) and 0 <= index < _MOST_S else None
 
     def _place_of(self, *names: str) -> int | None:
-        """Return which element of the action has one of these names."""
+        """Return the index of the action's element with one of these names."""
         there = _names(self._info.features.get("action", {}).get("names"))
         return next((i for i, name in enumerate(there) if _bare(name) in names), None)
 
     def _meant(self, reading: Reading, report: ImportReport) -> Callable[[Record], Said]:
-        """Return what tells a frame's label, by what the action's elements are called."""
+        """Return a function for a frame's label, by the names of the action's elements."""
         features = self._info.features
         names = _names(features.get("action", {}).get("names"))
         angle, throttle = self._place_of(*ANGLES), self._place_of(*THROTTLES)
@@ -270,8 +270,8 @@ class LerobotDataset:
 
 
 def _is_depth(feature: Record) -> bool:
-    """True of a camera that measures distance: 0.6 of lerobot says so by another name than before,
-    and either may stand where a film is described."""
+    """True for a depth camera: version 0.6 of lerobot marks it by another name than before, and
+    either may be in the description of the film."""
     said = [feature, *(feature.get(name) for name in ("info", "video_info"))]
     names = "is_depth_map", "video.is_depth_map"
     return any(of.get(name) is True for of in said if isinstance(of, dict) for name in names)
@@ -283,9 +283,9 @@ def _info_of(feature: Record) -> Record:
 
 
 def _names(given: object) -> list[str]:
-    """Return the names of a vector's elements, in small letters.
+    """Return the names of a vector's elements, in lower case.
 
-    Some datasets have them below a further name, others by name with the place of each.
+    Some datasets nest them below a further name, others map each name to its index.
     """
     if isinstance(given, dict):
         places = [place for place in given.values() if type(place) is int]
@@ -328,7 +328,7 @@ def _one_hot(record: Record, moves: list[Action | None]) -> Action | None:
 
 
 def _stored(folder: Path, camera: str, record: Record) -> Callable[[], Picture]:
-    """Return what reads a picture that lies in the table, or in a file that it names."""
+    """Return a function that reads a picture from the table, or from a file that it names."""
     stored = record.get(camera)
     if not isinstance(stored, dict):
         raise ValueError("it has no picture")

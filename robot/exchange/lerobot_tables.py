@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError, need, told_as
 
 Columns = dict[str, NDArray[Any]]
-"""Values of a frame each, by feature."""
+"""One value per frame, by feature."""
 PILOT = "pilot"
-"""A column: which move the pilot taught, by its place among the feature's moves; -1 for none."""
+"""Column of the taught move, as its index among the feature's moves; -1 without one."""
 DEGREES = "degrees"
-"""A column: whether the pilot meant the action by degrees, and not the move as it is."""
+"""Column that is true if the pilot steered the action by degrees, and not as a plain move."""
 ROBOT = "drivelesson"
-"""The type of robot that datasets name, as the package for LeRobot does
-(docs/examples/lerobot)."""
+"""The robot type in datasets, equal to that of the package for LeRobot (docs/examples/lerobot)."""
 PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
-"""The library, what it is for, and the extra that has it."""
+"""The library, its purpose, and the extra that installs it."""
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])
 _MOST_TABLE_BYTES = 2**30
 
@@ -28,8 +27,8 @@ _MOST_TABLE_BYTES = 2**30
 def read_table(
     path: Path, columns: list[str] | None = None, episode: int | None = None
 ) -> list[dict[str, Any]]:
-    """Read rows, of one episode or all, with those of the columns that are there; RecordingError if
-    it is damaged, or unpacks to more than 1 GB."""
+    """Read the rows of one episode or of all, with the wanted columns that are present.
+    RecordingError if the table is damaged, or unpacks to more than 1 GB."""
     pa, pq = need(*PYARROW), need(*_PARQUET)
     errors = pa.lib.ArrowException, OSError, ValueError, KeyError
     with told_as(RecordingError, f"{path} cannot be read", *errors):
@@ -47,7 +46,7 @@ def read_table(
 
 
 def write_data(folder: Path, columns: Columns) -> None:
-    """Write a row a frame."""
+    """Write a row per frame."""
     pa = need(*PYARROW)
     arrays = {name: pa.array(values.reshape(-1)) for name, values in columns.items()}
     for name, values in columns.items():
@@ -57,7 +56,7 @@ def write_data(folder: Path, columns: Columns) -> None:
 
 
 def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
-    """Write a row an episode."""
+    """Write a row per episode."""
     table = need(*PYARROW).Table.from_pylist(rows)
     _write_table(table, folder / "meta/episodes/chunk-000/file-000.parquet")
 

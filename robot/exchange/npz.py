@@ -1,8 +1,8 @@
 """`.npz` recordings for the evaluation: JPEG frames in time order, a label for each.
 
-They may have the steering (`angle`) and the `throttle` for each, too; where they are no numbers
-(NaN) the label was meant as it is. People steer by tapping: where a recording has the mean of the
-angle over a moment (`angle_mean`), of which its labels are made, that is what was meant.
+They may also have the steering (`angle`) and the `throttle` for each; where these are NaN, only the
+label counts. People steer by tapping: if a recording has the mean angle over a moment
+(`angle_mean`), from which its labels are made, that one counts.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ _MEAN = "angle_mean"
 _UNKNOWN = Point(math.nan, math.nan)
 _COPIED_BYTES = 1 << 20
 MAX_BYTES = 512 * 2**20
-"""A recording that unpacks to more is refused."""
+"""Largest unpacked size of a recording, in bytes; larger ones are refused."""
 
 
 def load_recording(path: Path | str, report: ImportReport | None = None) -> Drive:
-    """Read one `.npz` recording; without executing anything in it.
+    """Read one `.npz` recording without executing anything in it.
 
     Its shots are JPEGs of 160x120, each with a label and its seconds. RecordingError if it is
     missing, broken or in another format.
@@ -55,19 +55,19 @@ def load_recording(path: Path | str, report: ImportReport | None = None) -> Driv
 
 
 def is_example(moment: EpisodeFrame) -> bool:
-    """True of what `write_npz` writes: the form has three labels."""
+    """True if `write_npz` writes this moment: the form has only three labels."""
     return not moment.is_deleted and moment.label in DEFAULT_MOVES
 
 
 def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
-    """Write the taught pictures of an episode as a recording; return how many there are.
+    """Write the taught pictures of an episode as a recording; return their number.
 
-    A JPEG of 160x120 keeps its bytes; any other picture is scaled. The form has three labels, so
-    pictures that were taught another move are left out; RecordingError if none is left.
+    A JPEG of 160x120 keeps its bytes; any other picture is scaled. The form has only three labels,
+    so pictures with another one are left out; RecordingError if none is left.
     """
     labels, ends, times_s = array("B"), array("q", [0]), array("d")
     points = array("f"), array("f")
-    # The pictures are more than fits into memory, and their array begins with their number.
+    # The pictures may not fit into memory, and their array begins with its size.
     with tempfile.TemporaryFile(dir=path.parent) as pictures:
         for moment in moments(episode, notes):
             if is_example(moment):
@@ -101,7 +101,7 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
 def _write_npz(
     path: Path, columns: Mapping[str, NDArray[Any]], pictures: IO[bytes], size: int
 ) -> None:
-    """Write what `np.savez` would, but for one array from a file."""
+    """Write the file as `np.savez` does, but with one array from a file."""
     header = {"descr": "|u1", "fortran_order": False, "shape": (size,)}
     with zipfile.ZipFile(path, "x") as archive:
         with archive.open("jpeg.npy", "w", force_zip64=True) as member:

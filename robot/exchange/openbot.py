@@ -1,11 +1,11 @@
-"""Sessions of OpenBot: pictures, and what both wheels were told.
+"""Sessions of OpenBot: pictures, and the commands to both wheels.
 
     images/N_crop.jpeg                                       the picture of frame N
     sensor_data/rgbFrames.txt                                timestamp[ns],frame
     sensor_data/ctrlLog.txt                                  timestamp[ns],leftCtrl,rightCtrl
     sensor_data/matched_frame_ctrl_cmd_processed.txt         by its notebook: path, left, right, cmd
 
-Wheels go from -255 to 255, ahead positive. What they were told holds until they are told anew.
+Wheels go from -255 to 255, ahead positive. A command holds until the next one.
 Source: ob-f/OpenBot, policy/openbot and the app's logger.
 """
 
@@ -30,17 +30,17 @@ _FRAMES, _CONTROLS = "rgbFrames.txt", "ctrlLog.txt"
 _MATCHED = "matched_frame_ctrl_cmd_processed.txt", "matched_frame_ctrl_cmd.txt"
 Fields = list[str]
 Row = tuple[str, Fields]
-"""Where a line stands, and its fields."""
+"""The place of a line, and its fields."""
 
 
 def is_openbot(folder: Path) -> bool:
-    """True of the folder of a session, whole or not."""
+    """True for the folder of a session, also an incomplete one."""
     logs = folder / _LOGS
     return any((logs / name).is_file() for name in (_FRAMES, _CONTROLS, *_MATCHED))
 
 
 def read_openbot(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read a session by its own logs, or else by the table that the notebook made of them."""
+    """Read a session by its own logs, or else by the table that the notebook made from them."""
     logs = folder / _LOGS
     matched = next((logs / name for name in _MATCHED if (logs / name).is_file()), None)
     if (logs / _FRAMES).is_file() and (logs / _CONTROLS).is_file():
@@ -121,7 +121,7 @@ def _drive(
 
 
 def _rows(path: Path, report: ImportReport, width: int) -> list[Row]:
-    """Return a log's lines in fields, without its head line."""
+    """Return the fields of a log's lines, without its header line."""
     rows = []
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         fields = [field for field in re.split(r"[,\s]+", line.strip()) if field]

@@ -1,4 +1,4 @@
-"""Recordings of another robot of this program: one file, taken as it is."""
+"""Recordings of this program from another robot: one file, copied unchanged."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ENDS_BYTES = 2**16
 
 
 def is_own(path: Path) -> bool:
-    """True of a file in which this program has recorded, whatever has copied it since."""
+    """True for a recording of this program, also if other programs have copied it since."""
     with told_as(RecordingError, f"{path} cannot be read"), path.open("rb") as file:
         head = file.read(_ENDS_BYTES)
         file.seek(max(0, file.seek(0, os.SEEK_END) - _ENDS_BYTES))
@@ -27,10 +27,10 @@ def is_own(path: Path) -> bool:
 
 
 def copy_recording(path: Path, target: Path, report: ImportReport) -> int:
-    """Copy a recording with all that is in it, and its edits; return how many pictures it has.
+    """Copy a recording with its edits; return its number of pictures.
 
-    The copy says that it was imported. One that was cut off is taken up to there. RecordingError if
-    it is damaged at its beginning, or has no pictures.
+    The copy is marked as imported. A truncated one is copied up to its end. RecordingError if it is
+    damaged at its beginning, or has no pictures.
     """
     episode = open_episode(path)
     if episode.damage:

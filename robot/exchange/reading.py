@@ -1,4 +1,4 @@
-"""What a person says of data that are imported: what counts as a turn, and what names mean."""
+"""A person's settings for an import: the limit of a turn, and the meanings of names."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from robot.errors import ConfigurationError, did_you_mean
 from robot.types import Action
 
 DEFAULT_THRESHOLD = TURNS_BEYOND
-"""Share of full lock from which on a car is said to turn."""
+"""Share of full lock beyond which a car counts as turning."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """How data of other programs are to be understood.
+    """The interpretation of other programs' data.
 
     Attributes:
         threshold: Share of full lock beyond which a car turns.
-        trim: Steering, as it is written, at which the car drives straight on.
-        full_lock: Steering, as it is written, at full lock.
-        moves: Which move a class of the data is, by the class's name.
-        columns: Which column of a table has what, by its name or its number, from 1.
-        topics: Which topics of a ROS bag to take.
+        trim: Written steering at which the car drives straight on.
+        full_lock: Written steering at full lock.
+        moves: Moves by the names of the data's classes.
+        columns: Columns of a table by meaning; each is a name or a number, from 1.
+        topics: Topics of a ROS bag to read.
     """
 
     threshold: float = DEFAULT_THRESHOLD
@@ -35,7 +35,7 @@ class Reading:
     topics: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse by a ConfigurationError what no data can be read by."""
+        """Raise ConfigurationError for impossible settings."""
         if not 0.0 <= self.threshold < 1.0:
             raise ConfigurationError(
                 f"--threshold must lie between 0 and 1, not {self.threshold:g}"
@@ -49,9 +49,9 @@ class Reading:
             )
 
     def steering(self, written: float) -> float:
-        """Return steering from -1 to 1 of what is written; ValueError if it is beyond full lock.
+        """Return written steering as -1 to 1; ValueError if it is beyond full lock.
 
-        Straight on is 0 and full lock stays full lock, so a trim stretches one side.
+        Straight on is 0 and full lock remains full lock, so a trim stretches one side.
         """
         share, trim = written / self.full_lock, self.trim / self.full_lock
         if not -1.0 <= share <= 1.0:
@@ -61,7 +61,7 @@ class Reading:
         return (share - trim) / (1.0 - trim if share > trim else 1.0 + trim)
 
     def move(self, name: str) -> Action | None:
-        """Return the move that a class is: as a person said, or as it is called; else None."""
+        """Return the move of a class: by a person's setting, or by its name; else None."""
         return self.moves.get(as_word(name)) or _KNOWN.get(as_word(name))
 
 
@@ -76,7 +76,7 @@ def as_word(name: str) -> str:
 
 
 def parse_moves(text: str) -> dict[str, Action]:
-    """Read `free=forward,blocked=left`; ConfigurationError if it is anything else."""
+    """Read `free=forward,blocked=left`; ConfigurationError for another form."""
     moves = {}
     for pair in filter(None, (part.strip() for part in text.split(","))):
         name, sign, move = (part.strip() for part in pair.partition("="))
@@ -91,7 +91,7 @@ def parse_moves(text: str) -> dict[str, Action]:
 
 
 def parse_columns(text: str, known: tuple[str, ...]) -> dict[str, str]:
-    """Read `picture=1,steering=angle`; ConfigurationError if it is anything else."""
+    """Read `picture=1,steering=angle`; ConfigurationError for another form."""
     columns = {}
     for pair in filter(None, (part.strip() for part in text.split(","))):
         role, sign, column = (part.strip() for part in pair.partition("="))

@@ -20,14 +20,14 @@ from robot.exchange.timeline import make_timeline
 from robot.types import Frame
 
 _LONGEST_PAUSE_S = 0.15
-"""A pause in the footage is cut to this: the loop's own patience with a frame is 0.2 s."""
+"""Longest pause that is replayed, in seconds: the loop's timeout for a frame is 0.2 s."""
 _LAST_FRAME_S = 0.05
-"""How long the last frame of a recording is shown before the next recording begins."""
+"""Time that the last frame is shown before the next recording begins, in seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayCameraOptions(Options):
-    """What is played."""
+    """The footage to play."""
 
     recording: str = option("", "a recording (.npz), or a folder whose recordings are played")
     episode: str = option("", "a recorded run (.mcap) to play instead")
@@ -35,11 +35,11 @@ class ReplayCameraOptions(Options):
 
 
 Footage = list[tuple[float, Callable[[], Picture | Frame]]]
-"""When each picture was taken, in ascending seconds, and what reads it."""
+"""Time of each picture, in ascending seconds, and the function that reads it."""
 
 
 class ReplayCamera(ThreadedCamera):
-    """Plays one recording, or a folder's in the order of their names; raises if there is none."""
+    """Plays one recording, or a folder's in the order of their names; raises without any."""
 
     name: ClassVar[str] = "replay"
     options_type: ClassVar[type[Any]] = ReplayCameraOptions
@@ -69,15 +69,15 @@ class ReplayCamera(ThreadedCamera):
             self._waits_until(due_s)
             self._report_fault(f"The recording {self._path} is over.")
         except (RecordingError, OSError) as error:
-            self._report_fault(f"The recording cannot be played on: {error}")
+            self._report_fault(f"The rest of the recording cannot be played: {error}")
 
     def _waits_until(self, due_s: float) -> bool:
-        """Wait; return True if it is to end."""
+        """Wait; return True if the camera is stopping."""
         return self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s()))
 
 
 def _load_episode(path: Path) -> list[Footage]:
-    """Open an episode, and leave out what was deleted."""
+    """Open an episode without its deleted frames."""
     from robot.recordings.edits import read_notes
     from robot.recordings.episode import open_episode
 
@@ -104,7 +104,7 @@ def _load_recordings(path: Path) -> list[Footage]:
 
 
 def _timed(footage: Footage) -> Iterator[tuple[Callable[[], Picture | Frame], float]]:
-    """Yield what reads each picture, and how long it is shown."""
+    """Yield the function that reads each picture, and the time that it is shown."""
     ends_s = [t_s for t_s, _ in footage[1:]] + [footage[-1][0] + _LAST_FRAME_S]
     for (begin_s, read), end_s in zip(footage, ends_s, strict=True):
         yield read, min(max(end_s - begin_s, 0.0), _LONGEST_PAUSE_S)

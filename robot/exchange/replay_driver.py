@@ -21,7 +21,7 @@ class ReplayDriver(ConnectedDriver[bool]):
 
     @property
     def action(self) -> Action:
-        """What a body would be doing now: the last action, until its time is over."""
+        """The present action of a real body: the last one, until its time is over."""
         return self._action if self._clock.now_s() < self._ends_s else Action.STOP
 
     def _open(self) -> bool:

@@ -1,7 +1,7 @@
-"""Bags of ROS 1 and 2: pictures of a camera, and the velocities that the robot was told.
+"""Bags of ROS 1 and 2: pictures of a camera, and the robot's velocity commands.
 
-Both carry the time at which they were recorded, which is one clock; a velocity holds until the
-next one. Read by the library `rosbags`, which needs no ROS.
+Both have the time at which they were recorded, by one clock; a velocity holds until the next one.
+The library `rosbags` reads them; it does not need ROS.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from robot.exchange.reading import Reading
 from robot.exchange.steering import FULL_MPS, FULL_TURN_RAD_S, at_velocity, read_number
 
 ROSBAGS = ("rosbags.highlevel", "reading ROS bags", "rosbags")
-"""The library, what it is for, and the extra that has it."""
+"""The library, its purpose, and the extra that installs it."""
 _COMPRESSED, _RAW = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 _TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
 _AS_IT_IS = "RGB"
@@ -47,14 +47,14 @@ _CONVERTED = {
     "bayer_gbrg8": "BayerGR2RGB",
     "bayer_grbg8": "BayerGB2RGB",
 }
-"""What OpenCV calls the way from an encoding to colours."""
+"""OpenCV's names of the conversions from an encoding to colours."""
 _CHANNELS = {_AS_IT_IS: 3, "BGR2RGB": 3, "RGBA2RGB": 4, "BGRA2RGB": 4}
 Order = tuple[int, float, float]
-"""When a velocity was told in nanoseconds, how fast ahead (m/s) and to the left (rad/s)."""
+"""A velocity command: its time in nanoseconds, speed ahead (m/s) and turn to the left (rad/s)."""
 
 
 def is_bag(path: Path) -> bool:
-    """True of a bag of either version: a file, or a folder with its description."""
+    """True for a bag of either version: a file, or a folder with its description."""
     if path.is_file():
         suffix = path.suffix.lower()
         return suffix in (".bag", ".db3") or (suffix == ".mcap" and not is_own(path))
@@ -65,8 +65,8 @@ def is_bag(path: Path) -> bool:
 def read_bag(path: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read a bag; its pictures are read when the drive is written.
 
-    RecordingError if it is damaged, has no camera or no velocities, or several of which nobody
-    chose (`--topics`).
+    RecordingError if it is damaged, has no camera or no velocities, or has several and none was
+    chosen (`--topics`).
     """
     bag = _Bag(path)
     with bag.opened() as reader:
@@ -123,12 +123,12 @@ class _Bag:
                 yield reader
         except (RobotError, KeyboardInterrupt):
             raise
-        except Exception as error:  # the library's, and those of what it reads by
+        except Exception as error:  # of the library, and of those that it uses
             why = str(error)[:200] or repr(error)
             raise RecordingError(f"the ROS bag {self._path} cannot be read: {why}") from error
 
     def pictures(self, topic: str) -> Callable[[int], Picture]:
-        """Return what reads one picture of a topic by its number, best one after the other."""
+        """Return a function that reads one picture of a topic by its number, fastest in order."""
         messages: Iterator[tuple[Any, str]] = iter(())
         following = 0
 

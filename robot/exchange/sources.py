@@ -1,4 +1,4 @@
-"""Finds what can be imported at a path: a file, a folder, or folders within it."""
+"""Finds the drives that can be imported at a path: a file, a folder, or its subfolders."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from robot.exchange.forms import FORMS, UNUSABLE, Source
 
 _DEEPEST = 5
 _FILES = (".npz", ".mcap", ".bag", ".db3")
-"""Files that are a drive each, also where several lie in one folder."""
+"""Endings of files that are a drive each, also if one folder has several."""
 _MOST_LOOKED_AT = 5000
 
 __all__ = ["Source", "find_drives", "unpacked"]
 
 
 def find_drives(path: Path) -> list[Source]:
-    """Return the drives at a path, or in its folders.
+    """Return the drives at a path, or in its subfolders.
 
-    RecordingError if there is none, with what was recognised instead and why it cannot be taken;
-    or if a dataset has no readable description.
+    RecordingError if there is none, with the kinds recognised instead and the reasons against
+    them; or if a dataset has no readable description.
     """
     if not path.exists():
         raise RecordingError(f"{path} does not exist")
@@ -48,7 +48,7 @@ def _within(path: Path, depth: int) -> list[Source]:
 
 
 def _at(path: Path, *, is_whole: bool) -> list[Source]:
-    """Return what the first form finds that knows a path."""
+    """Return the drives of the first form that recognises a path."""
     for form in FORMS:
         if form.is_whole is is_whole and (found := form.find(path)):
             return list(found)
@@ -56,7 +56,7 @@ def _at(path: Path, *, is_whole: bool) -> list[Source]:
 
 
 def _why_none(path: Path) -> str:
-    """Return what was recognised at a path, and why it cannot be taken: the end of a sentence."""
+    """Return the kinds recognised at a path, and the reason against them, as a sentence's end."""
     names = list(islice(_names(path), _MOST_LOOKED_AT))
     for endings, why in UNUSABLE.items():
         if those := [name for name in names if name.lower().endswith(endings)]:

@@ -15,14 +15,15 @@ _DATE = re.compile(
     r"(?:[-_.](\d{1,9}))?(?!\d)"
 )
 _SINCE_1970 = {1e17: 1e-9, 1e14: 1e-6, 1e11: 1e-3}
-"""Numbers beyond these are nanoseconds, microseconds and milliseconds since 1970."""
+"""Lower bounds of numbers that are nanoseconds, microseconds and milliseconds since 1970, with
+their factors to seconds."""
 
 
 def seconds_of(value: object, name: str = "") -> float | None:
-    """Return a time in seconds; None if it is none.
+    """Return a time in seconds; None if it is not a time.
 
-    A date without a zone counts as UTC: only distances matter, and summer time would break them.
-    `name` is what the time is called: its unit may stand there, as in `timestamp[ns]`.
+    A date without a zone counts as UTC: only differences matter, and summer time would break them.
+    `name` is the time's name, which may have its unit, as in `timestamp[ns]`.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
@@ -46,10 +47,10 @@ def _date_of(text: str) -> float | None:
 
 
 def seconds_in_name(name: str) -> float | None:
-    """Return when a picture was taken by its name; None if the name does not say.
+    """Return the time in a picture's name; None if it has none.
 
-    Either ten digits of seconds since 1970, then the fraction, whose last zeros may be missing; or
-    a date and a time of day.
+    It is ten digits of seconds since 1970 and then the fraction, whose last zeros may be missing;
+    or a date and a time of day.
     """
     stem = re.split(r"[\\/]", name)[-1].rpartition(".")[0]
     if found := _DIGITS.search(stem):

@@ -1,5 +1,5 @@
-"""Steering of cars and of robots with two wheels, as other programs write it, and the moves that
-it counts as."""
+"""Steering of cars and of robots with two wheels, as other programs write it, and its conversion to
+moves."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from robot.types import DEFAULT_MOVES, Action, Point
 
 ANGLES = ("angle", "steering", "user/angle", "steering_angle")
 THROTTLES = ("throttle", "user/throttle")
-"""What other programs call them."""
+"""Names of the throttle in other programs."""
 FULL_MPS, FULL_TURN_RAD_S = 0.4, math.radians(45.0)
-"""Full throttle and full lock of what is told as velocities: those of our own ROS robot, unless
-its options say otherwise. Faster ones count as full."""
+"""Full throttle and full lock of velocity commands: the defaults of our own ROS robot. Higher
+values count as full."""
 FULL_TURN_DEG_S = math.degrees(FULL_TURN_RAD_S)
 _TURNING = (*DEFAULT_MOVES, Action.SPIN_LEFT, Action.SPIN_RIGHT)
 _STANDING = 0.02
 """Share of full speed below which two wheels turn on the spot, if they turn at all."""
 _STEERED = "the angle", "the throttle"
 Meant = tuple[Action | None, Point | None]
-"""A label, and the same by degrees where it is known."""
+"""A label, and the same by degrees if it is known."""
 Said = tuple[Action | None, Point | None, Point | None]
-"""A label, the same by degrees where it was meant so, and what it does where that is known."""
+"""A label, the same by degrees if the pilot steered so, and its steering and throttle if known."""
 
 
 def read_meant(
@@ -35,9 +35,9 @@ def read_meant(
     names: Sequence[str] = _STEERED,
     moves: Iterable[Action] = DEFAULT_MOVES,
 ) -> Meant:
-    """Return what a driver meant: one of the moves that his body has; None if it goes no such way.
+    """Return the driver's move, one of `moves`; None if none of them drives this way.
 
-    Of a car these are FORWARD, LEFT and RIGHT: one that stands or backs up is no example.
+    A car has FORWARD, LEFT and RIGHT: standing or backing up is not an example.
 
     `written` are angle (full lock to the left: -1) and throttle as a program wrote them under these
     names, or the angle alone: then the move has no point. An angle beyond the threshold is a turn.
@@ -55,7 +55,7 @@ def read_meant(
 
 
 def read_steering(value: object, name: str, reading: Reading) -> float:
-    """Return an angle from -1 to 1, its trim taken off; ValueError if it is beyond full lock."""
+    """Return an angle from -1 to 1 without its trim; ValueError if it is beyond full lock."""
     if reading.full_lock == 1.0:
         return reading.steering(read_share(value, name))
     return reading.steering(read_number(value, name))
@@ -69,14 +69,14 @@ def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Po
 
 
 def point_said(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point | None:
-    """Return the same, or None where nothing that can be believed was written."""
+    """Return the same as `read_point`, or None if the values are missing or invalid."""
     with contextlib.suppress(ValueError):
         return read_point(written, names)
     return None
 
 
 def at_velocity(linear: float, turn: float, reading: Reading) -> Meant:
-    """Return what was meant by shares of full speed ahead and of full turn to the left.
+    """Return the label of a velocity in shares of full speed ahead and of full turn to the left.
 
     Shares beyond -1 and 1 count as full. A turn without speed is a spin.
     """
@@ -84,10 +84,10 @@ def at_velocity(linear: float, turn: float, reading: Reading) -> Meant:
 
 
 def at_wheels(left: float, right: float, reading: Reading) -> Meant:
-    """Return what was meant by two wheels, as shares of full speed.
+    """Return the label of two wheel speeds in shares of full speed.
 
-    The wheel that turns slower is on the inner side: steering is the difference as a share of all
-    that the wheels do, throttle is their mean. Wheels that turn against each other are a spin.
+    The slower wheel is on the inner side: steering is the difference of the speeds divided by their
+    sum, throttle is their mean. Wheels that turn against each other are a spin.
     """
     all_done = abs(left) + abs(right)
     steering = (left - right) / all_done if all_done else 0.0
@@ -106,9 +106,9 @@ def _clipped(share: float) -> float:
 
 
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
-    """Return what was right at a picture, the pilot's label or else what was sent, and its point.
+    """Return the action at a picture, the pilot's label or else the one sent, and its point.
 
-    The point is what was meant by degrees, or the move's own; None if the move has none.
+    The point is the steering by degrees, or the move's own; None if the move has none.
     """
     by_degrees = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)
@@ -116,8 +116,8 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
 
 
 def read_share(value: object, name: str) -> float:
-    """Return a steering angle or a throttle as a program wrote it, as a number or its text;
-    ValueError if it is not a number from -1 to 1: nothing is put in its place."""
+    """Return a steering angle or a throttle, written as a number or as text. ValueError if it is
+    not a number from -1 to 1: there is no default."""
     with contextlib.suppress(ValueError):
         share = read_number(value, name)
         if -1.0 <= share <= 1.0:
@@ -126,7 +126,7 @@ def read_share(value: object, name: str) -> float:
 
 
 def read_number(value: object, name: str) -> float:
-    """Return a number as a program wrote it, as a number or its text; ValueError if it is none."""
+    """Return a number, written as a number or as text; ValueError if it is not one."""
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         with contextlib.suppress(ValueError, OverflowError):
             number = float(value)

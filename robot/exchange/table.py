@@ -1,4 +1,4 @@
-"""A folder of pictures with a table that says what was right at each, in any program's columns."""
+"""A folder of pictures with a table of their labels, in any program's columns."""
 
 from __future__ import annotations
 
@@ -28,17 +28,18 @@ from robot.types import Action
 
 ENDINGS = (".csv", ".tsv", ".jsonl")
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
-"""Of motors, as programs count it: the least that no value of a table is beyond."""
+"""Full speeds of motors in different programs: the least one that no value of a table exceeds
+counts."""
 _MOVES = 0.05
-"""A speed of any unit beyond which a car moves: simulators write some where it stands."""
+"""Speed, in any unit, above which a car moves: simulators write small speeds for standing cars."""
 _TOLD_NAMES = 3
 
 
 def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read a table with a row a picture; its pictures lie beside it, or below.
+    """Read a table with a row per picture; its pictures are in its folder, or below.
 
-    A row that cannot be used is skipped; RecordingError if none can be used, or if it is not clear
-    which columns have the pictures and what was right.
+    Unusable rows are skipped; RecordingError if all are, or if the columns of the pictures and
+    their labels are not clear.
     """
     table = read_table_file(read_text(path), path.name, reading.columns, report)
     moves, declared = path.with_name(MOVES), tuple[Move, ...]()
@@ -105,7 +106,7 @@ def _written(table: ColumnTable, cells: Cells, reading: Reading) -> float | None
 def _meaning(
     table: ColumnTable, reading: Reading, known: Mapping[str, Action], report: ImportReport
 ) -> Callable[[Cells], Meant]:
-    """Return what tells a row's label, by the columns that are there."""
+    """Return a function for a row's label, by the columns that are present."""
     there = table.columns
     if "label" in there:
         return partial(_labelled, table, reading, known)
@@ -128,7 +129,7 @@ def _meaning(
 def _labelled(
     table: ColumnTable, reading: Reading, known: Mapping[str, Action], cells: Cells
 ) -> Meant:
-    """Return the label of a row; raises ValueError if it has none that can be believed."""
+    """Return the label of a row; raises ValueError if it is missing or invalid."""
     text = table.cell(cells, "label") or ""
     if not text:
         return None, None
@@ -147,7 +148,7 @@ def _labelled(
 
 
 def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> Meant:
-    """Return what a row means by its steering.
+    """Return the label of a row from its steering.
 
     A car that rolls without throttle drives; one whose speed and throttle are both 0 stands.
     """
@@ -167,7 +168,7 @@ def _number(table: ColumnTable, cells: Cells, role: str) -> float:
 
 
 def _most(table: ColumnTable, role: str) -> float:
-    """Return the largest value of a column, without sign; what is no number counts as 0."""
+    """Return the largest absolute value of a column; cells that are not numbers count as 0."""
     most = 0.0
     for _, cells in table.rows:
         try:
@@ -178,7 +179,7 @@ def _most(table: ColumnTable, role: str) -> float:
 
 
 def _tell_of_others(table: ColumnTable, pictures: Pictures, report: ImportReport) -> None:
-    """Say how many pictures lie there that the table does not list, or has of other cameras."""
+    """Report the number of pictures that the table does not list, or lists for other cameras."""
     others = [i for i in table.pictures if i != table.columns["picture"]]
     if others:
         told = ", ".join(table.names[i] or f"column {i + 1}" for i in others[:_TOLD_NAMES])

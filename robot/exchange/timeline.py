@@ -1,4 +1,4 @@
-"""A time line out of whatever times there are: equal, backward, with jumps, with holes, or none."""
+"""Makes a time line from imperfect times: equal, backward, with jumps, with gaps, or missing."""
 
 from __future__ import annotations
 
@@ -13,16 +13,17 @@ from numpy.typing import NDArray
 
 _SHORTEST_GAP_S = 1.0
 _LONGEST_PAUSE_S = 60.0
-"""What is longer is taken for a clock that was set, or for the end of a session."""
+"""Longest pause within a session, in seconds: a longer one means a new session, or that the clock
+was set."""
 _CUT_PAUSE_S = 2.0
-"""What remains of such a pause: still a gap."""
+"""Length to which a longer pause is cut, in seconds: it is still a gap."""
 _USUAL_S = 1 / 20
 _MOST_S = 1e11
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timeline:
-    """Seconds from the first picture, strictly ascending, and what had to be repaired."""
+    """Seconds from the first picture, strictly ascending, with a remark on the repairs."""
 
     times_s: list[float]
     usual_s: float
@@ -30,7 +31,7 @@ class Timeline:
 
     @property
     def gap_s(self) -> float:
-        """Films and data sets are cut where more time than this passes between two pictures."""
+        """Time between two pictures above which films and data sets are cut, in seconds."""
         return max(_SHORTEST_GAP_S, 3 * self.usual_s)
 
     @property
@@ -39,7 +40,7 @@ class Timeline:
         return min(max(round(1 / self.usual_s), 1), 60)
 
     def evenly(self, fps: int) -> list[list[int]]:
-        """Return stretches without a gap: at each tick of this rate the nearest picture's index."""
+        """Return stretches without a gap, each with the nearest picture's index at this rate."""
         times_s = np.array(self.times_s)
         begins = [0, *(np.flatnonzero(np.diff(times_s) > self.gap_s) + 1)]
         stretches = [times_s[a:b] for a, b in pairwise([*begins, len(times_s)])]
@@ -50,10 +51,10 @@ class Timeline:
 def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     """Return a time for each picture.
 
-    A stamp that is missing or out of order takes its place between its neighbours. Equal stamps
-    share the time until the next, or follow each other at the usual distance. Where the clock was
-    set back the time line runs on. A pause of more than a minute becomes two seconds. Stamps are
-    seconds of any clock; anything else than a finite number counts as missing.
+    A stamp that is missing or out of order is set between its neighbours. Equal stamps share the
+    time until the next, or follow each other at the usual distance. If the clock was set back, the
+    time line continues. A pause of more than a minute becomes two seconds. Stamps are seconds of
+    any clock; anything but a finite number counts as missing.
     """
     read = [_seconds(stamp) for stamp in stamps_s]
     if not read:
@@ -100,7 +101,7 @@ def _seconds(stamp: object) -> float | None:
 
 
 def _filled(read: list[float | None], first_s: float) -> tuple[list[float], int]:
-    """Give a stamp that is missing, or alone out of order, the one before it."""
+    """Replace a stamp that is missing, or singly out of order, by the one before it."""
     filled, before_s, outliers = [], first_s, 0
     known = [index for index, stamp in enumerate(read) if stamp is not None]
     after = dict(pairwise(known))

@@ -58,8 +58,8 @@ _CATALOG_RECORDS = 1000
 def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read a tub; its pictures are read when the drive is written.
 
-    Records that the autopilot drove, or of which it is not known, have no label. RecordingError if
-    there is none that can be used.
+    Records that the autopilot drove, or whose driver is not known, have no label. RecordingError if
+    none can be used.
     """
     is_first = any(folder.glob("record_*.json")) and not (folder / "manifest.json").is_file()
     found, moves = (read_first(folder, report), None) if is_first else read_second(folder, report)
@@ -95,13 +95,13 @@ def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
 
 
 def _is_by_pilot(record: Record) -> bool:
-    """True unless the record says that somebody else steered; old tubs do not say who did."""
+    """True unless the record names another driver; old tubs do not name any."""
     return str(record.get(_MODE, "user")).strip().lower() == "user"
 
 
 def _said(record: Record, reading: Reading, moves: Sequence[str] | None) -> Said:
-    """Return the label of a record; raises ValueError if it has none that can be believed."""
-    if _LABEL in record:  # a tub of ours
+    """Return the label of a record; raises ValueError if it is missing or invalid."""
+    if _LABEL in record:  # the tub was written by this program
         text = record[_LABEL]
         if not isinstance(text, str) or (text and moves is not None and text not in moves):
             raise ValueError(f"{_LABEL} is {str(text)[:40]!r}")
@@ -122,15 +122,15 @@ def _written(record: Record, reading: Reading) -> float | None:
 
 
 def _time(record: Record) -> float | None:
-    """Return when a record was made, by the first of its times that is one: version 2 writes
-    milliseconds since 1970, version 1 milliseconds since its start, or a date, or nothing."""
+    """Return the time of a record, by its first valid field: version 2 writes milliseconds since
+    1970, version 1 milliseconds since its start, or a date, or no time."""
     stamps_ms = (_seconds(record.get(name)) for name in ("_timestamp_ms", "milliseconds"))
     known = next((stamp for stamp in stamps_ms if stamp is not None), None)
     return seconds_of(record.get(_WRITTEN_TIME)) if known is None else known
 
 
 def _began(record: Record) -> float:
-    """Return when a tub begins, in seconds since 1970; 0 if it does not say."""
+    """Return the start of a tub, in seconds since 1970; 0 if it is not known."""
     begin_s = _seconds(record.get("_timestamp_ms"))
     return begin_s or seconds_of(record.get(_WRITTEN_TIME)) or 0.0
 
@@ -141,14 +141,14 @@ def _seconds(stamp_ms: Any) -> float | None:
 
 
 def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool = True) -> int:
-    """Write an episode as a tub 2; return how many records it has.
+    """Write an episode as a tub 2; return its number of records.
 
     Pictures keep their bytes (JPEG) or their pixels (PNG). Each record also has the label, the
-    frame id and whether the label corrected the robot, so that reading the tub again gives the
-    same examples, whatever the threshold. Angle and throttle are what the pilot meant by degrees
-    (the record says so), or what the driver declared of the move; where a move has none, as `push`,
-    the tub has no such columns: a zero would teach a car to stand. What the robot would have done
-    is in `pilot/angle` and `pilot/throttle`. `taught_only` leaves out what nobody taught.
+    frame id and whether the label corrected the robot, so that the tub reads back as the same
+    examples at any threshold. Angle and throttle are the pilot's own if steered by degrees (marked
+    in the record), or those declared for the move; if a move has none, such as `push`, the tub has
+    no such columns: a zero would teach a car to stand. The robot's proposal is in `pilot/angle` and
+    `pilot/throttle`. `taught_only` leaves out frames that were not taught.
     """
     folder.mkdir(parents=True)
     with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:
@@ -160,7 +160,7 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
 
 @dataclass(slots=True)
 class _Seen:
-    """What the records of a tub have: how many there are, which columns any has, and the labels."""
+    """Summary of a tub's records: their number, their columns, and their labels."""
 
     count: int = 0
     columns: set[str] = field(default_factory=set)

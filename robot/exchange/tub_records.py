@@ -1,7 +1,7 @@
-"""The records of a donkeycar tub, as far as they are whole.
+"""The valid records of a donkeycar tub.
 
-Cars are switched off while they write, and tubs are copied in part. So each record stands for
-itself: one that is damaged is skipped, and the others are taken.
+Cars are switched off while they write, and tubs are copied in part. So each record is read by
+itself: damaged ones are skipped.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from robot.exchange.files import parse, read_text
 
 IMAGE = "cam/image_array"
 MOVES = "drivelesson_moves"
-"""Where a manifest of ours names the moves, so that a damaged label is none of them."""
+"""Key of the moves in a manifest of this program, by which damaged labels are recognised."""
 _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()
 Record = dict[str, Any]
 Placed = tuple[str, Record]
-"""A record, and where it was found."""
+"""The place of a record, and the record."""
 
 
 def is_tub(folder: Path) -> bool:
-    """True if the folder looks like a tub of either version, whole or not."""
+    """True if the folder looks like a tub of either version, also an incomplete one."""
     is_second = (folder / "manifest.json").is_file() or any(folder.glob("[!.]*.catalog"))
     return is_second or any(folder.glob("record_*.json"))
 
@@ -47,7 +47,7 @@ def read_first(folder: Path, report: ImportReport) -> list[Placed]:
 
 
 def read_second(folder: Path, report: ImportReport) -> tuple[list[Placed], list[str] | None]:
-    """Return the records that were not deleted, and the moves that a tub of ours names."""
+    """Return the records that were not deleted, and the moves in a manifest of this program."""
     names, deleted, moves = _read_manifest(folder, report)
     records = []
     for name in names:
@@ -70,9 +70,9 @@ def read_second(folder: Path, report: ImportReport) -> tuple[list[Placed], list[
 def _read_manifest(
     folder: Path, report: ImportReport
 ) -> tuple[list[str], set[str], list[str] | None]:
-    """Return the names of the catalogs, what was deleted, and the moves, as far as they are known.
+    """Return the names of the catalogs, the deleted records, and the moves, as far as known.
 
-    Where the manifest is lost, the catalogs that are there are taken in their order.
+    Without a manifest, the catalogs in the folder are read in their order.
     """
     path = folder / "manifest.json"
     lines = [parse(line) for line in _text_of(path, report).splitlines() if line.strip()]
@@ -93,7 +93,7 @@ def _read_manifest(
 
 
 def _text_of(path: Path, report: ImportReport) -> str:
-    """Read a file as far as it is text; what cannot be read is skipped whole."""
+    """Read a file as text; an unreadable file is skipped."""
     try:
         return read_text(path)
     except RecordingError as error:
@@ -102,7 +102,7 @@ def _text_of(path: Path, report: ImportReport) -> str:
 
 
 def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
-    """Yield the records of a line: one, or more where a power cut took a line break."""
+    """Yield the records of a line: one, or several if a power cut lost a line break."""
     left_out, at = "", 0
     while len(text) <= _MOST_LINE_CHARS and (begin := text.find("{", at)) >= 0:
         left_out += text[at:begin]
@@ -120,6 +120,6 @@ def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
 
 
 def own_name(name: str) -> str:
-    """Return the last part of an absolute path, of any system: a tub that was moved keeps them."""
+    """Return the last part of an absolute path of any system: a moved tub still has such paths."""
     is_absolute = name.startswith(("/", "\\")) or re.match(r"[A-Za-z]:[\\/]", name)
     return re.split(r"[\\/]", name)[-1] if is_absolute else name
