@@ -7,7 +7,8 @@ Every constant is a time or a share of votes, never a number of frames.
    until one to the other side does.
 3. A straight move without effect is given up (`StallDetector`).
 4. Turning for longer than the pilot's own longest loses votes (`Headway`).
-5. A robot that turns to and fro more quickly than its pilot keeps to one side for a while.
+5. A robot that alternates between left and right faster than its pilot keeps to one side for a
+   while.
 6. If none of this helps, the robot stops and asks for help.
 """
 
@@ -86,8 +87,8 @@ class RunningVotes:
 
 
 AWAY_S = 1.5
-"""A move that was given up is not taken up again for so long, nor before the robot moves: one after
-the other may be."""
+"""Time for which a given-up move is barred, in seconds; it also stays barred until the robot moves.
+Several moves may be given up one after the other."""
 
 
 class StallDetector:
@@ -162,11 +163,11 @@ Votes alone cannot tell, and a robot without inertia ends its turns too early. A
 costs more than one ended too late, so a turn has more of it (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
-"""The robot may come to so many times the pilot's longest debt before its turns lose votes."""
+"""Multiple of the pilot's longest debt above which the robot's turns lose votes."""
 HELPLESS_S = 10.0
-"""After so long beyond that it stands and asks,"""
+"""Grace period beyond that before the robot stops and asks for help, in seconds."""
 ASKING_S = 5.0
-"""and if nobody takes the wheel, tries again after so long."""
+"""Time that the robot asks for help before it tries again by itself, in seconds."""
 
 
 class ActionFilter(PolicyPart):

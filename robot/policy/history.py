@@ -20,11 +20,11 @@ from robot.policy.policy import Policy
 from robot.types import Action, Example
 
 SNAPSHOT_EVERY_S = 10.0
-"""Teaching time between snapshots: the most that an undo has to learn again beside its own."""
+"""Teaching time between snapshots, in seconds: an undo relearns at most this much extra."""
 UNDO_HORIZON_S = 35.0
 """Teaching time that is kept for undoing."""
 _LONGEST_STEP_S = 0.5
-"""A longer gap between two examples was a pause of the pilot, not teaching."""
+"""Longest gap between two examples that counts as teaching, in seconds; a longer one is a pause."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -126,7 +126,7 @@ class TrainingHistory:
 
     @property
     def n_examples(self) -> int:
-        """How many examples the learner holds."""
+        """Number of examples that the learner holds."""
         return self.taught.total()
 
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:

@@ -18,11 +18,11 @@ from robot.learner.values import number
 from robot.policy.part import PolicyPart, Seen, TaughtExample
 
 ANOTHER_LIGHT = 1.5
-"""Brighter or darker than the lesson by so many times is another light; less is another view."""
+"""Factor of brightness, up or down, from which the light has changed; less is another view."""
 SECONDS = 3.0
-"""Over so much driving the brightness is averaged,"""
+"""Driving time over which the brightness is averaged, in seconds."""
 EXAMPLES = 600.0
-"""and over so many examples."""
+"""Number of examples over which the lesson's brightness is averaged."""
 
 
 class LightAdaptation(PolicyPart):

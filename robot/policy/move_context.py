@@ -24,10 +24,10 @@ from robot.policy.pilot_pace import PAUSE_S
 from robot.types import Action
 
 ROOM_S = 0.1
-"""Each so many seconds have room for one example of the same label."""
+"""Time per example of the same label, in seconds: others in it are only counted."""
 EARLY_S = 0.03
-"""By how much an example may come before its time: less than a frame at thirty a second, so that
-there every third frame is learned."""
+"""Time by which an example may come early, in seconds: less than a frame at thirty a second, so
+that every third frame is learned there."""
 
 
 class ExampleRate(PolicyPart):
@@ -57,7 +57,7 @@ class ExampleRate(PolicyPart):
 STRAIGHT, TURNING = 0, 1
 BOTH = (STRAIGHT, TURNING)
 ONSET_S = 0.5
-"""An example that comes so soon after a change of move counts in the old move's context, too."""
+"""Time after a change of move, in seconds, in which an example also counts in the old context."""
 
 
 class MoveContext(PolicyPart):
