@@ -1,7 +1,7 @@
-"""What a robot's body can do: its moves, and how to make it move, sense and stop.
+"""The interface of a robot's body: its moves, and how to make it move, sense and stop.
 
-A move is a name (`robot.types.Action`). What pages, exports and recordings show of it is declared
-here, once, beside the driver's code. The six classic moves are known by name alone.
+A move is a name (`robot.types.Action`). Its description for pages, exports and recordings is
+declared once, beside the driver's code. The six classic moves need only their names.
 """
 
 from __future__ import annotations

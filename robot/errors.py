@@ -116,7 +116,7 @@ class PluginErrors:
     is wrong. The traceback of the others is in the log, once for each sentence.
 
     Args:
-        kind: What the plug-in is: `robot` or `camera`.
+        kind: Kind of the plug-in: `robot` or `camera`.
         name: By which it was chosen.
         error_type: Raised in place of the others; it takes the sentence.
         first: Called before anything is logged: a log goes to a terminal, which may be held.

@@ -228,7 +228,7 @@ class Readiness:
 
     @property
     def stage(self) -> Stage:
-        """What to do next."""
+        """The next step of the lesson."""
         if self._missing_to_try():
             return Stage.TEACH
         return Stage.READY if self.clean_s >= self._wanted_s else Stage.TRY

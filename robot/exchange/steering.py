@@ -40,7 +40,7 @@ def read_meant(
     A car has FORWARD, LEFT and RIGHT: standing or backing up is not an example.
 
     `written` are angle (full lock to the left: -1) and throttle as a program wrote them under these
-    names, or the angle alone: then the move has no point. An angle beyond the threshold is a turn.
+    names, or only the angle: then the move has no point. An angle beyond the threshold is a turn.
     ValueError if one of them is not a number in its range.
     """
     reading = reading or Reading()

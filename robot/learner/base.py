@@ -79,7 +79,7 @@ class Mirror(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Abilities:
-    """What a learner can do beyond learning and predicting. All can be undone: see `get_state`.
+    """Capabilities of a learner beyond learning and predicting. All can be undone: see `get_state`.
 
     Attributes:
         images: It keeps images that `nodes` lists and that can be relabelled and deleted.
@@ -132,7 +132,7 @@ class Learner(Protocol):
     """
 
     abilities: Abilities = Abilities()
-    """What it can do beyond learning and predicting."""
+    """Its capabilities beyond learning and predicting."""
     sharpness: float = 1.0
     """The power that turns shares of votes into calibrated chances; 1 for none."""
     mirror: Mirror | None = None

@@ -128,7 +128,7 @@ _MOST_STEPS, _FEWEST_STEPS = 256, 16
 
 
 class IntegerImages(Images):
-    """Whole numbers alone on every pixel, for machines without a floating-point unit.
+    """Only whole numbers on every pixel, for machines without a floating-point unit.
 
     Vectors are whole numbers from 0 to 255. A row keeps the exact sum of its frames, so that
     nothing is lost however many there are; frames are compared with the mean in steps of 1/16 to

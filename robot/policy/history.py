@@ -69,7 +69,7 @@ class DriveBegun:
 
 
 LogEvent = Taught | Edited | DriveBegun
-"""What a learner is made of: making these again, in order, makes it again, bit for bit."""
+"""Events that make up a learner: replaying them in order gives the same one, bit for bit."""
 HistoryEvent = Taught | Edited | Undone | Replaced
 
 
@@ -88,7 +88,7 @@ class TrainingHistory:
     Args:
         policy: What learns. From now on only the history may change it.
         on_event: Called with everything that changes the learner, in order, to be written down.
-        declared: What the body says of its moves; each policy here is told of it.
+        declared: The body's descriptions of its moves, which each policy here gets.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class TrainingHistory:
 
     @property
     def _events(self) -> list[LogEvent]:
-        """What can be undone, as a log."""
+        """The events that can be undone, as a log."""
         return [event for snapshot in self._snapshots for event in snapshot.events]
 
     @property

@@ -1,4 +1,4 @@
-"""What the robot would do: features, learner and action filter joined into one policy."""
+"""The robot's policy: features, learner and action filter joined into one."""
 
 from __future__ import annotations
 
@@ -304,7 +304,7 @@ class Policy(Stateful):
         return Mirror(places(), {str(move): str(other) for move, other in pairs.items()})
 
     def relabel_node(self, node_id: int, label: Action) -> None:
-        """Let one learned image vote for `label` alone.
+        """Let one learned image vote only for `label`.
 
         Raises:
             LookupError: If there is no such node.

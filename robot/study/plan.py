@@ -142,7 +142,7 @@ def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
     import tomllib
 
     wrong = f"{where} is not TOML"
-    with told_as(ConfigurationError, wrong, ValueError, RecursionError, do="mend that line"):
+    with told_as(ConfigurationError, wrong, ValueError, RecursionError, do="fix that line"):
         table = tomllib.loads(text.removeprefix("\ufeff"))
     plan = _Plan.read(table, where)
     named = [{"name": phase.get("kind"), **phase} for phase in plan.phase]

@@ -43,7 +43,7 @@ from robot.store.records import RecordWriter, open_new
 log = logging.getLogger(__name__)
 
 PART_BYTES = 4 * 2**20
-"""With so much behind its checkpoint a part ends, so that replay stays short."""
+"""Bytes behind its checkpoint at which a part ends, so that replay stays short."""
 _LONGEST_WAIT_S = 2.0
 _MOST_WAITING = 8192
 _TRY_AGAIN_S = 5.0

@@ -88,7 +88,7 @@ FAULTS = [
     ('kind = "text"', "least = 5\nmost = 5", r"number 1: 'most' must be greater than 'least'"),
     ("[[phase]]", "[phase]", r"not TOML|\[\[phase\]\]"),
     ('title = "Two times"', "title = ", r"is not TOML: .*line"),
-    ("participants = 4", f"participants = {'9' * 5000}", r"the plan is not TOML: .*mend that line"),
+    ("participants = 4", f"participants = {'9' * 5000}", r"the plan is not TOML: .*fix that line"),
     ("participants = 4", f"participants = {'[' * 20_000}", r"the plan is not TOML: .*mend that"),
 ]
 
