@@ -89,7 +89,7 @@ FAULTS = [
     ("[[phase]]", "[phase]", r"not TOML|\[\[phase\]\]"),
     ('title = "Two times"', "title = ", r"is not TOML: .*line"),
     ("participants = 4", f"participants = {'9' * 5000}", r"the plan is not TOML: .*fix that line"),
-    ("participants = 4", f"participants = {'[' * 20_000}", r"the plan is not TOML: .*mend that"),
+    ("participants = 4", f"participants = {'[' * 20_000}", r"the plan is not TOML: .*fix that"),
 ]
 
 
