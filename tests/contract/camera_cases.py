@@ -137,6 +137,8 @@ def ros_camera() -> Iterator[CameraCase]:
     clock, frozen = VirtualClock(), threading.Event()
 
     class Bridge:
+        refusal = ""
+
         def __init__(self, address: str, clock: Clock, **options: Any) -> None:
             self._ending, self._tell = threading.Event(), options["on_message"]
             self._thread = clock.start_thread(self._run, "rosbridge")

@@ -96,7 +96,7 @@ def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
     bench.teach(12)
     bench.client.post("/api/models/save")
     made = bench.client.post("/api/models", json={"name": "Flur", "place": "the hall"})
-    assert (made.status_code, made.json()) == (201, {"name": "Flur"})
+    assert (made.status_code, made.json()) == (201, {"name": "Flur", "kept": True})
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 0
     bench.teach(3)
     assert bench.client.post("/api/models/bench/load").json() == {"name": "bench"}

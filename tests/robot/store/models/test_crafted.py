@@ -198,7 +198,9 @@ def test_a_crafted_model_is_refused_or_drives(tenth: int) -> None:
             raised.append(f"{seed}: {error!r}"[:200])
     print(f"crafted models {dict(found)}, raised {len(raised)}")
     assert not raised, "\n".join(raised)
-    assert found["refused"] > 0 and found["drives"] > 0
+    assert found["refused"] > 0
+    if CRAFTED >= 1000:  # of a few it may be none
+        assert found["drives"] > 0
 
 
 @crossed(
