@@ -123,7 +123,7 @@ def test_a_second_tab_watches_asks_and_takes_over_politely(
     assert world.action is Action.LEFT, "who watches cannot drive"
     others.lift()
     second.locator(".notice button").tap()
-    phone.locator(".notice button", has_text="Give it").wait_for()
+    phone.locator(".notice button", has_text="Hand it over").wait_for()
     assert world.action is Action.LEFT, "asking stops nobody"
     fingers.lift()
     phone.locator(".notice button").tap()
