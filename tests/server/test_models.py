@@ -99,7 +99,7 @@ def test_load_goes_back_to_what_a_model_knows(bench: Bench) -> None:
     assert (made.status_code, made.json()) == (201, {"name": "Flur", "kept": True})
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 0
     bench.teach(3)
-    assert bench.client.post("/api/models/bench/load").json() == {"name": "bench"}
+    assert bench.client.post("/api/models/bench/load").json() == {"name": "bench", "kept": True}
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 12
     assert bench.client.post("/api/models/Flur/load").status_code == 200
     assert bench.server.ask_loop(lambda: bench.rig.loop.history.n_examples) == 3
