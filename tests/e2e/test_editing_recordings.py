@@ -59,7 +59,7 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     def press(text: str, edits: int) -> None:
         """Press, and wait until the page has drawn the recording with so many edits."""
         phone.get_by_role("button", name=text).tap()
-        back = phone.get_by_role("button", name="Take back the last")
+        back = phone.get_by_role("button", name="Undo the last")
         if edits:
             back.filter(has_text=f" {edits} ").wait_for()
         else:
@@ -82,8 +82,8 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     slide("From", 45)
     press("Right", 2)
     assert persistence.part(Recordings).episodes.notes(episode_id).relabel(ids[50]) is Action.RIGHT
-    press("Take back the last", 1)
-    press("Take back the last", 0)
+    press("Undo the last", 1)
+    press("Undo the last", 0)
     wide = phone.evaluate("document.documentElement.scrollWidth - innerWidth")
     assert wide <= 0
 
@@ -217,9 +217,9 @@ def test_what_was_taken_back_can_be_made_again_and_a_recording_split(
     [episode_id] = store.ids()
     open_recording(phone)
     phone.get_by_role("button", name="Leave this out").tap()
-    phone.get_by_role("button", name="Take back the last").tap()
+    phone.get_by_role("button", name="Undo the last").tap()
     phone.get_by_role("button", name="Redo").tap()
-    phone.get_by_role("button", name="Take back the last").tap()
+    phone.get_by_role("button", name="Undo the last").tap()
     phone.get_by_role("button", name="Redo").wait_for()
     assert store.notes(episode_id).edits == ()
     phone.get_by_label("Time", exact=True).fill("20")
@@ -256,7 +256,7 @@ def test_two_recordings_are_taught_together(rovers_phone: Any, shelf: World) -> 
     phone.get_by_text("Taught again from").wait_for(timeout=150_000)
     shown = phone.locator("h3", has_text="Taught again").inner_text()
     assert shown == f"Taught again from {2 * FILMED} examples"
-    phone.get_by_role("button", name="Drop it").tap()
+    phone.get_by_role("button", name="Discard").tap()
     phone.get_by_text("Taught again from").wait_for(state="detached")
     assert world.lessons == 0
 

@@ -147,7 +147,7 @@ def test_a_file_that_has_changed_since_it_was_chosen_is_asked_for_again(
     plan.write_text("what the teacher has mended in it")
     os.utime(plan, (0, 0))  # browsers look at whole seconds
     page.get_by_role("button", name="Make the study").click()
-    refusal.filter(has_text="it has changed since. Choose it again.").wait_for()
+    refusal.filter(has_text="it has changed. Choose it again.").wait_for()
 
     page.evaluate("location.hash = 'home'")
     upload = page.locator("input[type=file]")
