@@ -78,9 +78,9 @@ def test_blocking_the_main_thread(phone: Any, world: World) -> None:
         debugger.detach()
         if reason is StopReason.PILOT_SILENT:
             break
-    phone.locator(".notice", has_text="no longer heard you").wait_for()
+    phone.locator(".notice", has_text="lost contact with you").wait_for()
     assert world.mode is Mode.STOPPED, "a page that wakes up does not go on by itself"
-    assert "no longer heard you" in phone.locator(".notice").inner_text()
+    assert "lost contact with you" in phone.locator(".notice").inner_text()
 
 
 def test_killing_the_browser(chromium: Any, world: World, tmp_path: Path) -> None:
