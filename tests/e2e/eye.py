@@ -100,7 +100,7 @@ class Watch:
         self.frames.clear()
         self.ages_ms.clear()
 
-    def wait_until(self, count: int, timeout_s: float = 60.0) -> None:
+    def wait_for(self, count: int, timeout_s: float = 60.0) -> None:
         with self._news:
             assert self._news.wait_for(lambda: len(self.frames) >= count, timeout_s)
 

@@ -215,7 +215,7 @@ def test_the_first_visit_shows_three_hints_once(chromium: Any, tmp_path: Path) -
         page.locator(".notice button", has_text="Got it").click()
         page.locator(".notice").wait_for(state="hidden")
         choose(page, world, Mode.AUTONOMOUS)
-        said.append(_hint(page, "Let me turn"))
+        said.append(_hint(page, "turn differently"))
         page.locator(".notice button", has_text="Got it").click()
         assert len(set(said)) == 3
         choose(page, world, Mode.STOPPED)

@@ -66,7 +66,7 @@ def test_undo_restores_the_exact_learner_from_before(phone: Any, world: World) -
     shown = phone.locator("undo-screen [role=status]").inner_text()
     assert f"Right {wrong}" in shown
     answer = httpx.post(f"{world.address}/api/teaching/undo", json={"seconds": seconds})
-    assert answer.json() == {"undone": wrong}
+    assert answer.json() == {"undone": wrong, "kept": True}
     after = state_of(world)
     assert world.rig.loop.submit(lambda: world.rig.loop.history.n_examples).result(5) == lessons
     for name, array in before.arrays.items():
