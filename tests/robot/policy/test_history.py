@@ -148,7 +148,7 @@ def test_a_bad_edit_is_refused_and_changes_nothing() -> None:
     assert same(history.policy.get_state(), before)
 
 
-N_PARTS = len(make_policy("default-8")._parts)
+N_PARTS = len(make_policy("default-8")._learning)
 
 
 class Plugin(PolicyPart):
@@ -157,7 +157,7 @@ class Plugin(PolicyPart):
     def __init__(self, policy: Policy, done: int) -> None:
         self.refuses = False
         self.error: Exception = RuntimeError("not today")
-        policy._parts.insert(done, ("", self))
+        policy._learning.insert(done, self)
         theirs = type("Theirs", (type(policy.learner),), {"__module__": "somebodys.plugin"})
         policy.learner.__class__ = theirs
 
