@@ -1,14 +1,14 @@
-"""What each person may use of the server: the one place that counts. Pure: time is an argument.
+"""Admission control: how many connections, sockets and requests each person may use.
 
-Who has a session is counted by it, and only who has none by address. A connection is *pending*
-until the guard has read a session on it; pending ones have little time, and places of their own.
-So whoever has filled all other places, a new connection is accepted and read: it may be a STOP.
-It takes the place of an idle one, else of one that has said nothing, else of an old request.
+Clients are counted per session, or per address if they have none. A connection is *pending* until
+the guard has read a session on it. Pending connections time out soon and have places of their own,
+so a new connection is accepted and read even when all other places are taken: it may be a STOP.
+It takes the place of an idle one, else of one that has sent nothing, else of an old request.
 
-Where no place is left, the person who has most gives up one: an idle connection, or the one that
-was used longest ago. A flood so evicts itself. The owner, the pilot and the teacher give way to
-each other alone. Nobody's answer is cut short for a request: where all are busy, it is answered on
-a pending connection.
+When no place is left, the person with the most connections loses one: an idle one, or the least
+recently used. A flood therefore evicts itself. The owner, the pilot and the teacher give way only
+to each other. No answer is cut short for a request: if all connections are busy, the request is
+answered on a pending connection. Nothing here reads a clock: the time is an argument.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ Close = Callable[[], object]
 Peer = tuple[str, int]
 """Address and port of the remote side, as the socket reports them."""
 _READ_S = 0.25
-"""By then the first request of a new connection has been read, whatever else goes on."""
+"""Time within which the first request of a new connection is read, even under load, in seconds."""
 _ANSWER_S = 2.0
-"""So long newcomers wait for a request's answer, where nobody else can give way to them."""
+"""How long a new connection waits for a running request when no other can be evicted, in s."""
 _LOG_S = 60.0
-"""How long the log is silent on a session that goes on opening too many connections, in seconds."""
+"""Minimum time between log lines about a session that opens too many connections, in seconds."""
 _SELDOM_S = 1.0
-"""`expire` is called more often, unless the computer is busy."""
+"""Longest usual gap between calls of `expire`, in seconds; a longer one means a busy computer."""
 
 
 @lru_cache(maxsize=1024)
 def address_key(address: str) -> str:
-    """Return what counts as one address: for IPv6 the /64 network, which one host may own."""
+    """Return the key that an address is counted by: for IPv6 its /64, which one host may own."""
     ip = as_address(address.partition("%")[0])
     if isinstance(ip, ipaddress.IPv6Address):
         return str(ipaddress.IPv6Network((ip, 64), strict=False))
@@ -49,32 +49,32 @@ def address_key(address: str) -> str:
 
 @dataclass(slots=True, eq=False)
 class Slot:
-    """One place in use: a connection or a websocket."""
+    """A place in use by a connection or a websocket."""
 
     person: str
     used_s: float
     close: Close
     came_s: float = 0.0
     idle_s: float = math.inf
-    """Since when a connection has waited for the next request; infinite: it does not wait."""
+    """Time since which the connection is idle, in seconds; infinite if it is not idle."""
     is_taken: bool = True
     is_known: bool = False
-    """True of a pending connection whose session is known: it gives way, but has no time limit."""
+    """True if a pending connection's session is known: it can be evicted but does not time out."""
     unread: Callable[[], int] = lambda: 0
     """Returns how many bytes were sent that the client has not read, as far as known."""
 
     def rank(self) -> tuple[float, ...]:
-        """Return who gives way first: who is idle; a websocket last of all."""
+        """Return the eviction order: idle connections first, websockets last."""
         return self.idle_s, self.used_s == math.inf, self.came_s, self.used_s
 
 
 class ConnectionLimiter:
-    """ConnectionLimiter of one kind.
+    """Limits connections of one kind, in total and per person.
 
     Args:
-        in_all: How many there are.
-        each: How many of them one person may have; a crowd may have all.
-        keeps: True of persons who give way to each other alone.
+        in_all: The total number of places.
+        each: The number of places that one person may have; a crowd may have all.
+        keeps: True for persons who give way only to each other.
     """
 
     def __init__(self, in_all: int, each: int, keeps: Callable[[str], bool]) -> None:
@@ -85,7 +85,7 @@ class ConnectionLimiter:
     def take(
         self, session: Session, now_s: float, close: Close, answer_s: float = 0.0
     ) -> Slot | None:
-        """Take a place, until `close` ends it for who needs it more; None if none is to be had.
+        """Take a place; `close` is called when it is evicted. None if no place can be freed.
 
         A request that was read less than `answer_s` ago is not cut short for the newcomer.
         """
@@ -103,7 +103,7 @@ class ConnectionLimiter:
         return place
 
     def give_back(self, place: Slot) -> None:
-        """Free a place; again does nothing."""
+        """Free a place; idempotent."""
         own = self._of.get(place.person, [])
         if place in own:
             own.remove(place)
@@ -114,7 +114,7 @@ class ConnectionLimiter:
 
     @property
     def is_full(self) -> bool:
-        """True if the next one needs the place of another."""
+        """True if the next connection can only take the place of another."""
         return self.taken >= self._in_all
 
     def has(self, person: str) -> bool:
@@ -124,13 +124,13 @@ class ConnectionLimiter:
         return (place for own in list(self._of.values()) for place in list(own))
 
     def end(self, place: Slot) -> None:
-        """Free a place, and close what has it."""
+        """Free a place and close its connection."""
         self.give_back(place)
         self.evicted += 1
         place.close()
 
     def _giving(self, newcomer: str, before_s: float) -> list[Slot]:
-        """Return the places of who has most, of those who have to give way to the newcomer."""
+        """Return the places of the person with the most, among those the newcomer may evict."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._keeps(person)]
         if self._keeps(newcomer):
@@ -153,16 +153,16 @@ class ConnectionLimiter:
 
 
 class AdmissionControl:
-    """All that is counted: connections, websockets and requests."""
+    """Counts connections, websockets and requests."""
 
     def __init__(self, limits: Limits, capacity: int) -> None:
         self.limits = limits
         self.keeps: Callable[[str], bool] = lambda person: False
         """True of the owner, the pilot and the teacher."""
         self.recognise: Callable[[bytes, str], Session | None] = lambda head, address: None
-        """Returns whose request begins so, of a connection from that address; None: unknown."""
+        """Returns the session of a request, from its first bytes and address; None if unknown."""
         n_pending = min(limits.pending, max(1, capacity // 2))
-        # Newcomers have nothing but an address: none of them goes before another.
+        # New connections are known only by address: none has priority over another.
         self.pending = ConnectionLimiter(
             n_pending, limits.pending_per_address, lambda address: True
         )
@@ -179,7 +179,7 @@ class AdmissionControl:
         self._read_until_s = self._asked_s = self._expired_s = 0.0
 
     def has_room(self, now_s: float) -> bool:
-        """True if a new connection need push out none that has had no time to be read."""
+        """True if a new connection evicts none that has not had time to be read."""
         # A computer that is busy has read nothing meanwhile: few of its milliseconds count.
         self._read_until_s += min(now_s - self._asked_s, _READ_S / 8)
         self._asked_s = now_s
@@ -195,7 +195,7 @@ class AdmissionControl:
         close: Callable[[], None],
         unread: Callable[[], int] = lambda: 0,
     ) -> None:
-        """Add a new connection as pending; `close` ends it, maybe before `left` is called.
+        """Add a new connection as pending; `close` may be called before `left`.
 
         `unread` returns how many bytes were sent that the client has not read, as far as known.
         """
@@ -203,7 +203,7 @@ class AdmissionControl:
         if before := self.connections.get(peer):  # which has ended: its port is used again
             self.left(peer)
             before.close()
-        # No session has such a name: where nobody is paired, a session is named by the address.
+        # No session has such a name: without pairing, sessions are named by address.
         stranger = Session(Role.VIEWER, f"stranger {address_key(peer[0])}")
         place = self.pending.take(stranger, now_s, lambda: self._close(peer, close))
         assert place is not None, "a newcomer always finds a place"
@@ -211,8 +211,9 @@ class AdmissionControl:
         self.connections[peer] = place
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
-        """Count a new connection by what waits on it; False if this person opened too many: it is
-        answered with 429 where it was accepted, and costs no more."""
+        """Count a new connection by the session in its first bytes; False if it opened too many.
+        The listener then answers 429 at once, which costs little.
+        """
         session = self.recognise(head, address)
         if session is None or session.is_crowd:
             return True
@@ -255,7 +256,7 @@ class AdmissionControl:
             place.used_s = math.inf
 
     def answered(self, peer: Peer, now_s: float) -> None:
-        """Record that a request has its answer: who needs a place takes an idle connection's."""
+        """Record that a request was answered: its connection is idle and can be evicted."""
         if peer in self.connections:
             self.connections[peer].idle_s = now_s
 
@@ -268,7 +269,7 @@ class AdmissionControl:
     def expire(self, now_s: float) -> None:
         """Close pending connections that have timed out.
 
-        A computer that was held up has read nothing meanwhile: that time does not count.
+        Time during which the computer was held up does not count: it could not read then.
         """
         held_up_s = max(0.0, now_s - self._expired_s - _SELDOM_S)
         self._expired_s = now_s
@@ -278,7 +279,7 @@ class AdmissionControl:
                 self.pending.end(place)
 
     def may_ask(self, session: Session, now_s: float) -> bool:
-        """Count a request; False if there were too many. A crowd may ask as often as all."""
+        """Count a request; False if there were too many. A crowd may use the whole rate."""
         share = self.limits.clients if session.is_crowd else 1
         rate, burst = self.limits.requests_per_second, self.limits.requests_burst
         return self._paces.allows(session.name, now_s, per_second=share * rate, burst=share * burst)

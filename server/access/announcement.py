@@ -14,18 +14,18 @@ from server.config import as_address
 
 log = logging.getLogger(__name__)
 PROBE_MS = 700
-"""How long others are asked whether a name is taken, in milliseconds; RFC 6762 probes as long."""
+"""How long other machines are asked whether a name is taken, in ms; as RFC 6762 probes."""
 _MOST_NAMES = 50
 
 
 class Announcement:
     """Answers to the robot's name on the network; announced anew when addresses or the name change.
 
-    Robots that share a host name would share their addresses too, so each says its own in a
-    property, where the board of a class reads it.
+    Robots that share a host name would also share their addresses, so each publishes its own in a
+    property. The board of a class reads it there.
 
-    Where the network allows no multicast, or zeroconf is not installed, that is only logged, and
-    the robot drives.
+    If the network allows no multicast, or zeroconf is not installed, this is only logged and the
+    robot drives.
     """
 
     def __init__(self, config: NetworkConfig, robot: str) -> None:
@@ -35,10 +35,10 @@ class Announcement:
         self.hostname = config.hostname
 
     def announce(self, addresses: Sequence[str]) -> str:
-        """Announce the robot at these addresses; return the name that it has, without `.local`.
+        """Announce the robot at these addresses; return the name it got, without `.local`.
 
-        A name that nobody has chosen, and that another machine has already, is left to it: this
-        robot takes NAME-2, or the next.
+        If the name is the default and another machine has it, this robot takes NAME-2, or the
+        next free one.
         """
         self.close()
         try:

@@ -1,4 +1,4 @@
-"""What a person is shown of a server for a network: addresses, and QR codes for phones."""
+"""The text that the terminal shows: the server's addresses, and QR codes for phones."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from server.gateway.roles import Role
 
 
 def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Sequence[str]) -> str:
-    """Return the addresses on the network, and how a phone pairs; `more` are extensions' lines."""
+    """Return the addresses and how to pair a phone; `more` are lines from extensions."""
     lines = ["Drivelesson is ready. Only paired browsers are admitted.", ""]
     pilot = pairing_address(addresses[0], tokens[Role.PILOT])
     lines += ["To drive, scan this with the phone:", "", *draw_qr(pilot).splitlines(), ""]
@@ -21,7 +21,7 @@ def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Seq
 
 
 def greet_next(address: str, role: Role, token: str) -> str:
-    """Return how the next browser pairs: a pilot by a code, as the first one did."""
+    """Return how to pair the next browser: a pilot by a QR code, as the first one did."""
     there = pairing_address(address, token)
     code = "\n" + draw_qr(there) if role is Role.PILOT else ""
     return f"A browser was paired. The next one that is to {role.purpose}: {there}{code}"

@@ -30,11 +30,11 @@ _PRIVATE = read_networks(
 )
 _Authority = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
 _Extensions = list[tuple[x509.ExtensionType, bool]]
-"""Each with whether it is critical."""
+"""Certificate extensions, each with a flag that says whether it is critical."""
 _EVER = dt.datetime(2000, 1, 1, tzinfo=dt.UTC), dt.datetime(2049, 12, 31, tzinfo=dt.UTC)
-"""How long the authority is valid: it may be made while the robot's clock is years off."""
+"""Validity of the authority; wide, because the robot's clock may be years off when it is made."""
 _RENEWED_BEFORE = dt.timedelta(days=30)
-"""A certificate is renewed when it is valid for less than this."""
+"""A certificate is renewed when its remaining validity is less than this."""
 _A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones take no longer
 
 
@@ -50,8 +50,9 @@ class Certificates:
 def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> Certificates:
     """Make a server certificate, and the authority if there is none yet or it has expired.
 
-    It is for those of `names` that the authority may vouch for: with any other, browsers would
-    refuse all. ConfigurationError if the folder cannot be written, or has files that are not valid.
+    It contains those of `names` that the authority's constraints permit: browsers refuse a
+    certificate with any other. ConfigurationError if the folder cannot be written or has invalid
+    files.
     """
     files = Certificates(
         key=folder / "server.key", chain=folder / "server.crt", authority=folder / "ca.crt"
@@ -79,7 +80,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
 class RenewedCertificates:
     """A server's certificate, renewed while it serves when its names or the wall clock change.
 
-    New connections get the new one by the same `SSLContext`; those that are open stay.
+    New connections get the new one from the same `SSLContext`; open connections stay.
     """
 
     def __init__(self, folder: Path, names: Sequence[str], now: dt.datetime) -> None:
@@ -89,13 +90,13 @@ class RenewedCertificates:
         self._context: ssl.SSLContext | None = None
 
     def use(self, context: ssl.SSLContext) -> None:
-        """Renew the certificate in the context of a running server, too."""
+        """Renew the certificate also in the context of a running server."""
         self._context = context
 
     def renew(self, names: Sequence[str], now: dt.datetime) -> str | None:
-        """Make a new one if it is needed; return why, or None.
+        """Make a new certificate if needed; return the reason, or None.
 
-        A certificate that cannot be written leaves the one before in use.
+        If the new one cannot be written, the previous one stays in use.
         """
         is_outdated = not self._made - _A_DAY < now < self._made + _MOST - _RENEWED_BEFORE
         if not is_outdated and self._names == frozenset(names):

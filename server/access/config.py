@@ -16,13 +16,13 @@ Network = ipaddress.IPv4Network | ipaddress.IPv6Network
 
 @dataclass(frozen=True, slots=True)
 class PublicAddress:
-    """The address at which people open the page where a proxy serves it."""
+    """The address at which people open the page when a proxy serves it."""
 
     scheme: str
     host: str
-    """Name, and the port if it is not the scheme's own: as browsers send it."""
+    """The name, with the port unless it is the scheme's default, as browsers send it."""
     prefix: str = ""
-    """The path, such as /robot; nothing for the root."""
+    """The path, such as /robot; empty for the root."""
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -50,7 +50,7 @@ class PublicAddress:
 
     @property
     def origin(self) -> str:
-        """What a browser calls the page's origin."""
+        """The page's origin, as a browser sends it."""
         return f"{self.scheme}://{self.host}"
 
     def __str__(self) -> str:
@@ -59,10 +59,10 @@ class PublicAddress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkLimits(Limits):
-    """Limits of a server that browsers are paired with."""
+    """Limits of a server that admits paired browsers."""
 
     pairing_failures: int = 10
-    """Wrong tokens from one address in a minute before it has to wait. The right token is
+    """Number of wrong tokens per minute from one address before it has to wait. The right token is
     accepted even then."""
 
 
@@ -77,14 +77,14 @@ class NetworkConfig(Config):
     also_at: tuple[str, ...] = ()
     """Further names that this machine has, in lower case."""
     public: tuple[PublicAddress, ...] = ()
-    """Where people open the page, if proxies serve it; the first is shown."""
+    """The addresses at which people open the page if proxies serve it; the first is shown."""
     proxies: tuple[Network, ...] = ()
-    """Where connections of these proxies come from."""
+    """The networks from which the proxies connect."""
     limits: Limits = field(default_factory=NetworkLimits)
 
     @classmethod
     def of(cls, config: Config) -> Self:
-        """Return the configuration as one for networks."""
+        """Return a configuration as a `NetworkConfig`."""
         if isinstance(config, cls):
             return config
         return cls(**{name: getattr(config, name) for name in Config.__dataclass_fields__})
@@ -98,17 +98,17 @@ class NetworkConfig(Config):
 
     @property
     def needs_pairing(self) -> bool:
-        """True if people on other machines can reach the server: then it admits paired browsers."""
+        """True if other machines can reach the server: then it admits only paired browsers."""
         return self.lan or bool(self.public)
 
     @property
     def is_secure(self) -> bool:
-        """True if every way to the page is https."""
+        """True if the page can only be reached over https."""
         own = [self.tls] if self.lan or not self.public else []
         return all([*own, *(public.scheme == "https" for public in self.public)])
 
 
 def read_networks(text: str) -> tuple[Network, ...]:
-    """Read addresses and networks, with commas in between."""
+    """Read a comma-separated list of addresses and networks."""
     with told_as(ConfigurationError, "--proxy-at", ValueError):
         return tuple(ipaddress.ip_network(one.strip(), strict=False) for one in text.split(","))

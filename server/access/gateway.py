@@ -58,11 +58,11 @@ _COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
 
 
 class NetworkGateway(Gateway):
-    """Admits paired browsers where the network can reach the server, and limits what each uses.
+    """Admits only paired browsers if the network can reach the server, and limits each one's use.
 
     Args:
-        pairing: The sessions of browsers; None: `open` makes it where it is needed.
-        surroundings: Addresses and names, if they are known already.
+        pairing: The sessions of browsers; None: `open` makes it when needed.
+        surroundings: The addresses and names, if they are already known.
     """
 
     limits_type: ClassVar[type[NetworkLimits]] = NetworkLimits
@@ -145,11 +145,11 @@ class NetworkGateway(Gateway):
         show(self.address_for(Role.PILOT))
 
     def _tell_soon(self, role: Role, token: str) -> None:
-        """Leave it to a thread: a terminal that is held (Ctrl+S) must hold up no STOP."""
+        """Print on a thread: a terminal that is paused (Ctrl+S) must not delay a STOP."""
         self.clock.start_thread(lambda: self._tell(role, token), "next code")
 
     def _tell(self, role: Role, token: str) -> None:
-        """Draw the next phone's code where the one before it was drawn."""
+        """Draw the code for the next phone if one was drawn for the last."""
         address = self.addresses()[0]
         print(greet_next(address, role, token), flush=True)
         if role is Role.PILOT:
@@ -173,7 +173,7 @@ class NetworkGateway(Gateway):
             self._renewed.use(context)
 
     def _follow(self, before: Place, now: Place, more: Callable[[], list[str]]) -> None:
-        """Show the new addresses, with codes that work there: cookies are the old address's."""
+        """Show the new addresses with codes for them: cookies belong to the old address."""
         if (before.addresses, before.hostname) == (now.addresses, now.hostname):
             return
         log.warning("the robot is now at %s", " ".join(self.addresses()))
@@ -238,7 +238,7 @@ class NetworkGateway(Gateway):
         return Proxies(config.public, config.proxies, admits_all=self.admits_all)
 
     def explain(self, refusal: Refusal, asked: Headers, headers: dict[str, str]) -> Response:
-        """Answer with a page where a person opened an unknown name."""
+        """Answer with a page if a person opened an unknown name."""
         if refusal.reason != "host" or "text/html" not in asked.get("accept", ""):
             return super().explain(refusal, asked, headers)
         name = opened_name(asked.get("host", ""))[:80]
@@ -255,7 +255,7 @@ class NetworkGateway(Gateway):
         return self.pairing.find(cookie_parser(headers.get("cookie", "")).get(self._cookie, ""))
 
     def _recognise(self, head: bytes, address: str) -> Session | None:
-        """Return the session in the first bytes of a request; None if none is to be seen there."""
+        """Return the session in the first bytes of a request; None if they contain none."""
         found = _COOKIES.search(head)
         is_proxy = self.config.public and self._proxies.is_proxy(address)
         if self.pairing is None or found is None or is_proxy:
@@ -316,12 +316,12 @@ class NetworkGateway(Gateway):
 
 
 def advise(name: str | None, address: str) -> str:
-    """Return what to do where a client came by another name or address than the robot's own."""
+    """Return advice for a client that used a name or address that is not the robot's own."""
     known = f" If this is its name, start it with --also-at {name}." if name is not None else ""
     return f"{known} If a proxy has passed this on, start the robot with --behind-proxy {address}"
 
 
 def _peer(scope: Scope) -> Peer:
-    """Return who is at the other end of the connection: the client, or its proxy."""
+    """Return the peer of the connection: the client, or its proxy."""
     peer: Peer = scope.get(PEER) or tuple(scope.get("client") or ("", 0))
     return peer

@@ -1,7 +1,7 @@
-"""A listening socket that limits connections where they are accepted.
+"""A listening socket that limits connections when they are accepted.
 
-It works below TLS and HTTP, so that an unfinished handshake is counted too, and with every version
-of uvicorn and asyncio.
+It works below TLS and HTTP, so that unfinished handshakes are counted too. It works with every
+version of uvicorn and asyncio.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from robot.clock import Clock
 from server.access.admission import AdmissionControl, Peer
 
 _AT_ONCE = 1024
-"""So many that have ended already are taken from the kernel at once."""
+"""Maximum number of connections taken from the kernel at once, closed ones included."""
 _HANDED_ON = 64
-"""So many are handed on before what has come on others is read."""
+"""Maximum number of connections handed on before the event loop reads from the others."""
 _KEPT_BACK = 128
 """File descriptors reserved for files, cameras and the brick."""
 _MOST_CONNECTIONS = 1024
 _MOST_IN_SELECT = 512
-"""So many sockets can be waited for on Windows."""
+"""Maximum number of sockets that `select` can wait for on Windows."""
 _HEAD = 4096
 _WINDOW_AT = 228
-"""Where `struct tcp_info` of Linux has `tcpi_snd_wnd` (5.4 and newer)."""
+"""Offset of `tcpi_snd_wnd` in Linux's `struct tcp_info` (5.4 and newer), in bytes."""
 STOP = b"POST /api/stop "
-"""How a STOP of a page without a websocket begins."""
+"""First bytes of a STOP that a page sends without a websocket."""
 _RESET = struct.pack("ii", 1, 0)
 _UNREAD_PARTS = 16
-"""How many parts of 4 KB of a refused request are read at most."""
+"""Maximum number of 4 KB parts that are read of a refused request."""
 _BODY = b'{"error": "connections", "detail": "Too many connections; reuse them, or wait a second."}'
 _TOO_MANY = (
     b"HTTP/1.1 429 Too Many Requests\r\nContent-Type: application/json\r\nRetry-After: 1\r\n"
@@ -45,7 +45,7 @@ _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 
 
 def connection_capacity() -> int:
-    """Return how many connections this process may have, by its limit of file descriptors."""
+    """Return the number of connections that the limit of file descriptors allows."""
     try:
         import resource
     except ImportError:
@@ -55,21 +55,21 @@ def connection_capacity() -> int:
 
 
 class AdmissionListener(socket.socket):
-    """Accepts only connections that its `AdmissionControl` has room for; `listener` is used up."""
+    """Accepts only connections that its `AdmissionControl` admits; it takes over `listener`."""
 
     def __init__(self, admission: AdmissionControl, clock: Clock, listener: socket.socket) -> None:
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
         self.admission, self.clock = admission, clock
         self._spare: int | None = os.open(os.devnull, os.O_RDONLY)
-        # None stands behind those that were gathered at once.
+        # A None marks the end of each batch.
         self._waiting: deque[_Connection | None] = deque()
 
     def accept(self) -> tuple[socket.socket, Any]:
-        """Accept the next connection, of all that wait a STOP first; see `socket.socket.accept`.
+        """Accept the next connection, a waiting STOP first; see `socket.socket.accept`.
 
         Raises:
-            BlockingIOError: If none waits, or enough were accepted for now: what has come is read
-                before those behind it can push it out.
+            BlockingIOError: If none waits, or enough were accepted for now: these are read before
+                later ones can evict them.
         """
         if not self._waiting:
             self._gather()
@@ -80,7 +80,7 @@ class AdmissionListener(socket.socket):
         return connection, connection.peer
 
     def _gather(self) -> None:
-        """Take what waits from the kernel, but of one person no more than its share."""
+        """Take waiting connections from the kernel, but no more than its share per person."""
         for _ in range(_AT_ONCE):
             now_s = self.clock.now_s()
             if len(self._waiting) >= _HANDED_ON or not self.admission.has_room(now_s):
@@ -134,8 +134,10 @@ class _Connection(socket.socket):
     """The largest window that the client has offered."""
 
     def unread(self) -> int:
-        """Return how many bytes the client has not read yet: those on their way, and those that its
-        system has taken for it, by which its window is smaller than it was. Linux; elsewhere 0."""
+        """Return the number of bytes that the client has not read; 0 on other systems than Linux.
+
+        They are in flight, or in the client's receive buffer, by which its window has shrunk.
+        """
         try:
             import fcntl
             import termios
@@ -152,14 +154,16 @@ class _Connection(socket.socket):
         return int(int.from_bytes(size, sys.byteorder) + self._widest - window)
 
     def _ask_for_windows(self) -> None:
-        """Have the client's system say its window each second while nothing is sent: it does not
-        always say by itself that the client has read on."""
+        """Have the client's system report its window each second while nothing is sent.
+
+        It does not always report by itself that the client has read more.
+        """
         self.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1)
         self.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1)
 
     def peek(self) -> bytes | None:
-        """Return what waits to be read: empty if the client has left, None if nothing waits."""
+        """Return the waiting bytes: empty if the client has left, None if nothing waits."""
         try:
             return self.recv(_HEAD, socket.MSG_PEEK)
         except BlockingIOError:
@@ -168,14 +172,14 @@ class _Connection(socket.socket):
             return b""
 
     def recv(self, size: int, flags: int = 0) -> bytes:
-        """Read so little that what one sends holds up no other for long."""
+        """Read little at a time, so that one sender does not delay the others."""
         return super().recv(min(size, _HEAD), flags)
 
     def recv_into(self, buffer: Any, size: int = 0, flags: int = 0) -> int:
         return super().recv_into(buffer, min(size or len(buffer), _HEAD), flags)
 
     def abort(self) -> None:
-        """Reset the connection, so that both sides see the end; its owner then closes it."""
+        """Reset the connection so that both sides notice; its owner then closes it."""
         self.admission = None  # its place is given back
         with contextlib.suppress(OSError):
             self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
@@ -184,7 +188,7 @@ class _Connection(socket.socket):
     def refuse(self) -> None:
         """Answer that this session opens too many connections, and close.
 
-        What was sent is read first: the system would reset the connection otherwise, and the client
+        The request is read first: otherwise the system would reset the connection, and the client
         would not see the answer.
         """
         with contextlib.suppress(BlockingIOError):

@@ -13,12 +13,12 @@ from server.config import as_address
 from server.gateway.gateway import loopback_names
 
 ROBOT, ADDRESS = "drivelesson", "address"
-"""Properties of the announced service: the robot's name, and the best of its addresses."""
+"""Names of the announced service's properties: the robot's name and its best address."""
 EVERYWHERE = ("0.0.0.0", "::")
 _RESOLVER = Path("/etc/resolv.conf")
 _NAME = re.compile(r"[\w-]+(?:\.[\w-]+)*", re.ASCII)
 _PROBES = ((socket.AF_INET, "192.0.2.1"), (socket.AF_INET6, "2001:db8::1"))
-"""Addresses for documentation: the system names the source of packets there; nothing is sent."""
+"""Documentation addresses, used to ask the system for its source address; nothing is sent."""
 
 
 def lan_addresses(config: NetworkConfig) -> list[str]:
@@ -32,13 +32,13 @@ def lan_addresses(config: NetworkConfig) -> list[str]:
 
 
 def is_for_others(address: str) -> bool:
-    """True of an address at which another machine can open the page by typing it."""
+    """True if another machine can open the page by typing this address."""
     own = as_address(address)
     return own is not None and not own.is_loopback and not (own.version == 6 and own.is_link_local)
 
 
 def own_addresses(version: int = 4) -> list[str]:
-    """Return this machine's addresses of IPv4 or IPv6; first what others most likely see."""
+    """Return this machine's IPv4 or IPv6 addresses, first the one that others most likely see."""
     found: list[str] = []
     family, elsewhere = _PROBES[version == 6]
     with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
@@ -75,7 +75,7 @@ def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None
 
 
 def host_names(config: NetworkConfig) -> list[str]:
-    """Return the names that the robot answers to, as far as they are known without asking."""
+    """Return the names that the robot answers to, without asking the resolver."""
     own = socket.gethostname().lower()
     names = [f"{config.hostname}.local", own, f"{own}.local"] if config.lan else []
     return list(dict.fromkeys([*loopback_names(config), *names, *config.also_at]))

@@ -31,23 +31,23 @@ from server.gateway.roles import Refusal, Role, Session, browser_roles
 log = logging.getLogger(__name__)
 
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
-"""Without letters and digits that look alike."""
+"""The characters of a token, without letters and digits that look alike."""
 TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _TOKEN = re.compile(rf"\b(?:[{ALPHABET}]{{{_GROUP}}}\W?){{{TOKEN_LETTERS // _GROUP}}}(?!\w)")
 FOLDER = FolderKind(name="tls", files=("paired.json",), secrets=("paired.json", "tls/", "*.key"))
-"""What this extension has in the data folder."""
+"""The files of this extension in the data folder."""
 LONGEST_TEXT = 2000
-"""Characters of what is read as a token: it may be a whole address."""
+"""Maximum length of the text read as a token, in characters; it may be a whole address."""
 _SESSIONS = 192
-"""Sessions of one kind: of one role, by the terminal or by invitation to a class. More than there
-are websockets, so nobody can hold all of them."""
+"""Maximum number of sessions of one kind: one role, paired by the terminal or by invitation. It
+exceeds the number of websockets, so nobody can keep all of them in use."""
 INVITATION_S = 300.0
-"""A token shown on a class's board is valid so long, for any number of phones."""
+"""How long a token on a class's board is valid for any number of phones, in seconds."""
 _INVITATIONS = 16
 
 
 class Paired(NamedTuple):
-    """A paired browser: its role, the secret in its cookie, and whether a restart leaves it."""
+    """A paired browser: its role, its cookie's secret, and whether it survives a restart."""
 
     role: Role
     secret: str
@@ -59,14 +59,14 @@ class _Kind(NamedTuple):
 
     role: Role
     invited: bool = False
-    """By a class's board; else by what the terminal shows."""
+    """True if paired by a class's board, False if by the terminal."""
     owner: bool = False
-    """The first pilot that the terminal paired."""
+    """True for the first pilot that the terminal paired."""
 
 
 def cookie_name(config: NetworkConfig) -> str:
-    """Return the session cookie's name. Cookies ignore ports, so the name contains the port, or
-    the address before a proxy.
+    """Return the session cookie's name. It contains the public address, or else the port, because
+    cookies ignore ports.
 
     The prefix makes browsers reject a cookie that was set without TLS or for another path.
     """
@@ -82,12 +82,12 @@ class Pairing:
 
     Args:
         failures_a_minute: Wrong tokens of one address before it has to wait.
-        file: Where sessions are saved; None to lose them at a restart.
+        file: The file with the sessions; None to lose them at a restart.
         on_token: Called with each new token and its role, to show it on the terminal.
 
     Attributes:
-        is_in_use: True of a session that is connected now, by its name.
-        standing_code: A printed code, which makes pilots of any number of browsers.
+        is_in_use: Returns True if the session of that name is connected now.
+        standing_code: A printed code that pairs any number of browsers as pilots.
     """
 
     def __init__(
@@ -101,11 +101,11 @@ class Pairing:
         self._file = file
         self._on_token = on_token
         self._sessions: OrderedDict[str, _Kind] = _load(file) if file else OrderedDict()
-        """By the hash of their secrets; who came last in this run stands last."""
+        """Sessions by the hash of their secret, in order of their last use in this run."""
         self._unused = set(self._sessions)
-        """Those that were not used in this run: they are the first to go."""
+        """Sessions not used in this run; they are evicted first."""
         self._is_saved = file is not None
-        """Whether the file has what is known; where it has not, the next answer tries again."""
+        """True if the file is up to date; otherwise the next answer tries to write it again."""
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in browser_roles()}
         self._invitations: deque[tuple[str, float]] = deque(maxlen=_INVITATIONS)
@@ -116,9 +116,9 @@ class Pairing:
     ) -> Paired | Refusal:
         """Exchange a token for a session. Each token works once and is then replaced.
 
-        A browser has one session: `secret` is that of the session it has already, which is renewed.
-        The right token is accepted whatever came before: wrong ones from the same address lock
-        nobody out, and 78 bits cannot be guessed at any rate that the guard allows.
+        A browser has one session: `secret` is that of its existing session, which is renewed.
+        The right token is accepted even after wrong ones from the same address, so nobody can be
+        locked out. 78 bits cannot be guessed at any rate that the guard allows.
         """
         given = token_in(token)
         for role, wanted in self.tokens.items():
@@ -140,9 +140,9 @@ class Pairing:
         return Refusal(403, "pairing", sentence)
 
     def invite(self, now_s: float) -> tuple[str, float]:
-        """Return a token for any number of pilots, and how many seconds it is valid.
+        """Return a token for any number of pilots, and its validity in seconds.
 
-        The board shows it as a QR code that several phones scan at once or one after the other.
+        The board shows it as a QR code that several phones can scan.
         """
         token = _new_token()
         self._invitations.append((token.replace("-", ""), now_s + INVITATION_S))
@@ -154,18 +154,18 @@ class Pairing:
         kind = self._sessions.get(name)
         if kind is None:
             return None
-        if name in self._unused:  # once a run: who comes often outlives a restart, too
+        if name in self._unused:  # once a run: a frequent user also survives a restart
             self._unused.discard(name)
             self._sessions.move_to_end(name)
             self._save()
         return Session(kind.role, name)
 
     def is_owner(self, name: str) -> bool:
-        """True of the first pilot that was paired by the terminal."""
+        """True if this is the first pilot that the terminal paired."""
         return name in self._sessions and self._sessions[name].owner
 
     def forget(self, secret: str) -> bool:
-        """End a session; False if it may be back after a restart, as the disk refuses."""
+        """End a session; False if it may return after a restart because the disk refused."""
         known = self._sessions.pop(hash_of(secret), None)
         return self._save() if known is not None else self._is_saved or self._save()
 
@@ -181,7 +181,7 @@ class Pairing:
             idle = [name for name in same if not self.is_in_use(name)]
             if not idle:
                 return Refusal(503, "sessions", "Too many browsers are connected.")
-            # Of those that were used the newest: who redeems for ever pushes out himself.
+            # Of used ones the newest goes: a client that keeps redeeming evicts itself.
             del self._sessions[next((name for name in idle if name in self._unused), idle[-1])]
         self._sessions.pop(hash_of(before), None)
         secret = secrets.token_urlsafe(32)
@@ -193,8 +193,7 @@ class Pairing:
         return Paired(role=kind.role, secret=secret, is_kept=is_kept)
 
     def _save(self) -> bool:
-        """Write the sessions' hashes to a new file, which replaces the old one; False if it
-        could not be written."""
+        """Replace the file of the sessions' hashes; False if it could not be written."""
         if self._file is None:
             return False
         self._is_saved = False
@@ -238,10 +237,10 @@ def hash_of(secret: str) -> str:
 
 
 def token_in(text: str) -> str:
-    """Return the letters of the token in what a person pastes or types.
+    """Return the letters of the token in a text that a person pastes or types.
 
-    That is the token with or without hyphens, in any case or width; the whole address, also with
-    its `#` encoded; or the line of the terminal that shows it.
+    The text may be the token with or without hyphens, in any case or width, the whole address, also
+    with an encoded `#`, or the terminal's line that shows it.
 
     Example:
         >>> token_in("or open http://robot.local:8000/pair%23abcd-efgh-jkmn-pqrs")

@@ -36,7 +36,7 @@ async def pair_page(request: Request) -> Response:
 
 @router.get("/pair#{token}", include_in_schema=False)
 async def encoded_pair_page(token: str) -> Response:
-    """Send a browser to the page whose address had its `#` encoded by an app."""
+    """Redirect a browser whose app had encoded the `#` of the address."""
     return RedirectResponse(f"pair#{quote(token)}", 303)
 
 
@@ -77,7 +77,7 @@ async def authority(request: Request) -> Response:
 
 
 def _end_sockets(request: Request) -> None:
-    """Close what a session has open that is no more: it may have been a pilot's."""
+    """Close the sockets of a session that has ended: it may have been a pilot's."""
     sockets = gateway_of(request).admission.sockets
     for place in sockets:
         if place.person == person_of(request):
@@ -114,7 +114,7 @@ def _require_pairing(request: Request) -> Pairing:
 
 
 class AccessExtension(Extension):
-    """Pairing's page and routes, as a part of a robot's server."""
+    """Adds the pairing page and its routes to a robot's server."""
 
     routers = (router,)
     public_paths = frozenset({"/pair", "/api/pair", "/js/pair.js", "/css/pair.css", "/ca.crt"})

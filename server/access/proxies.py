@@ -1,7 +1,7 @@
-"""Requests that come through a proxy, turned back into what the client sent to it.
+"""Restores requests that came through a proxy to the form that the client sent.
 
-What may be said is known beforehand: the addresses that people open (`--behind-proxy`). A proxy's
-headers choose among them and name the client; whoever is no proxy is not believed.
+The addresses that people open are configured (`--behind-proxy`). A proxy's headers select one of
+them and name the client. Such headers are ignored unless they come from a trusted proxy.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from server.gateway.roles import Refusal
 from server.gateway.rules import host_name
 
 PEER = "drivelesson.peer"
-"""In a scope: address and port of the connection itself; there if a proxy has made it."""
+"""Key in a scope: address and port of the connection itself, set if a proxy made it."""
 SPOKEN = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto")
 _PAIR = re.compile(r'(?<![\w-])([\w-]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)')
 
 
 class _Hop(NamedTuple):
-    """What one proxy says of who asked it; empty where it does not."""
+    """The client, host and scheme that one proxy reports; empty if it reports none."""
 
     client: str = ""
     host: str = ""
@@ -35,7 +35,7 @@ class _Hop(NamedTuple):
 
 
 class Proxies:
-    """The proxies before one server; one that `admits_all` must not be asked unawares."""
+    """The proxies in front of a server; one that `admits_all` refuses unknown proxies."""
 
     def __init__(
         self, public: Sequence[PublicAddress], trusted: Iterable[Network], *, admits_all: bool
@@ -70,13 +70,12 @@ class Proxies:
         return _as_sent(scope, public, hop.client, peer)
 
     def is_proxy(self, address: str) -> bool:
-        """True of an address from which the proxies' connections come."""
+        """True if the proxies connect from this address."""
         own = as_address(address)
         return own is not None and any(own in network for network in self._trusted)
 
     def _walk(self, peer: str, hops: list[_Hop]) -> _Hop:
-        """Go back from proxy to proxy, as far as they are trusted: what stands before the first
-        that is not may be anybody's."""
+        """Go back from proxy to proxy, up to the first untrusted one: its claims may be forged."""
         told = _Hop(client=peer)
         for hop in reversed(hops):
             if not self.is_proxy(told.client):
@@ -89,7 +88,7 @@ class Proxies:
         return told
 
     def _choose(self, hop: _Hop, scope: Scope) -> PublicAddress | None:
-        """Return which of the addresses was opened; None if the proxy names another."""
+        """Return the address that was opened; None if the proxy names an unknown one."""
         asked = hop.host or Headers(scope=scope).get("host", "")
 
         def fit(public: PublicAddress) -> tuple[bool, bool, bool]:
@@ -101,7 +100,7 @@ class Proxies:
 
 
 def _said(scope: Scope) -> dict[str, str]:
-    """Return what the headers of proxies say; lines of the same name are one list."""
+    """Return the headers set by proxies; lines of the same name are joined to one list."""
     said: dict[str, str] = {}
     for raw_name, raw_value in scope["headers"]:
         name, value = raw_name.decode("latin-1").lower(), raw_value.decode("latin-1")
@@ -111,11 +110,11 @@ def _said(scope: Scope) -> dict[str, str]:
 
 
 def _hops(said: dict[str, str]) -> list[list[_Hop]]:
-    """Return the proxies on the way, the nearest last, as each kind of header has them."""
+    """Return the chain of proxies, the nearest last, as each kind of header reports it."""
     kinds = []
     if "forwarded" in said:
         elements: list[dict[str, str]] = [{}]
-        # A client's open quote hides what a proxy has added: then none of it is believed.
+        # A client's open quote hides the entry that a proxy added: then all is ignored.
         is_whole = not _PAIR.sub("", said["forwarded"]).strip("; \t")
         for name, value, comma in _PAIR.findall(said["forwarded"]) if is_whole else ():
             if comma:
@@ -128,7 +127,7 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
         clients, hosts, schemes = (
             [one.strip() for one in said.get(name, "").split(",")] for name in SPOKEN[1:]
         )
-        # A list that is shorter is that of proxies that replace what they were told.
+        # A shorter list comes from proxies that replace the header.
         kinds.append(
             [
                 _hop(client, hosts[max(-n, -len(hosts))], schemes[max(-n, -len(schemes))])

@@ -1,7 +1,7 @@
-"""What is around a robot's server while it serves: addresses, names, the wall clock.
+"""Tracks a running server's environment: addresses, names, the wall clock.
 
-Nothing of it holds for long: Wi-Fi comes late, a router gives another address, the clock of a small
-computer leaps from 1970. One watch looks every second; whatever depends on it follows.
+All of it can change: Wi-Fi connects late, a router assigns another address, the clock of a small
+computer leaps from 1970. One watch looks every second and notifies its listeners.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from server.access.network import host_names, lan_addresses, names_in_network, p
 
 log = logging.getLogger(__name__)
 LOOK_EVERY_S = 1.0
-"""A change is shown after at most this time, in seconds, and announced some three later: asking
-whether a name is free and announcing it take their time."""
+"""Time between two looks, in seconds. A change is announced some three seconds after it is shown,
+because probing and announcing a name take that long."""
 ASK_EVERY_S = 60.0
-"""How often the resolver is asked for this machine's names, besides at each change."""
+"""How often the resolver is asked for this machine's names, in seconds, apart from changes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the robot is on the network: its name without `.local`, addresses, names."""
+    """The robot's place on the network: its name without `.local`, addresses, names."""
 
     hostname: str
     addresses: tuple[str, ...]
@@ -34,13 +34,13 @@ class Place:
 
 
 class Surroundings:
-    """The names and addresses of one server as they are now; the guard asks `in`.
+    """The current names and addresses of one server; the guard asks `in`.
 
     Args:
-        config: The server's; `hostname` is the name that it would like to have.
+        config: The server's configuration; `hostname` is the name that it asks for.
         addresses: Returns this machine's addresses, the best first.
         ask_names: Asks the resolver for this machine's names; may take long.
-        claim: Announces the robot at these addresses, and returns the name that it got.
+        claim: Announces the robot at these addresses and returns the name it got.
     """
 
     def __init__(
@@ -56,17 +56,17 @@ class Surroundings:
         self.now = Place(config.hostname, found)
         self._known = self._names_known()
         self.listeners: list[Callable[[Place, Place], None]] = []
-        """Called on the watch's thread with the place before and the new one."""
+        """Called on the watch's thread with the previous and the new place."""
         self.ticks: list[Callable[[Place], None]] = []
-        """Called at every look: for what depends on the wall clock, too."""
+        """Called at every look, for anything that depends on the wall clock."""
         self._is_claimed = claim is None
         self._asked_s: float | None = None
 
     def __contains__(self, name: object) -> bool:
-        """True of a name that this robot answers to.
+        """True if the robot answers to this name.
 
-        A name without a dot is nobody's on the internet, so no page from there can be called by it:
-        whatever leads here by such a name is of this network.
+        A name without a dot does not exist on the internet, so no page from there can use it. Such
+        a name is accepted because it belongs to this network.
         """
         place = self.now
         if name in self._known or name in place.names:
@@ -89,7 +89,7 @@ class Surroundings:
 
     @property
     def certified(self) -> list[str]:
-        """All names and addresses that a certificate is to be for."""
+        """The names and addresses that a certificate must contain."""
         place = self.now
         return list(dict.fromkeys([*host_names(self.config_now), *place.names, *place.addresses]))
 
@@ -132,7 +132,7 @@ class Surroundings:
 
 
 class Watch:
-    """Looks at the surroundings on a thread of its own; another waits for the resolver."""
+    """Looks at the surroundings on its own thread; a second thread waits for the resolver."""
 
     def __init__(self, surroundings: Surroundings, clock: Clock) -> None:
         self._surroundings, self._clock = surroundings, clock

@@ -1,8 +1,8 @@
 """QR codes on a terminal, readable by a phone's camera on every theme.
 
 A code is dark on light. Characters without colours take those of the theme, and on a light theme
-the code is a negative, which many readers refuse. Where the terminal has colours the code brings
-its own: black and white of the 256-colour cube, which themes do not change.
+the code is a negative, which many readers refuse. If the terminal has colours, the code sets its
+own: black and white of the 256-colour cube, which themes do not change.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from robot.errors import install_command
 
 _COLOURS, _RESET = "\x1b[38;5;16;48;5;231m", "\x1b[0m"
 _BLOCKS = {(0, 0): " ", (1, 0): "▀", (0, 1): "▄", (1, 1): "█"}
-"""The character of two modules, one above the other; 1 is dark."""
+"""Character for two modules, one above the other; 1 is dark."""
 _INVERSE = {pair: _BLOCKS[1 - pair[0], 1 - pair[1]] for pair in _BLOCKS}
 
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """What the place can show to which a code is printed.
+    """The abilities of the terminal that a code is printed on.
 
     Attributes:
-        columns: Its width in characters; None where the text goes to a file or another program.
-        has_colours: It shows the 256 colours.
-        has_blocks: Its encoding has half blocks.
+        columns: The width in characters; None if the text goes to a file or another program.
+        has_colours: True if it shows the 256 colours.
+        has_blocks: True if its encoding has half blocks.
     """
 
     columns: int | None
@@ -38,7 +38,7 @@ class Terminal:
 
     @classmethod
     def of(cls, stream: TextIO, environment: Mapping[str, str], system: str) -> Terminal:
-        """Return what the stream can show; `system` is `sys.platform`."""
+        """Return the abilities of a stream; `system` is `sys.platform`."""
         try:
             "▀▄█".encode(stream.encoding or "ascii")
             has_blocks = True
@@ -60,11 +60,11 @@ class Terminal:
 def draw_qr(text: str, terminal: Terminal | None = None) -> str:
     """Return the lines that draw a text as a QR code, each ended.
 
-    Where the code cannot be drawn, one sentence in its place says why.
+    If the code cannot be drawn, a sentence in its place says why.
 
     Args:
-        text: What the code holds, for example an address.
-        terminal: Where it is shown; by default standard output.
+        text: The code's content, for example an address.
+        terminal: The terminal that shows it; by default standard output.
     """
     terminal = terminal or Terminal.of(sys.stdout, os.environ, sys.platform)
     try:

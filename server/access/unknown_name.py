@@ -1,4 +1,4 @@
-"""The page for a browser that asks by an unknown name: which address to open instead. Pure."""
+"""The page for a browser that used an unknown name: it names the address to open. Pure."""
 
 from __future__ import annotations
 

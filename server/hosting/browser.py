@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 
 def has_screen(system: str, environment: Mapping[str, str]) -> bool:
-    """True where a browser has a window: elsewhere one of text would take the terminal."""
+    """True if a browser can open a window: a text browser would take over the terminal."""
     if "SSH_CONNECTION" in environment:  # the screen is another machine's
         return False
     has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
@@ -18,6 +18,6 @@ def has_screen(system: str, environment: Mapping[str, str]) -> bool:
 
 
 def show_page(address: str) -> None:
-    """Open the address in the browser, which nobody waits for."""
+    """Open the address in the browser without waiting for it."""
     if has_screen(sys.platform, os.environ):
         threading.Thread(target=webbrowser.open, args=[address], daemon=True).start()

@@ -1,12 +1,12 @@
-"""The page's modules and styles, joined: a first visit in few requests, without tools to build it.
+"""Joins the page's modules and styles, so that a first visit takes few requests.
 
-Modules stay plain ES modules, as they are tested and edited. Here those that the drive screen needs
-become one file, those of the other screens a second, and each further folder one of its own; a
-worker has its own. Each file's name begins with a hash of its content, so that a browser may keep
-it for ever. Comments and indentation go.
+No build tool is needed. Modules stay plain ES modules, as they are tested and edited. The modules
+of the drive screen become one file, those of the other screens a second, and each further folder
+and each worker gets its own. Each file's name begins with a hash of its content, so a browser may
+cache it indefinitely. Comments and indentation are removed.
 
-What is joined keeps to a few forms, and anything else is refused by name: imports by `{names}` or
-of a default, exports where they are declared, no `await` outside of functions, no `export let`.
+Modules may use only a few forms, and any other is refused by name: imports by `{names}` or of a
+default, exports at the declaration, no `await` outside functions, no `export let`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pathlib import Path
 ENTRY = "js/main.js"
 _ICONS = (".png", ".svg", ".webmanifest")
 _APART = "-apart-"
-"""In the names of files that not every visitor fetches: they are kept once they were used."""
+"""Part of the names of files that not every visitor fetches; they are cached once used."""
 STYLES = ("base.css", "drive.css", "screens.css")
 _BLOCK = r"/\*(?:[^*]|\*(?!/))*\*/"
 _COMMENT = re.compile(
@@ -45,13 +45,13 @@ class JoinError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class JoinedPage:
-    """The page as it is sent.
+    """The page as sent to browsers.
 
     Attributes:
         html: The document. Its inline script and style are allowed by `inline`, their hashes.
         files: The content of each joined file, by its address below the page's own.
-        pair: The script of the page that pairs a browser, with its sentences: it may load no more.
-        shell: The addresses of all that the service worker keeps after the first visit.
+        pair: The script and sentences of the pairing page, which may load nothing else.
+        shell: The addresses that the service worker caches after the first visit.
     """
 
     html: bytes
@@ -62,7 +62,7 @@ class JoinedPage:
 
 
 def join_page(folder: Path) -> JoinedPage:
-    """Return the page of a folder as it is now; joined anew when a file has changed."""
+    """Return the page of a folder; it is joined again when a file has changed."""
     sources = [path for path in sorted(folder.rglob("*")) if path.is_file()]
     newest = max(path.stat().st_mtime_ns for path in sources)
     icons = (path.relative_to(folder).as_posix() for path in sources if path.suffix in _ICONS)
@@ -102,7 +102,7 @@ def _join(folder: Path, _version: tuple[int, int], icons: tuple[str, ...]) -> Jo
 
 
 def _part(said: dict[str, str], prefix: str) -> dict[str, str]:
-    """Return the sentences whose keys begin so, by the rest of their keys."""
+    """Return the sentences whose keys have this prefix, by the rest of the key."""
     return {key.removeprefix(prefix): text for key, text in said.items() if key.startswith(prefix)}
 
 
@@ -122,14 +122,14 @@ class _Joiner:
         self.files: dict[str, bytes] = {}
 
     def add(self, name: str, text: str) -> str:
-        """Keep a file, named by its content; returns its address."""
+        """Add a file, named by its content; return its address."""
         data, (kind, base) = text.encode(), name.split("/")
         address = f"{kind}/{hashlib.sha256(data).hexdigest()[:10]}-{base}"
         self.files[address] = data
         return address
 
     def entry(self, languages: dict[str, str]) -> str:
-        """Join all modules; returns the address of the first file."""
+        """Join all modules; return the address of the first file."""
         known = self._closure([ENTRY])
         addresses = {f"js/messages/{code}.js": [_beside(at)] for code, at in languages.items()}
         start, chunks = self._text(known), list[str]()
@@ -171,7 +171,7 @@ class _Joiner:
         return shrink(source)
 
     def _closure(self, wanted: list[str]) -> list[str]:
-        """Return modules with all that they import, in the order in which they are evaluated."""
+        """Return modules and their imports, in order of evaluation."""
         done: list[str] = []
         begun: set[str] = set()
 
@@ -190,7 +190,7 @@ class _Joiner:
         return "".join(self._block(module) for module in modules)
 
     def _block(self, module: str) -> str:
-        """Return one module as a block that puts what it exports into the table of modules."""
+        """Return one module as a block that puts its exports into the table of modules."""
         source = self._source(module)
         exports: dict[str, str] = {}
 
@@ -218,7 +218,7 @@ class _Joiner:
 
 
 def _beside(address: str) -> str:
-    """Return an address as a file in the same folder imports it."""
+    """Return the address by which a file in the same folder imports it."""
     return f"./{posixpath.basename(address)}"
 
 

@@ -1,4 +1,4 @@
-"""Logs of one line an event: `time level logger event key=value ...`."""
+"""Logs with one line per event: `time level logger event key=value ...`."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from typing import Any, TextIO
 
 _MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
-"""For how many kinds of line the rate is remembered."""
+"""Number of kinds of line whose rate is remembered."""
 _END_S = 1.0
-"""So long the end of the program waits for a terminal to take the last lines."""
+"""How long the program waits at its end for the terminal to take the last lines, in seconds."""
 
 
 class OneLine(logging.Formatter):
@@ -32,10 +32,10 @@ class OneLine(logging.Formatter):
 
 
 class RepeatFilter(logging.Filter):
-    """Passes a few lines of one kind a minute, and reports how many it left out.
+    """Passes a few lines of each kind per minute and reports the number left out.
 
     A kind is a logger, a level and a message before formatting. A client without a session can
-    cause any number of some lines; they must not fill the robot's disk.
+    cause any number of lines of some kinds. They must not fill the robot's disk.
     """
 
     def __init__(self) -> None:
@@ -60,10 +60,10 @@ class RepeatFilter(logging.Filter):
 
 
 def start_logging(*, verbose: bool) -> None:
-    """Log to standard error, so that standard output is for the user.
+    """Log to standard error; standard output is for the user.
 
-    A thread of its own writes: a terminal that is held (Ctrl+S), or a full pipe, holds no other,
-    and the end of the program only for a moment.
+    A separate thread writes, so that a paused terminal (Ctrl+S) or a full pipe blocks no other
+    thread, and delays the program's end only briefly.
     """
     records: SimpleQueue[Any] = SimpleQueue()
     handler = QueueHandler(records)

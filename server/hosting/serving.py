@@ -1,4 +1,4 @@
-"""Uvicorn, set up for low latency: no compression, small messages, no delay, on any version."""
+"""Configures any version of uvicorn for low latency: no compression, small messages, no delay."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 
 MAX_MESSAGE_BYTES = 65_536
-"""A larger websocket message closes the connection before it is read into memory."""
+"""Maximum size of a websocket message in bytes; a larger one closes the connection unread."""
 _DEAD_PEER_MS = 15_000
 _BACKLOG = 4096
-"""So many may wait to be accepted: who finds no room comes again a second later, STOP or not."""
+"""Length of the accept queue; a connection that finds it full retries only a second later."""
 _END_S = 1.5
-"""Connections have so long to end by themselves, and as long to be closed."""
+"""How long connections may take to end by themselves, and then to be closed, in seconds."""
 
 
 def open_socket(host: str, port: int) -> socket.socket:
@@ -36,7 +36,7 @@ def open_socket(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:
-        # By Windows' SO_REUSEADDR two programs would share the port.
+        # With Windows' SO_REUSEADDR two programs would share the port.
         alone = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
         listener.setsockopt(socket.SOL_SOCKET, alone, 1)
         # Connections inherit these on Linux: small messages are sent at once, and the
@@ -59,10 +59,10 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 
 def open_sockets(host: str, port: int) -> list[socket.socket]:
-    """Listen on an address; on `::`, everywhere, by IPv6 and by IPv4 on the same port.
+    """Listen on an address; `::` means all, by IPv6 and IPv4 on the same port.
 
-    Two sockets, so that an address of IPv4 looks as it always did. A machine that has only one of
-    the two is served by that one.
+    There are two sockets, so that IPv4 addresses keep their usual form. A machine that supports
+    only one of the two protocols uses that one.
     """
     if host != "::":
         return [open_socket(host, port)]
@@ -80,7 +80,7 @@ def open_sockets(host: str, port: int) -> list[socket.socket]:
 
 
 def _make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
-    """Return uvicorn's server, with the newest websocket backend that it has."""
+    """Return uvicorn's server with its newest websocket backend."""
     import uvicorn
 
     from server.hosting.uvicorn_fastpath import make_protocol
@@ -109,10 +109,10 @@ def _make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
 
 
 def leave_out_of_collections() -> None:
-    """Have the garbage collector never look at what is there by now.
+    """Exclude all existing objects from garbage collection.
 
-    It is most of the heap, and each full round through it would hold up every thread, the control
-    loop and a STOP too, for 100 to 300 ms.
+    They are most of the heap. Each full collection would block every thread, the control loop and
+    a STOP included, for 100 to 300 ms.
     """
     gc.collect()
     gc.freeze()
@@ -133,7 +133,7 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
 
 
 def end_by_signals() -> None:
-    """Have SIGTERM, and a terminal that is closed, end the program as Ctrl-C does.
+    """Have SIGTERM and a closed terminal end the program as Ctrl-C does.
 
     Newer uvicorns raise a signal again once they have shut down; by the system's own handler the
     process would end before the motors are stopped and the model is saved.
@@ -146,13 +146,13 @@ def end_by_signals() -> None:
 
 
 def _run(served: Coroutine[Any, Any, None]) -> None:
-    """Run on the loop that asks a listener to accept: Windows' own goes past it."""
+    """Run on an event loop that calls the listener's `accept`; Windows' default loop does not."""
     with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
         runner.run(served)
 
 
 async def _serve(server: Server, gateway: Gateway, *listeners: socket.socket) -> None:
-    """Serve until told to end; then close what hangs: an upload, a half handshake."""
+    """Serve until told to end; then close hanging connections, such as uploads or handshakes."""
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
     # A signal that newer uvicorns raise again ends the loop, which would log it as an error.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
@@ -169,7 +169,7 @@ async def _serve(server: Server, gateway: Gateway, *listeners: socket.socket) ->
 
 @contextlib.contextmanager
 def served(app: Any, config: Config) -> Iterator[str]:
-    """Serve on a thread of its own inside the block; yield the address. For tests."""
+    """Serve on a separate thread inside the block; yield the address. For tests."""
     gateway = gateway_of(app)
     listener = gateway.limit(open_socket(config.host, config.port))
     server = _make_server(app, gateway.tls_files)

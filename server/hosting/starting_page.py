@@ -1,7 +1,7 @@
-"""What a browser sees while the robot is still starting: what is missing, and then the page.
+"""The page that a browser sees while the robot is still starting.
 
-Importing, opening a camera and reading a model take seconds on a small computer. Whoever asks
-meanwhile gets an answer at once (503) that names what is still starting, and asks again by itself.
+Importing, opening a camera and reading a model take seconds on a small computer. Meanwhile each
+request is answered at once with a 503 page that names the part still starting and reloads itself.
 It answers nothing else, knows nothing of the robot, and reads one piece of each request.
 """
 
@@ -29,17 +29,17 @@ _PAGE = """<!doctype html><html><head><meta charset="utf-8"><title>Drivelesson</
 
 
 class StartingPart(Enum):
-    """What is still starting, in the page's languages."""
+    """The part that is still starting, in the page's languages."""
 
     ROBOT = "the robot and its camera", "el robot y su cámara", "机器人和摄像头"
     MODEL = "what it has learned", "lo que ha aprendido", "学到的内容"
 
 
 class StartingPage(StartStop):
-    """Answers on sockets that listen, until it is stopped; then they wait to be served.
+    """Answers on listening sockets until it is stopped; later connections wait for the server.
 
     Attributes:
-        part: What is still starting.
+        part: The part that is still starting.
     """
 
     def __init__(self, listeners: Sequence[socket.socket], clock: Clock) -> None:

@@ -1,4 +1,4 @@
-"""The page's files: joined ones kept for ever, the others asked for again; text is compressed."""
+"""Serves the page's files compressed; joined files are cached, others revalidated."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class CompressedFiles(StaticFiles):
 
 
 class PageFiles(CompressedFiles):
-    """Serves the page joined, and everything else in its folder as it is."""
+    """Serves the joined page, and the other files of its folder unchanged."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
@@ -67,9 +67,9 @@ def _document(page: JoinedPage, scope: Scope) -> Response:
     headers = {
         "etag": etag,
         "cache-control": "no-cache",
-        # Without a referrer a form has no origin, and its STOP would be taken for a stranger's.
+        # Without a referrer a form has no origin, and its STOP would be refused as foreign.
         "referrer-policy": "same-origin",
-        # Also of an answer without a body: a browser puts its headers over those that it has kept.
+        # Also for an answer without a body: its headers replace those in the browser's cache.
         "content-security-policy": content_policy(
             scope["scheme"], sent.get("host", ""), page.inline
         ),
@@ -80,7 +80,7 @@ def _document(page: JoinedPage, scope: Scope) -> Response:
 
 
 def _compress(response: Response, scope: Scope) -> Response:
-    """Return a whole text compressed, where the client takes that."""
+    """Return a text compressed if the client accepts that."""
     headers = response.headers
     if not headers.get("content-type", "").startswith(_TEXT):
         return response

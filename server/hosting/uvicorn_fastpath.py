@@ -1,8 +1,8 @@
 """A fast path through uvicorn for video: frames are written directly, without ASGI and its tasks.
 
 At 16 viewers and 30 frames a second ASGI costs two task switches and a pause of reading for each
-frame; the fast path costs neither (`drivelesson bench link`). Where uvicorn is older than its
-sans-I/O websockets, frames go through ASGI: the same behaviour at a higher cost.
+frame; the fast path costs neither (`drivelesson bench link`). If uvicorn is too old for sans-I/O
+websockets, frames go through ASGI, with the same behaviour at a higher cost.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ if TYPE_CHECKING:
     from websockets.http11 import Request
 
 EXTENSION = "drivelesson.direct"
-"""Where a route finds the protocol in `scope["extensions"]`, if there is the fast path."""
+"""Key of the protocol in `scope["extensions"]`, set if there is the fast path."""
 FRAME_S, BURST_S = 0.004, 3.0
-"""Frames that come faster than one in so long, for so long, are left to wait in the network."""
+"""Rate limit of received frames: seconds per frame, and the burst allowed, in seconds. Frames
+beyond it stay unread, so that the network holds them back."""
 
 
 def make_protocol() -> type[Any] | None:
-    """Return a websocket protocol class for uvicorn; None where uvicorn is too old for it."""
+    """Return a websocket protocol class for uvicorn; None if uvicorn is too old for it."""
     try:
         from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
     except ImportError:
@@ -32,15 +33,17 @@ def make_protocol() -> type[Any] | None:
         """Uvicorn's own protocol, with the fast path."""
 
         on_bytes: Callable[[bytes], None] | None = None
-        """Called with each binary message, in place of ASGI's `receive`."""
+        """Called with each binary message instead of ASGI's `receive`."""
         on_text: Callable[[str], None] | None = None
-        """The same with each text, when its bytes are read: no queue holds up what stands behind a
-        burst; after the server's close, too."""
+        """Called with each text as soon as it is read, also after the server's close.
+
+        There is no queue, so a burst does not delay later messages.
+        """
         _read_s = -math.inf
-        """When all frames that were read would have come, one in `FRAME_S`."""
+        """Time at which all frames read so far would have come at one per `FRAME_S`, in seconds."""
         _is_held = False
         _written: ClassVar[tuple[bytes, bytes]] = b"", b""
-        """The message that was written last, to whomever, and its frame: viewers get the same."""
+        """The last message written to any viewer, and its frame: viewers share it."""
 
         def handle_connect(self, event: Request) -> None:
             super().handle_connect(event)
@@ -62,7 +65,7 @@ def make_protocol() -> type[Any] | None:
 
         def handle_cont(self, event: Frame) -> None:
             super().handle_cont(event)
-            # Empty ones for ever take no memory; older uvicorns join them by themselves.
+            # Endless empty frames take no memory; older uvicorns join them by themselves.
             self.frames = [b"".join(getattr(self, "frames", ()))]
 
         def handle_events(self) -> None:
