@@ -1,0 +1,37 @@
+#!/usr/bin/env bash
+# numpy 2.4.6 and 2.5.5 (PyPI, Python 3.12 or newer): the memory that a Cholesky factorisation takes.
+#
+# Guess before the run: `numpy.linalg.cholesky` takes the memory of its result in both versions, so that a bound
+# of memory that holds with one holds with the other.
+# Outcome: wrong. 2.4.6 takes one matrix, 2.5.5 two, for the lower and for the upper factor alike.
+set -euo pipefail
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+for python in python3.13 python3.12 "${PYENV_ROOT:-$HOME/.pyenv}"/versions/3.1[23].*/bin/python; do
+  "$python" -c 'import ensurepip, venv' 2> /dev/null && break
+done
+for version in 2.4.6 2.5.5; do
+  "$python" -m venv "$folder/$version"
+  "$folder/$version/bin/pip" install --quiet --disable-pip-version-check "numpy==$version"
+  "$folder/$version/bin/python" - <<'PY' >> "$folder/seen"
+import tracemalloc
+
+import numpy as np
+
+size = 385
+matrix = np.eye(size) + 0.01
+np.linalg.cholesky(matrix)
+taken = []
+for upper in (False, True):
+    tracemalloc.start()
+    np.linalg.cholesky(matrix, upper=upper)
+    taken.append(round(tracemalloc.get_traced_memory()[1] / matrix.nbytes))
+    tracemalloc.stop()
+print(np.__version__, *taken)
+PY
+done
+cat "$folder/seen"
+diff "$folder/seen" - <<'SEEN'
+2.4.6 1 1
+2.5.5 2 2
+SEEN
