@@ -85,7 +85,7 @@ class Abilities:
         images: It keeps images that `nodes` lists and that can be relabelled and deleted.
         pinning: An image can be kept from being merged.
         novelty: `Evidence.novelty` shows how unlike all that was learned a view is.
-        contexts: What it predicts can depend on what is under way: `learn_in`, `explain_in`.
+        contexts: Its prediction can depend on the move under way: `learn_in`, `explain_in`.
         angles: It learns an angle beside the label: `begin_angles`.
         mirrors: It can learn what it is taught in the mirror, too: `reflect`.
     """
@@ -152,7 +152,7 @@ class Learner(Protocol):
     def learn_in(
         self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
     ) -> None:
-        """Add one that counts in these contexts alone, with its angle once `begin_angles` was."""
+        """Add one that counts only in these contexts; with its angle after `begin_angles`."""
         self.learn_one(x, y)
 
     @abstractmethod
@@ -202,7 +202,7 @@ class Learner(Protocol):
         return []
 
     def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
-        """Let one image vote for `y` alone, and steer so.
+        """Let one image vote only for `y`, and steer by its angle.
 
         Raises:
             LookupError: If there is no image of this id.

@@ -28,7 +28,7 @@ class BSOC(Clusters):
         max_nodes: How many nodes to keep at most; the only parameter of the algorithm.
         group_cost: How many times dearer it is to merge nodes of two groups (labels, say).
             1 is as in the paper, which has no groups.
-        integer: Compute on pixels in whole numbers alone; vectors are then bytes.
+        integer: Compute on pixels only in whole numbers; vectors are then bytes.
         n_compared: With `integer`: how many values of a vector are compared, from the first; None
             for all.
     """
@@ -211,7 +211,7 @@ class BSOC(Clusters):
         self._images.follow(self._counts)
         self._masses = self._counts.astype(np.float32)
         misfit, right = self._misfit()
-        if 0.1 < misfit <= 1.0:  # not by learning alone
+        if 0.1 < misfit <= 1.0:  # more than learning itself causes
             self._distances[: self.n_nodes_, : self.n_nodes_] = right
         super().restored()
 

@@ -30,19 +30,20 @@ from robot.learner.values import WHOLE, count
 from robot.learner.votes import Distances, Floats
 
 CLEARLY = 0.9
-"""An image is clearly nearer if it is at most so many times as far away."""
+"""An image is clearly nearer if its distance is at most this share of the other's."""
 APART = 1.3
-"""Where the example's own label has images so much nearer, the learner tells the two apart."""
+"""The learner tells two labels apart where the other label's images are at least this many times as
+far away as those of the example's own label."""
 ENOUGH = 20.0
-"""So many examples that contradict a label, less those of its label that do not, overrule it;"""
+"""Number of examples that overrule a label: those against it, less those that confirm it."""
 MOST_A_TURN = 10.0
-"""one turn, which may be a slip, is no more than so many."""
+"""Upper bound of the examples against a label that one turn counts for: it may be a slip."""
 CONFIRMED = 4.0
-"""An example of the old label at its old views takes back so many."""
+"""Number of examples against a label that one example of it at its old views takes back."""
 LATER = 200
-"""An image taught so many examples after another, 20 s of teaching, is much later."""
+"""An image counts as taught much later than another after this many examples (20 s of teaching)."""
 STILL_VALID = 0.3
-"""Share of the old label's votes that are left then."""
+"""Share of its votes that an overruled label keeps."""
 
 
 class ChangeOfMind(Stateful):
@@ -66,7 +67,7 @@ class ChangeOfMind(Stateful):
         self._taken_up = np.zeros(0, np.int64)
         self._last = -1
         self._outdated_before = 0
-        self._before = np.zeros(0)  # this turn: what spoke against each label
+        self._before = np.zeros(0)  # evidence against each label when this turn began
 
     def add_label(self) -> None:
         """Make room for one more label."""
@@ -143,7 +144,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _contradicted(self) -> Floats:
-        """What speaks against each label now, and at the beginning of this turn."""
+        """Evidence against each label, now and at the beginning of this turn."""
         return np.vstack([self._against, self._before])
 
     @_contradicted.setter

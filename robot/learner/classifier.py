@@ -36,13 +36,13 @@ LINEAR_SHARE = 0.7
 CONTEXT_SHARE = 0.85
 """Weight of the linear part within a context: images do not know what is under way."""
 _TURNED = np.array([-1.0, 1.0])
-"""What an angle and its size are multiplied by in the mirror."""
+"""Factors of an angle and its size in the mirror: the angle changes its sign, its size does not."""
 SHARPNESS = 1.6
 """Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
 
 
 class _Counted:
-    """What follows from the labels that the nodes counted, shape (n, n_labels)."""
+    """Values derived from the labels that the nodes counted, shape (n, n_labels)."""
 
     def __init__(self, histograms: NDArray[np.int64]) -> None:
         self.n = len(histograms)
@@ -72,7 +72,7 @@ class BSOCClassifier(Stateful, Learner):
         linear: An online linear part, whose scores are mixed with the votes; none unless given.
             With a `ContextRidge` predictions can depend on what is under way.
         linear_share: Weight of the linear part in the mixture.
-        integer: Compute on the nodes' pixels in whole numbers alone; vectors are then bytes.
+        integer: Compute on the nodes' pixels only in whole numbers; vectors are then bytes.
         cluster: The clustering; a label-aware `BSOC` unless given.
         balance: How much more a rare label weighs, from 0 to 1 (`votes.rarity`).
         novelty_margin: How far a view may be beyond what occurs before it is novel (`Novelty`).

@@ -1,4 +1,4 @@
-"""What the paper's clustering and the one after it have in common: named nodes, and edges."""
+"""The base of the paper's clustering and of `BSOC`: named nodes, and edges between them."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Edges:
 
 
 MOST_FRAMES = 10**9
-"""More than a pilot teaches in three years."""
+"""Upper bound of the frames in a model: more than a pilot teaches in three years."""
 
 
 SHARED: tuple[Value | Array, ...] = (
@@ -81,7 +81,7 @@ SHARED: tuple[Value | Array, ...] = (
     Array("pinned", np.bool_, ("n_rows",), attribute="_edges.pinned"),
     Array("counts", np.int64, ("n_rows",), high=MOST_FRAMES),
 )
-"""What every clustering keeps."""
+"""The values and arrays that every clustering keeps."""
 
 
 class Clusters(Stateful, ABC):

@@ -81,7 +81,7 @@ class Images(Stateful):
         self._norms[row] = self._x_norm
 
     def absorb(self, row: int, count: int) -> None:
-        """Move the image of so many frames towards the measured vector, by its share."""
+        """Move the image of `count` frames towards the measured vector, by the vector's share."""
         self._blend(row, self._x, 1.0 / (count + 1))
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:

@@ -1,4 +1,4 @@
-"""What a part of a policy keeps, declared once: saving, loading and checking follow from it.
+"""Declares the state of a part of a policy once: saving, loading and checking follow from it.
 
 A part lists its `fields`: arrays, and plain values that JSON can hold; and it may have parts of its
 own. `check` compares a part as it stands with its declaration, bounds included, then asks it for
@@ -44,7 +44,7 @@ class Value:
 
     Attributes:
         name: Its name in a model.
-        read: What it may be.
+        read: Reads and checks it.
         attribute: Where the part has it, or an object of its own; `_name` unless given.
         older: Itself as a list of one value, for a model from before it was kept.
         is_fixed: It says how the part was made: no other value fits.
@@ -101,7 +101,7 @@ class Array:
         high: Its largest value.
         attribute: Where the part has it, or an object of its own; `_name` unless given.
         older: With what it is filled for a model from before it was kept.
-        may_miss: It is None or empty at times, and missing then.
+        may_miss: It is optional: omitted from the model when None or empty.
     """
 
     name: str
@@ -187,11 +187,11 @@ class Stateful:
     """Base of what keeps something between drives."""
 
     dropped: ClassVar[tuple[str, ...]] = ()
-    """Names under which an earlier version kept what nothing asks for any more."""
+    """Names of values that an earlier version kept and that are no longer used."""
 
     @property
     def fields(self) -> Sequence[Value | Array]:
-        """What it keeps; most parts have a tuple in its place."""
+        """The values and arrays that it keeps; most parts declare a tuple instead."""
         return ()
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
@@ -208,7 +208,7 @@ class Stateful:
         """Make what follows from what was loaded."""
 
     def faults(self) -> Iterator[str]:
-        """Yield what fields that are each within their bounds have wrong together."""
+        """Yield the contradictions between fields that are each within their bounds."""
         return iter(())
 
     def save(self) -> tuple[Params, Arrays]:
@@ -238,7 +238,7 @@ class Stateful:
         Args:
             params: The plain values.
             arrays: The arrays; they are copied.
-            names: What the values may name.
+            names: The labels or moves that the values may name.
             sizes: Sizes that are known, by name.
 
         Raises:

@@ -38,7 +38,7 @@ class PublishedBSOC(Clusters):
 
     @property
     def fields(self) -> Sequence[Value | Array]:
-        """What it keeps: bytes with `integer`, else exact means."""
+        """Its values and arrays: the images are bytes with `integer`, else exact means."""
         least, most = (0.0, 255.0) if self.integer else (-MOST_VALUES, MOST_VALUES)
         return (*SHARED, Array("images", self._dtype, ("n_rows", "d"), least, most))
 

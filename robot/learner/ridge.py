@@ -7,10 +7,10 @@ The inverse is large, and reading and writing it is what a frame costs. So it is
 precision (`_ROUNDED` bounds what that may cost), and its last changes wait as vectors, which count
 as if they were in it, and are written together.
 
-A driver begins a turn late and ends it late. Between the two the same view means FORWARD to who
-drives straight and LEFT to who turns, and a single linear map takes the mean. So there is one ridge
-for every view, and one for each context: it learns the moves made in it, and the first examples of
-what followed them.
+A driver begins a turn late and ends it late. Between the two the same view means FORWARD while
+driving straight and LEFT while turning, and a single linear map takes the mean. So there is one
+ridge for every view, and one for each context: it learns the moves made in it, and the first
+examples of the moves that followed.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _ROUNDED = 1e-5
 """By how much rounding may move an eigenvalue of the inverse, as a share of the largest that it can
 have. Single precision adds 6e-8 of it at each write, in all directions."""
 _MOST_INVERSE = 1e3
-"""Beyond what an inverse holds: 1 / penalty at first, and less with every frame."""
+"""Upper bound of an inverse's values: they begin at 1 / penalty and shrink with every frame."""
 _EITHER = np.float32, np.float64
 """Earlier versions kept the inverse in double precision."""
 MIRRORED = 0.3
@@ -83,11 +83,11 @@ class LinearPart(Stateful, ABC):
     def learn(
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
-        """Add a frame with its target scores, which counts in these contexts alone."""
+        """Add a frame with its target scores, which counts only in these contexts."""
 
     @abstractmethod
     def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
-        """Take back so many frames, told by their means; in each context by its share of them."""
+        """Take back `frames` frames, given by their means; in each context by its share of them."""
 
     @abstractmethod
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
@@ -118,7 +118,7 @@ class RecursiveRidge(LinearPart):
     Args:
         n_features: How many values are used; a constant is added to them.
         penalty: Weight of the squared coefficients.
-        scale: What the values are divided by, so that they lie about in [0, 1].
+        scale: The divisor of the values, so that they lie about in [0, 1].
         alike: How alike the weights of each two values are expected to be, before any frame: a
             covariance of shape (n_features, n_features), its diagonal 1. None: each is on its own.
             It costs nothing later on, for it is where the inverse begins.
@@ -313,7 +313,7 @@ class RecursiveRidge(LinearPart):
 class ContextRidge(RecursiveRidge):
     """A ridge for every view, and one for each context as soon as a frame did not count in all.
 
-    The angle is learned whatever is under way.
+    The angle does not depend on the context.
     """
 
     knows_contexts = True
@@ -420,7 +420,7 @@ class ContextRidge(RecursiveRidge):
         super().restored()
         for i, (frames, targets) in enumerate(self._held_back):
             ridge = self._ridges[i]
-            for field in ridge.fields:  # else what is out of bounds would be mended away
+            for field in ridge.fields:  # first: the copy below would hide values out of bounds
                 field.check(ridge)
             if ridge.is_indefinite:  # frames of the other context were taken back from it
                 ridge = self._ridges[i] = self._copy()

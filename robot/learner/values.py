@@ -60,7 +60,7 @@ def optional(reader: Reader) -> Reader:
 
 
 def many(reader: Reader, most: int = MOST_NAMES, least: int = 0) -> Reader:
-    """Read a list of so many values of one kind."""
+    """Read a list of `least` to `most` values of one kind."""
 
     def read(plain: Any, names: Names) -> list[Any]:
         demand(isinstance(plain, list | tuple) and least <= len(plain) <= most)

@@ -1,4 +1,4 @@
-"""What the distances of the learned images say of a view: its label, its angle, how new it is."""
+"""Judges a view by its distances from the learned images: its label, its angle, its novelty."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Distances = NDArray[np.float32] | NDArray[np.float64]
 def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters: int) -> Floats:
     """Return the labels' shares among the `n_voters` nearest nodes, the nearer the heavier.
 
-    The nearest one alone is the paper's vote.
+    With one voter this is the paper's vote.
 
     Args:
         distances: Squared distances to the nodes, shape (n,).
@@ -109,15 +109,15 @@ def shares(votes: Floats) -> Floats:
 
 
 HELD_OUT = 20
-"""A node that one of so many latest examples went into says nothing about how new the next one is:
+"""Number of latest examples whose nodes are left out when the novelty of the next one is measured:
 frames a tenth of a second apart are almost the same. At ten examples a second this is 2 s."""
 _FEWEST, _MEMORY = 30, 600
-"""So many examples are compared with, of the latest."""
+"""The least and the largest number of latest examples that a view is compared with."""
 _SCALE = 3
 _RENEWED_EVERY = 20
 _BORDER = 98
 MARGIN = 0.05
-"""The border lies beyond that percentile by so much of the median."""
+"""Share of the median by which the border of novelty lies beyond the percentile `_BORDER`."""
 
 
 class Novelty(Stateful):
@@ -129,7 +129,7 @@ class Novelty(Stateful):
     because distances shrink as the nodes cover the place.
 
     Args:
-        margin: By how much of the median the border lies beyond that percentile.
+        margin: Share of the median by which the border lies beyond that percentile.
     """
 
     fields = (

@@ -94,10 +94,10 @@ Several moves may be given up one after the other."""
 class StallDetector:
     """Bars a move that has no effect: motion is commanded, the image does not change.
 
-    A pilot seldom lets it come to that, so no example shows the view from there, and votes alone
-    would push on for ever, or brake. An image that does not change shows it, or a bumper. From one
-    frame to the next a car that sets off changes it as little as one that stands; so in the end it
-    must still be as it was when that began.
+    A pilot seldom gets stuck, so no example shows the view from there, and the votes would let the
+    robot push or brake indefinitely. An unchanged image shows it, or a bumper. From one frame to
+    the next a car that sets off changes the image as little as one that stands; so in the end the
+    image must still be as it was when that began.
 
     A turn is not watched here: near a plain wall it changes the picture little (`Headway` watches
     it). Nor is a move that nobody knows, if the pilot has stood with it himself: he may wait, or
@@ -159,7 +159,7 @@ TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
 """By how much the votes for another move must exceed those for the turn, or other move, under way.
 
 People begin a turn late and end it late: between the two, the same view means go on as you do.
-Votes alone cannot tell, and a robot without inertia ends its turns too early. A turn begun too late
+Votes cannot tell, and a robot without inertia ends its turns too early. A turn begun too late
 costs more than one ended too late, so a turn has more of it (docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
@@ -250,7 +250,7 @@ class ActionFilter(PolicyPart):
 
     @property
     def _point(self) -> Point | None:
-        """What was driven last by degrees; it is found after the move is chosen."""
+        """The point that was driven last by degrees; it is found after the move is chosen."""
         return None if self._last is None else self._last.point
 
     def _barred_side(self, at_s: float) -> float | None:

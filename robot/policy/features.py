@@ -190,7 +190,7 @@ class GradientFeatures(PictureFeatures):
 
 @cache
 def _sampled(length: int, n_points: int) -> tuple[NDArray[np.intp], ...]:
-    """Return so many points along a side, and those before and after each."""
+    """Return `n_points` points along a side, and those before and after each."""
     points = (np.arange(n_points) * length + length // 2) // n_points
     return points, points - 1, np.minimum(points + 1, length - 1)
 

@@ -86,7 +86,7 @@ class TrainingHistory:
     """Teaches a policy, and can take the last examples back.
 
     Args:
-        policy: What learns. From now on only the history may change it.
+        policy: The policy that learns. From now on only the history may change it.
         on_event: Called with everything that changes the learner, in order, to be written down.
         declared: The body's descriptions of its moves, which each policy here gets.
     """
@@ -243,7 +243,7 @@ def replay(
     """Make these changes again, in order: undo, recovery and training from recordings all do.
 
     Args:
-        policy: What learns.
+        policy: The policy that learns.
         events: The changes. An example of no known teaching time has a negative one.
         on_refused: Called for a change that cannot be made here; None: edits are left out. An
             edit's image may never have come to be, or be pinned, where other examples are missing.

@@ -1,4 +1,4 @@
-"""What passes through the parts of a policy, one after another: a frame, or an example.
+"""The frames and examples that pass through the parts of a policy, one part after another.
 
 Each part reads what the parts before it found, and adds what it knows.
 """
@@ -31,11 +31,11 @@ class Seen:
         step_s: How long it was taken after the one before.
         in_context: Votes are for what follows the move under way.
         context: Which context that move makes; None: any.
-        evidence: What the learner says.
+        evidence: The learner's prediction.
         shares: The votes for each move; the filter makes them steady.
         action: The move to make.
         kept: How much of the average before it is left in that of the votes.
-        point: What the action means by degrees, if the pilot taught by degrees.
+        point: The action by degrees, if the pilot taught by degrees.
         spread: By how much its steering is off.
     """
 

@@ -20,7 +20,8 @@ from robot.policy.part import PolicyPart, TaughtExample
 from robot.types import Action, Point
 
 STUCK_S = 0.5
-"""After so long without effect a move is given up, if the pilot never meant to push."""
+"""Time without effect after which a move is given up, in seconds, if the pilot never pushed on
+purpose."""
 STEP_S = 0.1
 _STILL_SHARE = 0.25
 MEMORY, _FEWEST_CHANGES = 100, 5
@@ -89,16 +90,16 @@ def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
 
 
 PAYS_BACK = 4.0
-"""A second of driving straight pays for so many seconds of turning."""
+"""Seconds of turning that one second of driving straight pays back."""
 EFFECT_S = 0.2
-"""A straight move pays from here on: sooner nobody can tell if it has an effect."""
+"""Time after which a straight move pays back, in seconds: before, its effect cannot be seen."""
 STRAIGHT_S = 0.3
-"""Turns are paid back after driving straight for so long, and as long as the clock wants."""
+"""Time of driving straight before turns are paid back, in seconds."""
 _LONGEST_STEP_S = 0.25
 
 
 class Headway:
-    """What a body, the pilot's or the robot's, has done since it last got on.
+    """The debt of turns and pushes that a body, taught or driven, has run up since it last got on.
 
     Turning either way, and pushing without effect, add to a debt in seconds; driving straight with
     effect takes four times as much off; it is never below 0. A curve by degrees gets on by what it
@@ -170,15 +171,16 @@ class Headway:
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
 """Bounds of the debt (`Headway`) that a pilot is taken to allow himself, in seconds.
 
-The longest is less than half a turn about one wheel takes: who turns to and fro for longer shows
-no way out."""
+The longest is less than half a turn about one wheel takes: a pilot who alternates between left and
+right for longer shows no way out."""
 _MEANT = 3
-"""A pilot who pushed so often for so long meant it: once may be a slip."""
+"""Number of equally long pushes after which the pilot is taken to push on purpose: one may be a
+slip."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
 TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
-"""Who changes sides twice within so long turns to and fro; for a quick pilot, within so much of the
-time for which he usually keeps to a move."""
+"""Two changes of side within this time count as alternating: in seconds, and for a quick pilot as a
+share of the time for which he usually keeps to a move."""
 PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
 
@@ -232,7 +234,7 @@ class PilotPace(PolicyPart):
 
     @property
     def to_and_fro_s(self) -> float:
-        """Within how long a robot that changes sides twice turns to and fro."""
+        """Time within which two changes of side count as alternating, in seconds."""
         run_s = self.usual_run_s
         return TO_AND_FRO_S if run_s is None else min(TO_AND_FRO_S, OF_A_RUN * run_s)
 

@@ -37,7 +37,7 @@ class Policy(Stateful):
         max_nodes: How many images its learner keeps at most.
         learner: Learns and recognises.
         features: From frame to vector.
-        moves: What it may propose.
+        moves: The moves that it may propose.
         action_filter: Makes what makes a steady drive of the votes on single frames.
         thins: Learn at most ten examples a second of one label (`move_context.py`).
         brighten: Returns a view with its grey values multiplied; with it the learner is shown each

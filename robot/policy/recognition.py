@@ -1,10 +1,10 @@
-"""What the learner makes of a frame: votes for the moves, and what a move means by degrees.
+"""Asks the learner about a frame: votes for the moves, and how far to steer with a move.
 
-An angle learned alone is a mean. Where a thing can be passed on either side, that leads into the
-thing: so the move says where to, and what is learned is how hard. And who steers all or nothing
-would be driven down the middle, where he never steers: so the angle is kept near the mean of what
-was taught with the chosen move, `BAND` standard deviations of it at most. That is no way at all
-for who steers all or nothing, and wide for who steers by degrees.
+A learned angle is a mean. Where a thing can be passed on either side, the mean leads into the
+thing: so the move gives the side, and the angle only how hard to steer. A pilot who steers all or
+nothing never steers by the mean: so the angle stays within `BAND` standard deviations of the mean
+that was taught with the chosen move. For a pilot who steers all or nothing this band has no width;
+for one who steers by degrees it is wide.
 
 Before the first point is taught nothing is kept and nothing is answered.
 """
@@ -28,8 +28,9 @@ from robot.policy.part import PolicyPart, Seen, TaughtExample
 from robot.types import Action, Point
 
 BAND = 2.5
-"""So many standard deviations about a move's mean; flat from 1 to 4 on recorded drives. A narrow
-one cuts off how a curve ends: it would stay as hard as most of it was."""
+"""Half the width of the band about a move's mean angle, in standard deviations. From 1 to 4 it
+makes no difference on recorded drives. A narrow band cuts off the end of a curve, which would stay
+as hard as most of it was."""
 _LEAST = 1e-6
 """Votes for a move that was taught: more than for one that never was."""
 _FEW = 64

@@ -30,7 +30,7 @@ MOST_NODES = 1024
 """A learner of more images is refused: its table of distances grows with their square."""
 
 Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
-"""Makes a policy of a number of nodes, a name and the moves; True: in whole numbers alone."""
+"""Makes a policy of a number of nodes, a name and the moves; True: only in whole numbers."""
 BALANCE = 0.2
 """By how much a rare label weighs more: few examples of a turn are enough to see it."""
 
@@ -51,7 +51,7 @@ class Design:
     n_voters: int = N_VOTERS
     balance: float = BALANCE
     is_integer: bool = False
-    """Whole numbers alone, on any machine."""
+    """It computes only in whole numbers, on any machine."""
     forgets: bool = True
     thins: bool = True
     knows_repeats: bool = True
@@ -124,7 +124,7 @@ def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MO
 
     Args:
         name: The kind of learner, and its number of nodes (or of neighbours).
-        moves: What it may propose.
+        moves: The moves that it may propose.
 
     Raises:
         ConfigurationError: If there is no such learner.

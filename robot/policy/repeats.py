@@ -1,4 +1,4 @@
-"""What was taught already: the same lap taught sixteen times is no sixteen laps.
+"""Recognises repeated views: the same lap taught sixteen times does not count as sixteen laps.
 
 A linear part that counts each of them in full loses its penalty and learns the noise of one lap by
 heart; images that each stand for sixteen times as many frames no longer follow what is new. So a

@@ -1,4 +1,4 @@
-"""What every camera must do: a suite to inherit, with a fixture `camera_case`."""
+"""The contract of every camera: a test suite to inherit, with a fixture `camera_case`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the contract suites need to know of a driver or camera under test."""
+"""Describes a driver or camera under test to the contract suites."""
 
 from __future__ import annotations
 

@@ -17,13 +17,13 @@ class FakeDriver(Driver):
     Attributes:
         sent: Every action sent, with its speed scale.
         takes_points: Set it to True for a body that is driven by degrees.
-        point: What was sent last by degrees; None: a move, or nothing.
+        point: The point that was sent last; None after a move, or if nothing was sent.
         changes: When (seconds of `clock`) the action changed, and to what.
         moved_s: When it last received a move.
         stops: How often `stop` was called.
         failure: What `send_action` raises as a DriveError; None lets it work.
         sensors: What `sense` returns.
-        button: What the next `take_button` returns.
+        button: The value that the next `take_button` returns.
 
     Example:
         >>> body = FakeDriver()
@@ -52,7 +52,7 @@ class FakeDriver(Driver):
 
     @property
     def now(self) -> Action:
-        """What the wheels do now: a move that is not renewed ends after `ACTION_TIMEOUT_S`."""
+        """The current move of the wheels; one that is not renewed ends after `ACTION_TIMEOUT_S`."""
         is_over = self.clock.now_s() - self._told_s > ACTION_TIMEOUT_S
         return Action.STOP if is_over else self._told
 

@@ -1,4 +1,4 @@
-"""What every driver must do: a suite to inherit, with a fixture `driver_case`."""
+"""The contract of every driver: a test suite to inherit, with a fixture `driver_case`."""
 
 from __future__ import annotations
 
@@ -26,10 +26,11 @@ LOCAL_BUDGET_S = 0.01
 REMOTE_BUDGET_S = 0.2
 """The same for a driver that declares `is_remote`; a move must be renewed in time (0.4 s)."""
 STANDS_WITHIN_S = 0.5
-"""When the line to the body is cut, the body stands after so long."""
+"""Time within which the body stands after the line to it was cut, in seconds."""
 CUTS_S = (0.5, 5.0)
 BACK_WITHIN_S = 5.0
-"""When the body can be reached again, it obeys after so long, however long the line was cut."""
+"""Time within which the body obeys once it can be reached again, in seconds. It does not depend on
+how long the line was cut."""
 POINTS = [
     Point(steering, throttle) for steering in (-1.0, -0.5, 0.0, 0.4, 1.0) for throttle in (0.3, 0.8)
 ]
@@ -180,7 +181,7 @@ class DriverContract:
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
         self, driver_case: DriverCase
     ) -> None:
-        """After `ramp_s` the last point counts alone; until then nothing is beyond the limits."""
+        """After `ramp_s` only the last point counts; until then the limits hold."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:
@@ -275,7 +276,7 @@ class DriverContract:
     ) -> None:
         """Nobody needs to connect it again."""
         if driver_case.cut_link is None or driver_case.mend_link is None:
-            pytest.skip("there is no line to cut and mend")
+            pytest.skip("there is no line to cut and restore")
         with driver_case.driver as driver:
             driver.send_action(driver.moves[0])
             for cut_s in CUTS_S:
@@ -293,8 +294,8 @@ class TestDriver(DriverContract):
 
 
 def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None = None) -> bool:
-    """Return whether the body moves by one of so many orders; by the first if none are named, but
-    where the machine is busy: what comes late only stops, and what is looked at late has ended."""
+    """Return whether the body moves after at most `tries` orders: by default one, but more on a
+    busy machine, where a late order only stops and a move may have ended before it is checked."""
     for _ in range(tries or (_REQUESTS if case.budget_s else 1)):
         order()
         if _comes(case, lambda: moving(case)):

@@ -16,11 +16,11 @@ from typing import Any
 
 @dataclass(slots=True, kw_only=True)
 class LinkConditions:
-    """What the link is like. Can be changed during use, for all later messages."""
+    """Conditions of a link. They can be changed during use, for all later messages."""
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
-    """Up to so much more, drawn anew for each packet; packets stay in order."""
+    """Upper bound of a random extra delay for each packet, in seconds; packets stay in order."""
     bytes_per_second: float | None = None
     """Towards the page; the other way is free."""
     stall_share: float = 0.0
@@ -44,7 +44,7 @@ class Link:
 
     @property
     def conditions(self) -> LinkConditions:
-        """What the link is like; set it to change it."""
+        """The conditions of the link; set it to change them."""
         return self._conditions
 
     @conditions.setter
@@ -70,7 +70,7 @@ class Line:
     """One direction of one connection."""
 
     HOLDS_BYTES = 8192
-    """What waits in the line before its sender is held back."""
+    """Number of bytes that wait in the line before its sender is held back."""
 
     def __init__(self, link: Link, deliver: Callable[[Any], None], *, throttled: bool) -> None:
         self._link = link

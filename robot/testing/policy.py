@@ -19,7 +19,7 @@ class FakePolicy(Policy):
 
     Attributes:
         first: The label that it learned first.
-        point: What that meant by degrees.
+        point: The move that it learned first, by degrees.
     """
 
     def __init__(self) -> None:

@@ -17,7 +17,7 @@ WALL_START_S = 1_700_000_000.0
 
 
 class _Waiting:
-    """A thread that is held up: until `event`, or `due_s`, or for ever."""
+    """A thread that is held up: until `event`, until `due_s`, or without end."""
 
     __slots__ = ("due_s", "event", "turn")
 
@@ -92,7 +92,7 @@ class VirtualClock(Clock):
         On the event loop's own thread it holds up the whole loop, as it would in real time.
 
         Raises:
-            RuntimeError: If every thread waits for ever.
+            RuntimeError: If every thread waits without end.
         """
         if not event.is_set():
             self._let_others_run(event, timeout_s)
@@ -129,7 +129,7 @@ class VirtualClock(Clock):
                 soonest = other.due_s, other
         if following is None:
             if soonest is None:
-                self._deadlock = "every thread waits for ever"
+                self._deadlock = "every thread waits without end"
                 held_up, self._waiting = self._waiting, []
                 for other in held_up:
                     other.turn.release()
@@ -220,7 +220,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
             clock._event_loop_woken.clear()
             timeout = clock._now_s - self.now_s
         elif timeout is None:
-            raise RuntimeError("every task waits for ever")
+            raise RuntimeError("every task waits without end")
         if timeout > 0:
             self._now_us += max(1, round(timeout * 1e6))
             self.now_s = self._now_us / 1e6

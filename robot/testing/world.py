@@ -33,7 +33,7 @@ class VirtualRobot:
 
     Args:
         clock: On which the event loop runs.
-        policy: What drives; `published-8` by default.
+        policy: The policy that drives; `published-8` by default.
         config: The loop's limits.
         camera: Takes the pictures; 30 a second by default.
         seed: Of all random numbers.

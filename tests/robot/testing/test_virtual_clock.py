@@ -57,7 +57,7 @@ def test_a_future_is_waited_for() -> None:
 
 def test_a_deadlock_is_an_error_and_not_a_test_that_hangs() -> None:
     clock = VirtualClock()
-    with pytest.raises(RuntimeError, match="every thread waits for ever"):
+    with pytest.raises(RuntimeError, match="every thread waits without end"):
         clock.wait(threading.Event())
 
 
@@ -90,7 +90,7 @@ def test_tasks_that_wait_for_ever_end_with_an_error() -> None:
     async def main() -> None:
         await asyncio.Event().wait()
 
-    with pytest.raises(RuntimeError, match="every task waits for ever"):
+    with pytest.raises(RuntimeError, match="every task waits without end"):
         VirtualClock().run(main())
 
 
