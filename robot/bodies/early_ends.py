@@ -49,7 +49,7 @@ class EarlyEnds:
 
     @property
     def is_weak(self) -> bool:
-        """True if it ended so often enough to tell a person."""
+        """True if it ended early often enough to tell a person."""
         return self.count >= ENOUGH
 
     def start(self, clock: Clock) -> None:
@@ -98,7 +98,7 @@ class EarlyEnds:
             log.warning("the mark of a drive's start is not written: %s", error)
 
     def close(self) -> None:
-        """End in good order: that is no early end."""
+        """End in good order; this does not count as an early end."""
         self._ending = True
         self._due.set()
         if self._thread is not None:

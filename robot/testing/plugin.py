@@ -1,4 +1,4 @@
-"""A pytest plugin for whoever writes a driver or camera.
+"""A pytest plugin for authors of drivers and cameras.
 
     pytest --drivelesson-driver NAME --drivelesson-camera NAME [--drivelesson-option KEY=VALUE]
 

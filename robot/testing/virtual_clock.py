@@ -29,7 +29,7 @@ class _Waiting:
 
 
 class VirtualClock(Clock):
-    """Discrete events: as soon as everybody waits, the clock jumps to whoever waits shortest.
+    """Discrete events: as soon as all threads wait, the clock jumps to the earliest deadline.
 
     Where nobody else waits it stands until it is moved, so simulations run as fast as they can.
     Threads that it started run one at a time and change only where they wait, so a run is the
@@ -229,7 +229,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Any, *args: Any, context: Any = None
     ) -> asyncio.Handle:
-        """Spare the self-pipe: whoever calls this holds up the loop already."""
+        """Spare the self-pipe: the caller holds up the loop already."""
         self._clock._event_loop_woken.set()
         return self.call_soon(callback, *args, context=context)
 

@@ -1,4 +1,4 @@
-"""What goes onto a brick: the agent as one file, or the program as one folder; and their tar.
+"""Packs the files for a brick: the agent as one file, or the program as one folder; and their tar.
 
 The agent's file is a zip that the Python 3.5 of a brick runs as it is (`agent.pyz`).
 """
@@ -21,7 +21,7 @@ from robot.errors import MissingExtraError
 
 SOURCES = ("bodies/ev3/agent/*.py", "bodies/v4l2/*.py", "devices/freshness.py")
 LEFT_OUT = ("bodies/v4l2/camera.py",)
-"""It needs a newer Python, and serves the program on a computer alone."""
+"""Files that the agent does without: they need a newer Python, and only a computer uses them."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 MAIN = "from robot.bodies.ev3.agent.__main__ import main\n\nmain()\n"
 Files = Sequence[tuple[str, Path | bytes]]

@@ -1,4 +1,4 @@
-"""What is wrong with a brick, and what to do: judges what was measured of it. Pure."""
+"""Judges the measurements of a brick: finds faults, and gives advice. Pure."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class ChassisOptions(Options):
 
 
 class ChassisBody(Protocol):
-    """What a chassis moves: the brick's own devices, or an agent's line to them."""
+    """The devices that a chassis moves: the brick's own, or those behind an agent's line."""
 
     def open(self) -> Sequence[float]:
         """See that nothing moves; return how fast each wheel can turn, in degrees a second."""
@@ -103,7 +103,7 @@ class ChassisBody(Protocol):
 def wheels_of(options: ChassisOptions) -> TwoWheels:
     """Return how fast the wheels turn, in degrees a second."""
     straight = options.forward_speed_mps * options.degrees_per_m
-    # One wheel alone turns the robot about the other one, on a circle of radius track_m.
+    # A single wheel turns the robot about the other one, on a circle of radius track_m.
     turn = math.radians(options.turn_rate_deg_s) * options.track_m * options.degrees_per_m
     left = {"backward": (-turn, 0.0), "forward": (0.0, turn), "both": (-turn / 2, turn / 2)}
     return TwoWheels(ahead=straight, back=straight, turn=left[options.turn_by], spin=turn / 2)

@@ -38,7 +38,7 @@ LEFTOVERS = {
     "time_sp": "7000",
     "stop_action": "hold",
 }
-"""What another program left behind: the state in which a brick is found."""
+"""The state in which a brick is found: values that another program left behind."""
 
 
 @dataclass(frozen=True)
@@ -246,7 +246,7 @@ class FakeBrick(StartStop):
         for name, value in DEFAULTS.items():
             if name not in motor.kept:
                 motor.write(name, value)
-        motor.write("position", "000000000000")  # last: whoever sees it sees the rest, too
+        motor.write("position", "000000000000")  # last: a reader that sees it sees the rest, too
 
     def start(self) -> None:
         if self._thread is None:

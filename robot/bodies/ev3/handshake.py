@@ -79,7 +79,7 @@ class BrickConnection:
 
 
 def dial(address: tuple[str, int]) -> socket.socket:
-    """Open a line to a host and port; whoever waits on it gives up after `PATIENCE_S`."""
+    """Open a line to a host and port; reads on it time out after `PATIENCE_S`."""
     return socket.create_connection(address, timeout=PATIENCE_S)
 
 

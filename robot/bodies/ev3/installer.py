@@ -1,4 +1,4 @@
-"""What is done on a brick over ssh: scripts for its shell, and the streams that feed them."""
+"""Works on a brick over ssh: scripts for its shell, and the streams that feed them."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ class _Tables(NamedTuple):
     Attributes:
         codes: Direction and step of length of a gradient, by its two differences: the index is
             256 times the one across plus the one down, as an unsigned number of 16 bits.
-        cells: What is added to a pixel's code for its cell.
+        cells: The number added to a pixel's code for its cell.
         lengths: The length that a step stands for.
         roots: The square root of a share of `_FULL`.
     """

@@ -43,7 +43,7 @@ class IntegerRidge(LinearPart):
     diagonal), and moments those of target z.
 
     A frame costs n_features ** 2 additions and multiplications, and each step a few times
-    n_features. No angle is learned: on a brick the images steer alone.
+    n_features. No angle is learned: on a brick only the images steer.
 
     Args:
         n_features: How many values are used, of 0 to 255; a constant is added to them.

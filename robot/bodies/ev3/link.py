@@ -23,11 +23,11 @@ from robot.errors import ConfigurationError, DriveError
 from robot.types import Encoding
 
 SILENCE_S = 0.4
-"""A brick that sends nothing for so long does not answer: it reports ten times a second, and its
-last move has ended by itself."""
+"""Time without a report after which a brick counts as silent, in seconds: it sends ten a second,
+and its last move has ended by itself."""
 GONE_S = PATIENCE_S + 1.0
-"""A brick that is silent for longer than its body takes to open is joined anew: TCP would try
-a line that was lost for a minute only a minute later again."""
+"""Time of silence after which a brick is joined anew, in seconds. It is longer than its body takes
+to open. TCP would retry a line that was lost for a minute only a minute later."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
@@ -51,7 +51,7 @@ class BrickLink:
 
     Attributes:
         report: The agent's newest; empty before the first.
-        buttons: Those that were pressed, until whoever takes them empties it.
+        buttons: Those that were pressed, until the caller takes them.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class BrickLink:
 
     @property
     def fault(self) -> str | None:
-        """What is wrong with the line, as a sentence; None if the brick answers."""
+        """The fault of the line, as a sentence; None if the brick answers."""
         if self._lost is None and self.clock.now_s() - self._received_s > SILENCE_S:
             return f"the brick at {self.address} does not answer; is it on, and in the network?"
         return self._lost

@@ -53,7 +53,7 @@ class Ev3RemoteCamera(WatchedCamera):
         age_s = self._link.report.get("picture_age_s")
         self.source_age_s = max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
         self._freshness.is_new(picture.data, self.clock.now_s())
-        # Read first: whoever is held up in between makes it older than it is, never younger.
+        # Read first: a delay in between then makes the picture older than it is, never younger.
         now_s = self.clock.now_s()
         self._show_picture(picture, now_s - max(0.0, self._link.clock.now_s() - picture.taken_s))
 

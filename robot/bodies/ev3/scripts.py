@@ -1,4 +1,4 @@
-"""What a brick's own shell runs: to start the agent, keep it, and install the server. Texts alone.
+"""Scripts for a brick's own shell: start the agent, keep it, and install the server. Only texts.
 
 The scripts are safe to run twice and leave the old version in place until the new one is whole.
 """

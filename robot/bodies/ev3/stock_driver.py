@@ -16,7 +16,7 @@ from robot.devices.options import option
 from robot.errors import ConfigurationError, DriveError
 
 TOP_DPS = {codec.LARGE_MOTOR: 1050.0, codec.MEDIUM_MOTOR: 1560.0}
-"""What the firmware's 100 percent are, in degrees a second."""
+"""The speed of each motor at the firmware's 100 percent, in degrees a second."""
 _LIGHTS = {"stopped": 1, "train": 3, "autonomous": 2}
 _PORTS = {f"out{letter}": place for place, letter in enumerate("ABCD")}
 _SENSOR_PORTS = {f"in{place + 1}": place for place in range(4)}

@@ -65,7 +65,7 @@ def _ms(clock: Clock) -> int:
 
 
 def hold(settings: dict[str, Any]) -> None:
-    """Take the pins, and keep them; whoever started this is told that it can, or why it cannot."""
+    """Take the pins, and keep them; tell the caller that it can, or why it cannot."""
     line = Connection(0)
     try:
         motors = make_motors(settings)

@@ -13,9 +13,11 @@ from robot.bodies.gpio.keeper import FAILED, READY
 from robot.clock import Clock
 
 START_S = 30.0
-"""Importing Python's libraries on a small Raspberry Pi takes seconds."""
+"""Time limit for a keeper to start, in seconds: Python's imports take long on a small Raspberry
+Pi."""
 HANGS_S = 0.3
-"""A keeper that answers nothing for so long is killed; the next one stops the motors."""
+"""Time without an answer after which a keeper is killed, in seconds; the next one stops the
+motors."""
 
 
 class KeeperLine:
@@ -87,7 +89,7 @@ class KeeperLine:
         self._end()
 
     def _end(self) -> None:
-        """Kill whoever is left of them."""
+        """Kill the keepers that are left."""
         self._pipe.close()
         with self._process, contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)

@@ -19,7 +19,7 @@ class PinMotor(Protocol):
 
 
 Build = Callable[[Point, float], Pair]
-"""What tells the two values, 1 at most, for a point and a share of full speed."""
+"""Returns the two values, each at most 1, for a point and a share of full speed."""
 
 
 def tracked(straight_speed: float, turn_speed: float) -> Build:
@@ -83,12 +83,12 @@ class TimedMotors:
             self.stand()
 
     def obey(self, line: bytes, now_ms: int) -> BodyReport:
-        """Take one line, and report; what is no order asks for the report alone."""
+        """Take one line, and report; a line that is not an order only asks for the report."""
         self.tick(now_ms)
         order = parse_plain_order(line, CLASSIC_POINTS)
         if order is not None and order.seq > self._seq:
             self._seq = order.seq
-            # What was sent after `seen_ms` ends by itself so long after it, whenever it comes.
+            # An order sent after `seen_ms` ends `LATE_MS` after it at most, even if it comes late.
             left_ms = min(order.for_ms, LONGEST_MS, LATE_MS - (now_ms - order.seen_ms))
             if order.move is Action.STOP or left_ms <= 0:
                 self.stand()

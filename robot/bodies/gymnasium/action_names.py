@@ -1,4 +1,4 @@
-"""What an environment calls its numbered actions, from wherever it keeps the names.
+"""Finds an environment's names of its numbered actions, wherever it keeps them.
 
 There is no rule for it: Atari and NES have `get_action_meanings()`, MiniGrid and MiniWorld an
 enumeration `actions`, highway-env a dictionary in `action_type`, Stable-Retro a list `buttons`,

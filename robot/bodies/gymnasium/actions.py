@@ -232,7 +232,7 @@ def _action_of(space: Any, values: Iterator[float]) -> Any:
 # Moves ----------------------------------------------------------------------------------------
 
 _Chosen = list[tuple[str, list[float]]]
-"""What each move is called, and the numbers of its action."""
+"""The name of each move, and the numbers of its action."""
 
 
 def _read(table: str, form: ActionForm) -> _Chosen:

@@ -21,7 +21,7 @@ _REMEMBERED_FRAMES = 128
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GymnasiumCameraOptions(Options):
-    """What a person may choose."""
+    """The options of the camera."""
 
     env_rate_hz: float = option(10.0, "pictures a second, at most", range=(1.0, 60.0))
 

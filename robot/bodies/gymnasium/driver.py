@@ -15,12 +15,12 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Action, Point, Sensors
 
 OVER_S = 1.5
-"""For so long the last picture of a game stays before the next game begins."""
+"""Time for which the last picture of a game stays before the next game begins, in seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GymnasiumOptions(Options):
-    """What a person may choose."""
+    """The options of the environment."""
 
     env: str = option("CarRacing-v3", "name of a Gymnasium environment, or module:NAME")
     env_moves: str = option(

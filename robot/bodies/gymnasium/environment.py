@@ -25,11 +25,12 @@ from robot.types import Game
 
 PICTURES = ("auto", "observed", "rendered")
 _LEAST_OBSERVED = (120, 160)
-"""Height and width of an observation that is shown as it is; of a smaller one the rendering is."""
+"""Least height and width of an observation that is shown, in pixels; instead of a smaller one the
+rendering is shown."""
 _RENDER_MODES = ("rgb_array", "rgb_array_list", None)
-"""What is asked of an environment in turn; None: nothing, for those that take no such argument."""
+"""The render modes to try in turn; None for environments that take no such argument."""
 _LARGEST_REWARD = 1e12
-"""What a reward counts at most, in either direction: a score stays a number that can be written."""
+"""Upper bound of a reward's size, so that a score stays a number that can be written."""
 
 
 def read_options(text: str) -> dict[str, Any]:

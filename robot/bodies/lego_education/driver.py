@@ -21,7 +21,7 @@ from robot.types import Action, Point, Sensors
 
 SEARCH_S = 8.0
 GONE_S = 0.4
-"""The motor tells its state ten times a second; without a word for so long it counts as gone."""
+"""Time without a report after which the motor counts as gone, in seconds: it sends ten a second."""
 AGAIN_S = 2.0
 _NOTE_EVERY_MS = 100
 FULL_PERCENT = 100

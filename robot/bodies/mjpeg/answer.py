@@ -1,7 +1,7 @@
-"""What a camera answers over HTTP, read as cameras write it: its head, then pictures.
+"""Reads a camera's answer over HTTP as cameras write it: its head, then pictures.
 
-What cameras write between their pictures differs: boundaries, line ends, blank lines, lengths that
-are wrong. A JPEG and a PNG say themselves where they begin and end, so only that is believed.
+Cameras differ in the bytes between their pictures: boundaries, line ends, blank lines, wrong
+lengths. A JPEG and a PNG mark their own begin and end, so only these marks are trusted.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ MAX_PART_BYTES = 4 * 2**20
 _PNG = b"\x89PNG\r\n\x1a\n"
 _START = re.compile(rb"\xff\xd8\xff|\x89PNG\r\n\x1a\n")
 _IN_SCAN = re.compile(rb"\xff[\xc4\xd8-\xdd]")
-"""What may follow in a scan: tables, a new scan, the end; or a new picture, if this one was cut."""
+"""The markers that may follow in a scan: tables, a new scan, the end; or a new picture, if this one
+was cut off."""
 _TYPE = re.compile(rb"content-type:[ \t]*([\w/.+-]+)", re.IGNORECASE)
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 _KEPT_BYTES = 256
-"""Of what is no picture so much is kept: a head that has come in part."""
+"""Number of bytes outside pictures that are kept, because a head may have come in part."""
 
 
 class Answer(HTTPResponse):

@@ -16,7 +16,7 @@ NOBODY = "No phone is the robot's eye: open the address that the terminal shows 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhoneOptions(Options):
-    """What the phone is asked for."""
+    """The pictures that the phone is asked for."""
 
     eye_width: int = option(320, "width of the phone's pictures", range=(40, 1920))
     eye_height: int = option(240, "height of the phone's pictures", range=(30, 1080))
@@ -29,7 +29,7 @@ class PhoneCamera(WatchedCamera):
     name: ClassVar[str] = "phone"
     options_type: ClassVar[type[Any]] = PhoneOptions
     source: object | None = None
-    """Whoever holds the phone's socket now; it sets this itself."""
+    """The holder of the phone's socket, which sets this itself."""
     _captured_s = 0.0
     _reason: str | None = NOBODY
 

@@ -14,12 +14,12 @@ from robot.errors import CameraError, told_as
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
-"""A stamp that says that a picture is older than this is none."""
+"""Largest age of a picture by its time stamp, in seconds; a stamp that gives more is ignored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picamera2Options(Options):
-    """What the camera is asked for."""
+    """The picture that the camera is asked for."""
 
     width: int = option(160, "width of the picture in pixels", range=(32, 1920))
     height: int = option(120, "height of the picture in pixels", range=(24, 1920))

@@ -1,4 +1,4 @@
-"""What a person is told when Bluetooth fails, by the texts of libraries and systems. Pure."""
+"""Turns Bluetooth errors of libraries and systems into advice for a person. Pure."""
 
 from __future__ import annotations
 

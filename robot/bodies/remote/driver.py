@@ -25,12 +25,13 @@ from robot.types import Action, Point, Sensors
 
 PORT = 4210
 REPLY_S = 0.15
-"""How long a report is waited for; one that is lost is no fault yet."""
+"""Time limit for a report, in seconds; one lost report does not count as a fault."""
 GONE_S = 0.5
-"""After so long without any report the robot counts as gone."""
+"""Time without any report after which the robot counts as gone, in seconds."""
 _CONNECT_S = 3.0
 _CONNECT_TRIES = 20
-"""A computer that stood still for a while has not asked often enough to call a robot silent."""
+"""Least number of requests before a robot counts as silent: after a pause the computer has asked
+too seldom to tell."""
 
 
 class MessageLine(Protocol):

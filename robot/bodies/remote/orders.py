@@ -20,13 +20,13 @@ from robot.types import Action, Point, Sensors
 
 MAX_BYTES = 512
 _NO_NUMBER = re.compile(rb'("(?:[^"\\]|\\.)*")|[-+]?\b(?:inf(?:inity)?|nan|ovf)\b', re.I)
-"""What small computers write for a number that is none: MicroPython's json `inf` and `nan`,
+"""Words that small computers write for a missing number: MicroPython's json `inf` and `nan`,
 Arduino's print `ovf` as well. JSON has no such words."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyReport:
-    """What a robot says of itself: who it is since it was switched on, and what it senses.
+    """A robot's report: its identity since it was switched on, and the values of its sensors.
 
     `nonce` is new whenever the robot starts, and empty where nobody else can send; `seq` is the
     last order that it obeyed, and `ms` what its clock shows. `takes_points` is whether orders may
@@ -42,7 +42,7 @@ class BodyReport:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """One order: a move for so long, at a share of full speed, and what it was given upon.
+    """One order: a move, its duration, its share of full speed, and the report that it answers.
 
     `seq` counts the orders; `seen_ms` is what the body's clock showed in its newest report.
     """
@@ -102,10 +102,10 @@ def moves_option(default: str) -> Any:
 def parse_moves(text: str) -> tuple[Move, ...]:
     """Read what a person says that a body can do: `forward,left,fast:0:1`.
 
-    A name alone is a move; behind it may stand its steering and throttle.
+    A name is a move; its steering and throttle may follow it.
 
     Raises:
-        ConfigurationError: If a move is none; says which.
+        ConfigurationError: If one of them is not a move; names it.
     """
     moves = []
     for part in text.split(","):

@@ -17,7 +17,7 @@ from robot.types import Action, Point, Sensors
 
 HELLO = b"?"
 LATE_MS = 500
-"""So long after its `SEEN_MS` a move has ended; an order that comes later only stops."""
+"""Time after its `SEEN_MS` at which a move has ended, in milliseconds; a later order only stops."""
 LONGEST_MS = 500
 
 

@@ -30,7 +30,7 @@ class SameDevice:
     """The one device of a driver.
 
     Args:
-        kind: What it is in a sentence, as `hub`.
+        kind: Its noun in a sentence, such as `hub`.
         wanted: The name or address that a person gave; empty for the only one in reach.
         flag: The option by which a person tells devices apart.
     """

@@ -13,7 +13,7 @@ from robot.clock import RealClock
 
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
 _MOST_UNANSWERED = 10
-"""After so many messages without an answer, a second and a half, the connection is a dead one."""
+"""Number of messages without an answer (a second and a half) after which a connection is dead."""
 
 
 class WebsocketLine(ReconnectingLink):

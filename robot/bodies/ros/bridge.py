@@ -24,17 +24,17 @@ CONNECT_S = 4.0
 SEND_S = 0.3
 PING_EVERY_S = 0.1
 GONE_S = 0.4
-"""After so long without any sign of life the bridge counts as gone."""
+"""Time without any sign of life after which the bridge counts as gone, in seconds."""
 MAX_BYTES = 6 * 2**20
 _LOST_S = 3.0
-"""After so long the connection is closed and opened again."""
+"""Time limit for the answer to a ping, in seconds; then the connection is opened again."""
 _ASK_AGAIN_S = REFUSED_S / 2
 """Pause before topics are asked for again after a refusal, in seconds: the node in the way may have
 ended, and until then the refusal is heard again."""
 
 Message = Mapping[str, Any]
 End = tuple[Message, float]
-"""What is published after so many seconds, unless another message follows before."""
+"""A message and the seconds after which it is published, unless another one is sent before."""
 
 
 class RosBridge(ReconnectingConnection):
@@ -78,7 +78,7 @@ class RosBridge(ReconnectingConnection):
 
     @property
     def refusal(self) -> str:
-        """What the bridge has refused of late, in its own words; empty if nothing."""
+        """The bridge's latest refusal, in its own words; empty if there is none."""
         return self._refusals.at(self._clock.now_s())
 
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:

@@ -1,4 +1,4 @@
-"""What rosbridge says beside messages: refusals, warnings, and the wrappings that hide them.
+"""Reads rosbridge's own notices: refusals, warnings, and messages wrapped in others.
 
 Its protocol, version 2: a `status` has a level and a text (3.4.1 of ROSBRIDGE_PROTOCOL.md); a
 `fragment` is one part of a long message (3.1.1); a `png` has a message as the pixels of a picture
@@ -63,7 +63,7 @@ class Unwrapping:
         self._parts: dict[str, dict[int, str]] = {}
 
     def messages(self, text: str | bytes) -> Iterator[Mapping[str, Any]]:
-        """Give the messages that are whole by now; one or none. What cannot be read is left out."""
+        """Yield the message, if it is whole by now. A message that cannot be read is left out."""
         for _ in range(_DEEPEST):
             try:
                 message = json.loads(text)

@@ -48,7 +48,7 @@ class V4l2Camera(ThreadedCamera):
             path = reader.video.path
             reader.close()
             raise CameraError(
-                f"the camera {path} gives MJPEG alone, and nothing here can read it: on a brick "
+                f"the camera {path} gives only MJPEG, and nothing here can read it: on a brick "
                 "take a camera with YUYV (a Logitech C270 has it), or run the server on another "
                 "computer (drivelesson brick agent ADDRESS)"
             )

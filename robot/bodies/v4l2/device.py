@@ -24,7 +24,7 @@ CAPTURE, MMAP = 1, 1
 FLAG_ERROR, FLAG_MONOTONIC, CLOCK_MASK = 0x40, 0x2000, 0xE000
 CAN_CAPTURE, CAN_STREAM, DEVICE_CAPS = 0x1, 0x04000000, 0x80000000
 FOURCC = {"yuyv": (b"YUYV",), "jpeg": (b"MJPG", b"JPEG")}
-"""What the kernel calls an encoding; drivers differ in what they call a JPEG."""
+"""The kernel's names of each encoding; drivers use two names for JPEG."""
 N_BUFFERS = 2
 
 VideoFrame = NamedTuple("VideoFrame", [("data", bytes), ("taken_s", float)])

@@ -1,6 +1,6 @@
 """Making YUYV pictures small: every n-th pixel, and the middle of what is left. Pure, Python 3.5.
 
-Slices alone, since a brick has no time for more and its stock image no numpy.
+It uses only slices, since a brick has no time for more, and its stock image has no numpy.
 """
 
 from typing import NamedTuple

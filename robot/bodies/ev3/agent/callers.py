@@ -23,7 +23,7 @@ MAX_STRANGERS = 12
 JOIN_S = 1.0
 """Time limit of an unauthenticated connection to join."""
 ACCEPT_PAUSE_S = 0.2
-"""After an error of `accept` (no descriptors or memory left) none is accepted for so long."""
+"""Pause after an error of `accept` (no descriptors or memory left), in seconds."""
 LARGEST_OUTBOX = 1 << 20
 """A controller that reads so little that more than this waits for it is dropped."""
 
@@ -144,7 +144,7 @@ class CallerLimiter:
 
 
 class LimitedLog:
-    """Prints at most so many lines a minute: clients cannot fill a small card."""
+    """Prints at most `LINES_A_MINUTE` lines, so that clients cannot fill a small card."""
 
     LINES_A_MINUTE = 20
 

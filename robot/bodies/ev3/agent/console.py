@@ -17,7 +17,8 @@ EVIOCGRAB = 0x40044590
 VT_GETSTATE, VT_ACTIVATE = 0x5603, 0x5606
 SCREEN = 6
 MENU_S = 3.0
-"""Back held for so long gives buttons and screen to the brick's menu, to switch it off."""
+"""Time for which Back is held to give buttons and screen to the brick's menu, in seconds, so that
+the brick can be switched off."""
 
 
 class Console:

@@ -1,4 +1,4 @@
-"""What there is to know of a brick, for `drivelesson brick doctor`. Changes nothing."""
+"""Measures the state of a brick for `drivelesson brick doctor`. Changes nothing."""
 
 import os
 import platform

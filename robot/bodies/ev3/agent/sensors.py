@@ -96,7 +96,7 @@ class SensorGroup:
 
 
 class RobotSensors:
-    """What a body senses; the arguments are as for `SensorGroup`.
+    """The sensors of a body; the arguments are as for `SensorGroup`.
 
     Several touch sensors are bumpers, from left to right. `clock` has the functions of Python's
     `time`.

@@ -14,12 +14,13 @@ from robot.bodies.v4l2.device import VideoFrame
 from robot.bodies.v4l2.reader import CameraReader
 
 WATCHDOG_S = 0.5
-"""So long after the last command the motors are stopped, whatever was asked."""
+"""Time after the last command at which the motors are always stopped, in seconds."""
 SILENCE_S = 1.5
-"""A controller that sends nothing for so long is gone, and another may come."""
+"""Time of silence after which a controller counts as gone, in seconds; another may then join."""
 STALE_S = 0.4
-"""A move is not carried out if its sender had received our newest report longer ago than this: a
-report comes each 0.1 s, so it was held up on the way, here or there, for 0.3 s. Our clock alone."""
+"""Age of the newest report that a controller had received, in seconds, beyond which its move is not
+carried out. A report is sent each 0.1 s, so the move was delayed by 0.3 s. Only the brick's clock
+is used."""
 REPORT_S = 0.1
 
 
@@ -186,7 +187,7 @@ class Agent:
             caller.send({"fault": str(error)})
 
     def _watch(self, now_s: float) -> None:
-        """Stop the motors, and drop who has been silent for too long."""
+        """Stop the motors, and drop a controller that has been silent for too long."""
         if self._commanded_s is not None and now_s - self._commanded_s > WATCHDOG_S:
             self._commanded_s = None
             if self._body is not None:

@@ -26,7 +26,7 @@ _COUNT = struct.Struct(">Q")
 
 
 def digest_of(secret: str, purpose: str, agent_nonce: str, controller_nonce: str) -> bytes:
-    """Return 32 bytes that only who knows the secret can compute, for one purpose."""
+    """Return 32 bytes for one purpose, which cannot be computed without the secret."""
     text = "\n".join(("drivelesson", purpose, agent_nonce, controller_nonce))
     return hmac.new(secret.encode(), text.encode(), "sha256").digest()
 

@@ -143,7 +143,7 @@ def test_a_camera_with_mjpeg_alone_is_refused_where_nothing_can_read_it(tmp_path
     video = FakeVideo(tmp_path, replace(QUICK, formats="MJPG"))
     running = Probe(video, hide="cv2")
     assert running.next()["error"] == (
-        f"the camera {DEVICE} gives MJPEG alone, and nothing here can read it: on a brick take a "
+        f"the camera {DEVICE} gives only MJPEG, and nothing here can read it: on a brick take a "
         "camera with YUYV (a Logitech C270 has it), or run the server on another computer "
         "(drivelesson brick agent ADDRESS)"
     )
