@@ -1,4 +1,4 @@
-"""The board's own server: one page for the teacher, on the teacher's machine alone."""
+"""The board's own server: one page for the teacher, only on the teacher's machine."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from server.routes.sockets import end_with_either
 from server.services import keep_gateway
 
 SEND_EVERY_S = 0.1
-"""News and pictures are gathered so long, and sent together."""
+"""How long news and pictures are gathered before they are sent together, in seconds."""
 PICTURE_HEADER = struct.Struct("<HI")
-"""Before each picture: the robot's number, and how many bytes follow."""
+"""Header of each picture: the robot's number and the picture's length in bytes."""
 
 
 class StopOrder(RawValue):
-    """Which robot is to stop; all if it is left out."""
+    """The robot to stop; all robots if it is left out."""
 
     robot: int | None = whole(None)
 
 
 class RobotChange(RawValue):
-    """What is to change of one robot."""
+    """Changes to one robot."""
 
     name: str | None = text(None)
     colour: str | None = text(None)
@@ -48,7 +48,7 @@ class RobotChange(RawValue):
 
 
 class ModelCopies(RawValue):
-    """Which robots get the model."""
+    """The robots that get the model."""
 
     to: list[int] = must_be("a list of robots' numbers")
 
@@ -135,13 +135,13 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.post("/api/robots/{number}/copy-model")
     async def take_model(number: int, body: ModelCopies) -> dict[str, Any]:
-        """Copy this robot's model in use, and say what failed."""
+        """Copy this robot's model in use; return the failures."""
         targets = [board.robot(target) for target in body.to if target != number]
         return {"faults": await copy_model(board.robot(number), targets)}
 
     @app.get("/api/robots/{number}/qr.svg")
     async def draw_code(number: int, printed: bool = False) -> Response:
-        """Draw the code that pairs the next phone with a robot; `printed`: one for always."""
+        """Draw the code that pairs the next phone with a robot; with `printed` a permanent one."""
         address = board.robot(number).page_address(printed=printed)
         if address is None:
             raise HTTPException(409, "There is no code while the robot is away.")
@@ -156,7 +156,7 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.websocket("/ws/board")
     async def follow(websocket: WebSocket) -> None:
-        """Send news and pictures; receive who is watched, STOP, and the release of a stop."""
+        """Send news and pictures; receive the robots to watch, STOP, and releases."""
         await websocket.accept()
         onlooker = BoardViewer()
         board.join(onlooker)
@@ -192,8 +192,10 @@ async def _hear(websocket: WebSocket, board: Board, onlooker: BoardViewer) -> No
 
 
 async def _tell(websocket: WebSocket, board: Board, onlooker: BoardViewer, clock: Clock) -> None:
-    """Send what is new, but not while a stop is under way; of pictures only the newest, once those
-    before have been drawn."""
+    """Send news and the newest pictures, but not while a stop is under way.
+
+    Pictures are sent once the previous ones have been drawn.
+    """
     while True:
         await onlooker.due.wait()
         await board.at_leisure.wait()

@@ -1,4 +1,4 @@
-"""All robots of a class: which there are, who looks at them, and STOP for all at once."""
+"""All robots of a class, the pages that watch them, and STOP for all at once."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PICTURE_EVERY_S = 1.0
 
 
 class BoardViewer:
-    """One open page of the board: what it has not been told yet, and the newest pictures.
+    """One open page of the board, with its unsent news and the newest pictures.
 
     Attributes:
         due: Set when there is something to send, so that the page's task wakes up.
@@ -40,9 +40,9 @@ class Board:
     """The robots of one class. Everything runs on one event loop.
 
     Attributes:
-        robots: Those of the class: the teacher has named them, or they have proved it. None is
-            ever removed.
-        strangers: Who else was announced.
+        robots: The robots of the class: named by the teacher, or proved by the key. None is ever
+            removed.
+        strangers: The other announced robots.
     """
 
     def __init__(
@@ -60,8 +60,11 @@ class Board:
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[BoardViewer] = []
         self.at_leisure = asyncio.Event()
-        """Not set while a robot has not answered a stop, nor been named for it: then no pictures
-        are taken and no news are told, so that this machine and the network have nothing else."""
+        """Cleared while a stop is neither confirmed nor reported as failed.
+
+        Meanwhile no pictures or news are sent, so that the stop has the machine and the network
+        to itself.
+        """
         self.at_leisure.set()
 
     def add(self, address: RobotAddress) -> RobotLink | None:
@@ -82,7 +85,7 @@ class Board:
         return robot
 
     def announce(self, address: RobotAddress) -> None:
-        """Take in what the network announced: it is no robot of the class before it proves it."""
+        """Add an announced robot; it joins the class only after it has proved the key."""
         if not self.has(address):
             self.strangers.announce(address)
 
@@ -135,7 +138,7 @@ class Board:
         self._choose_pictures()
 
     def watch(self, page: BoardViewer, numbers: Iterable[int]) -> None:
-        """Send a page the pictures of these robots, and of no others."""
+        """Send a page only the pictures of these robots."""
         page.watched = frozenset(numbers)
         for number in set(page.pictures) - page.watched:
             del page.pictures[number]

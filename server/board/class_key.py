@@ -1,8 +1,8 @@
-"""The key that a teacher's board shares with the robots of a class, and what it proves.
+"""The key that a teacher's board shares with the robots of a class, and its proofs.
 
-Each side proves that it knows the key without showing it. What is proved contains both sides'
-random numbers and the robot's address as each side sees it, so that an impostor with another
-address can neither repeat a proof nor pass it on. Pure, but for the key's file.
+Each side proves that it knows the key without showing it. A proof covers both sides' random
+numbers and the robot's address as each side sees it, so an impostor with another address can
+neither replay nor relay it. Pure, except for the key's file.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robot.store.records import read_regular
 from server.access.pairing import ALPHABET, TOKEN_LETTERS
 
 SHORTEST = 32
-"""Letters of a key; whoever records a handshake can try keys offline."""
+"""Minimum length of a key in characters: keys can be tried offline on a recorded handshake."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +49,12 @@ class ClassKey:
 
     @property
     def code(self) -> str:
-        """The code that is printed: it pairs any phone with any robot of the class, as long as the
-        class has this key."""
+        """The printed code: it pairs any phone with any robot that has this key."""
         digest = hmac.digest(self.secret.encode(), b"drivelesson class code 1", "sha256")
         return "".join(ALPHABET[byte % len(ALPHABET)] for byte in digest[:TOKEN_LETTERS])
 
     def accepts(self, proof: str, who: str, board_nonce: str, robot_nonce: str, at: str) -> bool:
-        """True if that is the other side's proof."""
+        """True if the proof is the other side's."""
         wanted = self.prove(who, board_nonce, robot_nonce, at)
         return hmac.compare_digest(wanted.encode(), proof.encode("utf-8", "replace"))
 
@@ -65,12 +64,12 @@ def new_nonce() -> str:
 
 
 def endpoint(address: str, port: int) -> str:
-    """Write an address and port as proofs contain them, without an interface's name."""
+    """Return an address and port as proofs contain them, without an interface's name."""
     return f"{address.partition('%')[0].removeprefix('::ffff:').lower()}:{port}"
 
 
 def read_class_key(file: Path) -> ClassKey:
-    """Read a key; ConfigurationError if there is none, or it is no key."""
+    """Read a key; ConfigurationError if the file is missing or has no valid key."""
     wrong, do = f"cannot read the class key {file}", "copy it from the teacher's machine"
     with told_as(ConfigurationError, wrong, OSError, ValueError, do=do):
         text = read_regular(file, 4096).decode("ascii").strip()
@@ -78,7 +77,7 @@ def read_class_key(file: Path) -> ClassKey:
 
 
 def keep_class_key(file: Path) -> ClassKey:
-    """Read a key; make one where there is none, readable by its owner alone."""
+    """Read a key; make one if there is none, readable only by its owner."""
     with told_as(ConfigurationError, f"cannot write a class key {file}"), suppress(FileExistsError):
         file.parent.mkdir(parents=True, exist_ok=True)
         with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_EXCL, 0o600), "w") as out:

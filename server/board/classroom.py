@@ -1,9 +1,9 @@
-"""A robot as a member of a class: who is its teacher, and what its pupils may change.
+"""A robot as a member of a class: its teacher's sessions, and the locks on its pupils.
 
-There is one only where the robot was given the class's key. The teacher's board proves that it
-knows the key and gets a session of its own, which no browser holds: it travels in a header that a
-page of another site cannot set. Locks are kept on the robot and enforced by its guard. Pure, but
-for the locks' file; the time is an argument.
+It exists only if the robot was given the class's key. The teacher's board proves that it knows the
+key and gets its own session. No browser holds it: it travels in a header that a page of another
+site cannot set. Locks are kept on the robot and enforced by its guard. Pure, except for the locks'
+file; the time is an argument.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LOCKS: dict[str, tuple[str, ...]] = {
     "gallery": ("/api/gallery",),
     "recordings": ("/api/episodes",),
 }
-"""What a teacher can lock, and the addresses below which nothing may then be changed."""
+"""The locks of a teacher, each with the paths below which it forbids changes."""
 _NONCE = re.compile(r"[0-9a-f]{32}")
 _READS = ("GET", "HEAD", None)
 _SESSIONS = 8
@@ -58,8 +58,8 @@ class Classroom:
     def challenge(self, board_nonce: str, endpoint: str, now_s: float) -> tuple[str, str]:
         """Return a random number for the board, and the proof that this robot knows the key.
 
-        Nothing is kept: whoever asks a thousand times costs no memory and evicts nobody.
-        ConfigurationError if `board_nonce` is none.
+        Nothing is stored: repeated requests cost no memory and evict nobody. ConfigurationError if
+        `board_nonce` is not valid.
         """
         if not _NONCE.fullmatch(board_nonce):
             raise ConfigurationError("'nonce' must be 32 hexadecimal digits")
@@ -99,7 +99,7 @@ class Classroom:
         return hmac.new(self._own_secret, text, hashlib.sha256).hexdigest()[:32]
 
     def lock(self, names: Sequence[str]) -> None:
-        """Lock these and unlock all others; where that raises, nothing is changed."""
+        """Lock these and unlock all others; an error leaves the locks unchanged."""
         locks = frozenset(names)
         if not locks <= LOCKS.keys():
             raise ConfigurationError(f"'locks' must be a list of some of {', '.join(LOCKS)}")
@@ -117,7 +117,7 @@ class Classroom:
 
 
 def _load(file: Path | None) -> frozenset[str]:
-    """Read the locks; where the file is damaged all is locked, and the teacher can unlock it."""
+    """Read the locks; if the file is damaged all is locked until the teacher unlocks it."""
     if file is None:
         return frozenset()
     try:

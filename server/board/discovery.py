@@ -1,7 +1,7 @@
-"""Which robots there are: from a list, or from what they announce on the network.
+"""Finds robots, from a list or from their announcements on the network.
 
-Anybody can announce anything. Believed is the port alone: the address is the one that the
-announcement came from, so that nobody can have the board ask a third computer.
+Announcements can be forged, so only the port is taken from them. The address is the sender's, so
+that nobody can direct the board to a third computer.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _KINDS = {"_http._tcp.local.": False, "_https._tcp.local.": True}
 _GROUP, _PORT = "224.0.0.251", 5353
 _LONGEST = 9000
 _ASK_EVERY_S = 60.0
-"""At first oftener: who was not heard is asked again after 1, 2, 4 ... seconds."""
+"""Longest time between two queries, in seconds; it is reached after waits of 1, 2, 4 ... s."""
 
 
 def read_list(text: str) -> list[RobotAddress]:
@@ -105,7 +105,7 @@ def _zeroconf() -> Any:
 
 
 def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
-    """Ask all who announce anything of these kinds to announce it again."""
+    """Ask all services of these kinds to announce themselves again."""
     zeroconf = _zeroconf()
     question = zeroconf.DNSOutgoing(0)
     for kind in _KINDS:
@@ -119,9 +119,9 @@ def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
 
 
 def read_announcement(data: bytes, source: str) -> list[RobotAddress]:
-    """Return the robots in a packet that came from `source`; none of a robot elsewhere.
+    """Return the robots in a packet that came from `source`; robots elsewhere are ignored.
 
-    A robot with several addresses names the best; what it says from another is left out.
+    A robot with several addresses names the best; its packets from other addresses are ignored.
     """
     zeroconf = _zeroconf()
     packet = zeroconf.DNSIncoming(data, (source, _PORT))

@@ -46,7 +46,7 @@ class ClassJoin(ClassHello):
 
 
 class ClassLocks(RawValue):
-    """What pupils may not change."""
+    """The locks: changes that pupils may not make."""
 
     locks: list[Short] = must_be(f"a list of some of {', '.join(LOCKS)}")
 
@@ -61,7 +61,7 @@ async def hello(request: Request, body: ClassHello) -> dict[str, str]:
 
 @router.post("/join", responses={403: {}, 404: {}})
 async def join(request: Request, body: ClassJoin) -> dict[str, str]:
-    """End it: a session for the board."""
+    """End the handshake: open a session for the board."""
     now_s = services_of(request).robot.clock.now_s()
     given = (body.board_nonce, body.nonce, body.proof)
     secret = _classroom(request).admit(*given, _own(request), now_s)
@@ -86,7 +86,7 @@ async def describe_class(request: Request) -> dict[str, Any]:
 
 @router.put("/locks", dependencies=[ONLY_TEACHER])
 async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
-    """Lock what pupils may not change, and unlock the rest."""
+    """Set these locks and remove all others."""
     classroom = _classroom(request)
     await do(classroom.lock, body.locks)
     services_of(request).hub.announce("locked", locks=sorted(classroom.locks))
@@ -116,7 +116,7 @@ def _classroom(request: Request) -> Classroom:
 
 
 def _own(request: Request) -> str:
-    """Return this robot's address as its own socket has it; no header can change that."""
+    """Return this robot's address from its own socket, which no header can change."""
     address, port = request.scope.get("server") or ("", 0)
     own = endpoint(str(address), int(port or 0))
     files = services_of(request).gateway.tls_files
@@ -130,7 +130,7 @@ def _own(request: Request) -> str:
 class ClassroomExtension(Extension):
     """The class that the robot belongs to, if any: `classroom` is None for a robot in no class.
 
-    The option `class_key` names the key's file; `classroom` instead gives a class that is open.
+    The option `class_key` names the key's file; `classroom` passes an open class instead.
     """
 
     routers = (router,)

@@ -1,4 +1,4 @@
-"""Take a model from one robot to others: each of them checks it as it does any uploaded file."""
+"""Copies a model from one robot to others, which check it like any uploaded file."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from server.board.transport import HttpAnswer, UnreachableError
 async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[str]:
     """Copy the model in use of one robot to others, all at the same time, and have them load it.
 
-    They save the model that they use before, and must be stopped.
+    They save their current model first, and must be stopped.
 
     Returns:
-        What failed, a sentence a robot, with what is as it was before.
+        One sentence for each robot that failed, which also says what has not changed.
     """
     try:
         name = _name_in(await source.ask("POST", "/api/models/save", {}))

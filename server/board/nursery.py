@@ -1,9 +1,9 @@
-"""A process that has imported everything, and forks a robot whenever it is told to.
+"""A process that has imported everything and forks robots on request.
 
 Thirty robots that each import on their own take 30 CPU seconds to start, and share no memory. Here
-one process imports, and its forks share what it has read. Each is a process of its own all the
-same: one that dies takes nobody along. It is told by lines of JSON on its standard input, and
-answers by lines on its standard output. Only for Linux: elsewhere libraries may not be forked.
+one process imports, and its forks share its memory. Each robot is still a separate process, so one
+that crashes does not affect the others. The nursery reads lines of JSON on its standard input and
+answers on its standard output. It is only for Linux: elsewhere libraries may not be forked.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ BELOW = 5
 """Niceness of the robots: the board and the browsers go first."""
 _POLL_S = 1.0
 _COLD = 3.0
-"""By how much a picture costs more in a class than many in a row in one process: caches are cold,
-and sockets and the disk add theirs. Measured with thirty robots on two cores."""
+"""Factor by which a picture costs more in a class than in a loop in one process. Caches are cold,
+and sockets and the disk add time. Measured with thirty robots on two cores."""
 _MODULES = (
     *("cv2", "mcap.writer", "mcap.reader", "panda3d.core", "zeroconf", "zstandard"),
     *("uvicorn.lifespan.on", "uvicorn.logging", "uvicorn.loops.asyncio"),
@@ -45,10 +45,10 @@ _MODULES = (
 
 
 class Nursery:
-    """The class's end of it.
+    """The class's connection to the nursery.
 
     Attributes:
-        picture_s: What a picture of a taught robot costs here, in CPU seconds; None: not measured.
+        picture_s: The CPU seconds that a picture of a taught robot takes here; None: not measured.
     """
 
     def __init__(self, folder: Path, world: str) -> None:
@@ -72,7 +72,7 @@ class Nursery:
         self._listening.start()
 
     def start(self, words: Sequence[str], log: Path) -> threading.Event | None:
-        """Fork a robot; return what is set when it has ended. None: it could not be started."""
+        """Fork a robot; return an event that is set when it ends, or None if it did not start."""
         with self._lock, contextlib.suppress(OSError):
             assert self._process.stdin is not None
             self._process.stdin.write(json.dumps({"words": list(words), "log": str(log)}) + "\n")
@@ -83,11 +83,11 @@ class Nursery:
 
     @property
     def pids(self) -> list[int]:
-        """Numbers of the processes that were forked, in their order."""
+        """The process ids of the forks, in order."""
         return list(self._ended)
 
     def end(self) -> None:
-        """Have all robots end; they do so as well when the process that called this is gone."""
+        """End all robots; they also end when the calling process is gone."""
         if self._life >= 0:
             os.close(self._life)
             self._life = -1
@@ -118,7 +118,7 @@ class Nursery:
 
 
 def _serve(words: Sequence[str], log: str, life: int) -> int:
-    """Be a robot until it ends, or until the class has."""
+    """Run a robot until it or the class ends."""
     os.setsid()
     os.nice(BELOW)
     random.seed()
@@ -143,7 +143,7 @@ def _log(path: str) -> int:
 
 
 def _fork(work: Callable[[], int]) -> int:
-    """Do the work in a process of its own; return its number."""
+    """Do the work in a separate process; return its process id."""
     sys.stdout.flush()
     pid = os.fork()
     if pid:
@@ -164,7 +164,7 @@ def _fork(work: Callable[[], int]) -> int:
 
 
 def measure_picture_s(world: str) -> float:
-    """Return what a picture costs here: rendered, encoded, decoded, proposed on and learned."""
+    """Return the CPU time of a picture: rendered, encoded, decoded, proposed on and learned."""
     from robot.control.loop import ControlLoop
     from robot.policy.registry import make_policy
     from robot.simulator.camera import SimCamera, SimCameraOptions
@@ -193,7 +193,7 @@ def measure_picture_s(world: str) -> float:
 
 
 def _measure_apart(world: str) -> float | None:
-    """Measure in a fork: a renderer must not be forked once it is there."""
+    """Measure in a fork: a process must not be forked once it has a renderer."""
     read, write = os.pipe()
 
     def work() -> int:

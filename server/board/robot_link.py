@@ -1,8 +1,8 @@
-"""The board's connection to one robot: it stays open, so that a stop is one message away.
+"""The board's connection to one robot, which stays open so that a stop takes one message.
 
-The board is a client of the robot's own server, like a page: it hears the state on `/ws/drive` as
-an idle client, and gets pictures on `/ws/video` only while somebody looks. A robot that is slow or
-gone delays no other: each has tasks of its own, and nothing is shared between them.
+The board is a client of the robot's own server, like a page. It receives the state on `/ws/drive`
+as an idle client, and pictures on `/ws/video` only while somebody looks. A robot that is slow or
+gone delays no other: each has its own tasks, which share nothing.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 PING_EVERY_S, SILENCE_S = 1.0, 3.0
 START_S = 30.0
-"""For how long a robot that has never answered may still be starting, in seconds."""
+"""How long a robot that has never answered counts as starting, in seconds."""
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
@@ -93,7 +93,7 @@ class RobotLink:
         }
 
     def page_address(self, *, printed: bool = False) -> str | None:
-        """What the robot's QR code says, that on paper or the next; None before there is one."""
+        """The address in the robot's QR code, printed or next; None if there is none yet."""
         if self._session.place is None or self.status is not Status.THERE:
             return None
         address = str(self._session.place.address)
@@ -103,7 +103,7 @@ class RobotLink:
         return pairing_address(address, token) if token else None
 
     def show(self, every_s: float | None) -> None:
-        """Get a picture in so many seconds; None for none at all."""
+        """Get one picture every `every_s` seconds; none if it is None."""
         if every_s != self._every_s:
             self._every_s = every_s
             self._rate_changed.set()
@@ -208,7 +208,7 @@ class RobotLink:
                 raise UnreachableError("it has fallen silent")
 
     async def _invite(self) -> None:
-        """Keep a token for the QR code that stays valid for a while yet."""
+        """Renew the QR code's token before it expires."""
         while True:
             token = (await self.ask("POST", "/api/class/invitation", {})).json().get("token")
             self.invitation = token if isinstance(token, str) else None

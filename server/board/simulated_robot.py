@@ -1,8 +1,8 @@
-"""The simulated robots of a class, each in a process of its own: it ends however the class ended.
+"""The simulated robots of a class, each in its own process, which ends with the class.
 
-A process runs `serve` until whoever started it closes its standard input. The system closes
-that when a program ends, is killed or loses its terminal, so none is ever left behind, and
-Windows does so as well. Ctrl-C, which would reach all of them at once, is the class's alone.
+A process runs `serve` until its parent closes the process's standard input. Every system, Windows
+included, closes it when the parent ends, is killed or loses its terminal, so no process is left
+behind. Ctrl-C would reach all of them at once, so only the class handles it.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ log = logging.getLogger(__name__)
 _ASK_S, _ASKS = 0.2, 150
 _ANSWER_S = 5.0
 _GOLDEN_DEG = 137.508
-"""Hues so far apart are distinct, however many there are."""
+"""Step between hues in degrees: the golden angle keeps any number of hues distinct."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
-"""Of the colours that the board shows: a robot gets that which its walls are next to."""
+"""Hues of the board's colours in degrees; a robot gets the one nearest to its walls' hue."""
 RATE_HZ, PER_CORE_HZ = 30, 150
-"""Pictures a second of a robot at most, and of all of them for each of the computer's cores."""
+"""Maximum frame rate of one robot, and of all robots together per CPU core, in Hz."""
 _FLAGS = sum(  # of Windows
     getattr(subprocess, name, 0)
     for name in ("CREATE_NEW_PROCESS_GROUP", "BELOW_NORMAL_PRIORITY_CLASS")
@@ -41,8 +41,10 @@ _FLAGS = sum(  # of Windows
 
 
 class SimulatedRobot:
-    """One of them. Its number decides its name, its colour and its room, where the folder has none
-    that a teacher gave it."""
+    """One simulated robot.
+
+    Its number decides its name, colour and room, unless its folder has those that a teacher gave.
+    """
 
     def __init__(self, number: int, port: int, folder: Path) -> None:
         self.number, self.port, self.folder = number, port, folder
@@ -58,7 +60,7 @@ class SimulatedRobot:
     def start(
         self, host: str, world: str, key: Path, rate_hz: float, nursery: Nursery | None = None
     ) -> None:
-        """Start its process, and return when it serves; what it says is in `log.txt`."""
+        """Start its process and return when it serves; its output goes to `log.txt`."""
         if self._ending.is_set():
             return
         words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
@@ -115,7 +117,7 @@ class SimulatedRobot:
 
 
 def _serves(host: str, port: int) -> bool:
-    """Return whether a robot answers, and not only that it is still starting."""
+    """Return True if a robot answers with more than its starting page."""
     with (
         contextlib.suppress(OSError),
         socket.create_connection((host, port), _ANSWER_S) as line,
@@ -130,9 +132,9 @@ def _serves(host: str, port: int) -> bool:
 def simulated_robots(
     count: int, *, host: str, port: int, data: Path, world: str, key: Path
 ) -> Iterator[list[int]]:
-    """Run so many robots inside the block, each with a room of its own; yields their ports.
+    """Run `count` robots inside the block, each with its own room; yield their ports.
 
-    They serve on the ports behind `port`, the board's, and keep what they learn in `data/class`.
+    They serve on the ports after `port`, the board's, and save their models in `data/class`.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
     for robot in robots:  # before any of them starts: is the port free?
@@ -143,7 +145,7 @@ def simulated_robots(
     begun = itertools.count(1)
 
     def begin() -> None:
-        """Start all robots, while the board answers already."""
+        """Start all robots while the board already answers."""
         if sys.platform == "linux" and count > 1:
             nurseries.append(Nursery(data, world))
         picture_s = next((one.picture_s for one in nurseries), None) or 1 / PER_CORE_HZ

@@ -1,4 +1,4 @@
-"""STOP for one robot: sent on the open line at once, confirmed by the robot, or repeated and told.
+"""STOP for one robot: sent at once on the open connection, then confirmed, or sent again.
 
 A stop is the teacher's until the teacher releases it: see docs/howto/class.md.
 """
@@ -20,12 +20,12 @@ from server.board.transport import UnreachableError, within
 log = logging.getLogger(__name__)
 
 CONFIRM_S = 0.3
-"""A stop that is not confirmed in this time is reported, and sent again by another way."""
+"""Timeout of a stop's confirmation, in seconds; then it is reported and sent another way."""
 _STOP, _RELEASE = json.dumps({"type": "stop"}), json.dumps({"type": "release"})
 
 
 class Stopping(StrEnum):
-    """How far a stop has come."""
+    """The stage of a stop."""
 
     ASKED = "asked"
     STOPPED = "stopped"
@@ -33,11 +33,11 @@ class Stopping(StrEnum):
 
 
 class RobotStop:
-    """The stop of one robot; `on_change` is called when it has come further.
+    """The stop of one robot; `on_change` is called at each new stage.
 
     Attributes:
-        stage: How far it has come; None where nothing was asked, or it was released.
-        channel: The open line to the robot; None while there is none.
+        stage: The current stage; None if no stop was asked for, or it was released.
+        channel: The open connection to the robot; None while there is none.
     """
 
     def __init__(
@@ -46,9 +46,9 @@ class RobotStop:
         self.stage: Stopping | None = None
         self.channel: Any = None
         self._is_shown = False
-        """Whether the line has told of this stop: what comes before that is older than it."""
+        """True if the connection has reported this stop; earlier states are older than it."""
         self._is_behind = False
-        """Whether the line may still tell of a stop that was released since."""
+        """True if the connection may still report a stop that has since been released."""
         self._session, self._clock = session, clock
         self._on_change = on_change
         self._pressing: asyncio.Task[None] | None = None
@@ -60,7 +60,7 @@ class RobotStop:
         return self.stage in (Stopping.ASKED, Stopping.NOT_REACHED)
 
     def press(self) -> None:
-        """Stop the robot now; while it cannot be reached, as soon as it can."""
+        """Stop the robot now, or as soon as it can be reached."""
         if self.channel is not None:
             self._start(self.send(self.channel))
         if not self.is_under_way:
@@ -81,7 +81,7 @@ class RobotStop:
         self._on_change()
 
     def note_state(self, *, is_stopped: bool) -> None:
-        """Take in what the robot says on the line, which may be older than what it was told."""
+        """Note a state from the robot, which may be older than the last command."""
         if not is_stopped:
             self._is_behind = False
             if self.stage is Stopping.STOPPED and self._is_shown:
@@ -90,13 +90,13 @@ class RobotStop:
             self.stage, self._is_shown = Stopping.STOPPED, True
 
     async def send_again(self, channel: Any) -> None:
-        """Send what is not released on a line that has just been opened, before all else."""
+        """Send an unreleased stop first on a connection that has just been opened."""
         self._is_shown = self._is_behind = False
         if self.stage is not None:
             await self.send(channel)
 
     async def send(self, channel: Any, words: str = _STOP) -> None:
-        """Say it on an open line; a stop that fails here is noticed where it is confirmed."""
+        """Send it on an open connection; a failure is noticed by the missing confirmation."""
         with contextlib.suppress(UnreachableError):
             async with within(1.0):
                 await channel.send(words)
@@ -106,7 +106,7 @@ class RobotStop:
             task.cancel()
 
     async def _see_to_it(self) -> None:
-        """See to it that the stop is confirmed, and report it if it is not."""
+        """Wait until the stop is confirmed; report and repeat it if it is not."""
         await self._clock.pause(CONFIRM_S)
         while self.is_under_way:
             if self.stage is Stopping.ASKED:

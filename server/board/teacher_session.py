@@ -19,11 +19,11 @@ from server.board.transport import (
 )
 
 _LONGEST = 300
-"""Letters that are read of a robot's sentence, number or proof."""
+"""Maximum number of characters read of a robot's sentence, number or proof."""
 
 
 class Status(StrEnum):
-    """What the board knows of a robot's server."""
+    """The state of a robot's server as the board knows it."""
 
     CONNECTING = "connecting"
     THERE = "there"
@@ -33,7 +33,7 @@ class Status(StrEnum):
 
 
 class RefusedError(RobotError):
-    """A robot answered that it will not."""
+    """A robot refused a request."""
 
     def __init__(self, status: int, sentence: str) -> None:
         super().__init__(sentence)
@@ -41,7 +41,7 @@ class RefusedError(RobotError):
 
 
 class WrongClassError(RobotError):
-    """A robot is in no class, or in another."""
+    """A robot belongs to no class, or to another one."""
 
     def __init__(self, status: Status, sentence: str) -> None:
         super().__init__(sentence)
@@ -51,7 +51,7 @@ class WrongClassError(RobotError):
 class TeacherSession:
     """Asks one robot's server, as its teacher once `join` has succeeded.
 
-    What asks it raises UnreachableError if the robot does not answer.
+    Methods that ask it raise UnreachableError if the robot does not answer.
     """
 
     def __init__(self, address: RobotAddress, key: ClassKey, transport: NetworkTransport) -> None:
@@ -65,10 +65,10 @@ class TeacherSession:
         return self._secret is not None
 
     async def join(self) -> None:
-        """Prove to each other that board and robot are of one class; open a session.
+        """Prove in both directions that board and robot are of one class; open a session.
 
         Raises:
-            WrongClassError: If they are not.
+            WrongClassError: If they are of different classes.
         """
         place = self.place = await self._transport.locate(self.address)
         nonce = new_nonce()
@@ -95,7 +95,7 @@ class TeacherSession:
         """Send a request as the teacher; a session that the robot has forgotten is closed.
 
         Raises:
-            RefusedError: If the robot refuses; with its own sentence.
+            RefusedError: If the robot refuses, with the robot's own sentence.
         """
         if not self.is_open:
             raise UnreachableError("it is not connected")
@@ -107,7 +107,7 @@ class TeacherSession:
         return answer
 
     async def send(self, method: str, path: str, body: Any = None) -> HttpAnswer:
-        """Send a request and return whatever comes; before `join` it is anybody's.
+        """Send a request and return the answer; before `join` it may be forged.
 
         The body is sent as JSON, or as it is if it is bytes.
         """

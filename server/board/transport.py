@@ -1,7 +1,7 @@
-"""How the board reaches a robot's server: requests, and websockets that stay open.
+"""Connects the board to a robot's server by requests and by websockets that stay open.
 
-Every connection goes to the address that the handshake was bound to: a name is looked up once, and
-over https the certificate seen first is the only one accepted after it.
+Every connection goes to the address of the handshake: a name is looked up once, and over https only
+the first certificate is accepted afterwards.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from server.board.class_key import endpoint
 from server.protocol import ProtocolError, parse_object
 
 LARGEST_BYTES = 64_000_000
-"""The largest answer that is read: a model."""
+"""Maximum size of an answer in bytes; the largest answers are models."""
 _PATIENCE_S = 4.0
 _FILE_PATIENCE_S = 60.0
 _THREADS = 64
@@ -36,12 +36,12 @@ _ENDS = (OSError, EOFError, UnicodeError, WebSocketException, http.client.HTTPEx
 
 
 class UnreachableError(RobotError, OSError):
-    """A robot does not answer, or ended in the middle of an answer."""
+    """A robot does not answer, or its answer broke off."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotAddress:
-    """Where a robot's server listens, as a person or the network named it."""
+    """The address of a robot's server, as a person or the network named it."""
 
     host: str
     port: int
@@ -67,11 +67,11 @@ class RobotAddress:
 
 @dataclass(frozen=True, slots=True)
 class ServerPlace:
-    """A robot's server as the network has it now: where all connections go.
+    """The current network address of a robot's server, to which all connections go.
 
     Attributes:
-        address: With a number in place of a name.
-        endpoint: What both sides of a handshake must agree on.
+        address: The address, with an IP address instead of a name.
+        endpoint: The text that both sides of a handshake must agree on.
         certificate: The only one accepted; None over http.
     """
 
@@ -101,7 +101,7 @@ class NetworkTransport:
         self._looking_up = ThreadPoolExecutor(_THREADS, thread_name_prefix="looks-up-robots")
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
-        """Return where a robot is now: look its name up, and over https its certificate."""
+        """Look up a robot's address, and over https its certificate."""
         async with within(_PATIENCE_S):
             found = await asyncio.get_running_loop().run_in_executor(
                 self._looking_up, _look_up, address.host, address.port
@@ -128,7 +128,7 @@ class NetworkTransport:
         headers: Mapping[str, str],
         body: bytes = b"",
     ) -> HttpAnswer:
-        """Send one request on a connection of its own."""
+        """Send one request on a separate connection."""
         address, is_file = place.address, path.endswith("/file")
         patience_s, most = (_FILE_PATIENCE_S, LARGEST_BYTES) if is_file else (_PATIENCE_S, 1 << 20)
         own = {"host": str(address).partition("://")[2], "content-length": str(len(body))}
@@ -182,7 +182,7 @@ def _look_up(host: str, port: int) -> str:
 async def _connected(
     address: RobotAddress, certificate: ssl.SSLContext | None
 ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
-    """Connect for the length of the block, and no longer, whatever still comes."""
+    """Connect for the length of the block; unread data is dropped."""
     reader, writer = await asyncio.open_connection(address.host, address.port, ssl=certificate)
     try:
         yield reader, writer
@@ -192,8 +192,7 @@ async def _connected(
 
 @contextlib.asynccontextmanager
 async def within(patience_s: float | None = 5.0) -> AsyncIterator[None]:
-    """Turn whatever ends a connection, also that this takes longer, into an UnreachableError that
-    says what it was."""
+    """Turn a timeout and any connection error into an UnreachableError that names the cause."""
     try:
         async with asyncio.timeout(patience_s):
             yield

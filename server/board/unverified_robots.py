@@ -1,7 +1,8 @@
 """Robots that were announced and have not proved that they are of the class.
 
-Each is asked for its proof. Who fails is shown apart, and forgotten when it is announced no more;
-computers take turns, so that one that announces a thousand robots holds up no other's.
+Each is asked for its proof. Robots that fail are shown separately, and forgotten when they are no
+longer announced. Computers take turns, so that one that announces a thousand robots does not delay
+the others.
 """
 
 from __future__ import annotations
@@ -18,16 +19,16 @@ from server.board.teacher_session import Status, TeacherSession, WrongClassError
 from server.board.transport import RobotAddress, UnreachableError, within
 
 AT_ONCE = 32
-"""So many are asked at the same time; the transport has threads for more."""
+"""Maximum number of robots asked at the same time; the transport has threads for more."""
 FORGOTTEN_S = 180.0
-"""The network is asked each minute: who was not heard for so long is gone."""
+"""Time after which an unannounced robot is forgotten, in s: the network is asked each minute."""
 _MOST, _SHOWN = 4096, 30
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 300.0
 
 
 @dataclass(slots=True)
 class UnverifiedRobot:
-    """One of them: when it was announced last, and what came of asking it."""
+    """One unverified robot, with the time of its last announcement and the result of asking it."""
 
     heard_s: float
     status: Status = Status.CONNECTING
@@ -37,7 +38,7 @@ class UnverifiedRobot:
 
 
 class UnverifiedRobots:
-    """All of them; `welcome` gets the address of one that has proved the key."""
+    """All unverified robots; `welcome` gets the address of one that has proved the key."""
 
     def __init__(
         self,
@@ -54,12 +55,12 @@ class UnverifiedRobots:
         self._asking: set[asyncio.Task[None]] = set()
 
     def announce(self, address: RobotAddress) -> None:
-        """Note that a robot was announced, and ask it if it is time to."""
+        """Note an announcement, and ask the robot if it is due."""
         now_s = self._clock.now_s()
         stranger = self._known.pop(address, None) or UnverifiedRobot(now_s)
         self._known[address] = stranger
         stranger.heard_s = now_s
-        for other, one in list(self._known.items()):  # who was heard longest ago stands first
+        for other, one in list(self._known.items()):  # the least recently heard first
             if now_s - one.heard_s <= FORGOTTEN_S and len(self._known) <= _MOST:
                 break
             del self._known[other]
@@ -69,7 +70,7 @@ class UnverifiedRobots:
             self._ask_next()
 
     def describe(self) -> dict[str, Any]:
-        """Return how many there are, and what is known of some, as the page gets them."""
+        """Return their number and the details of some of them, for the page."""
         since_s = self._clock.now_s() - FORGOTTEN_S
         there = {at: one for at, one in self._known.items() if one.heard_s >= since_s}
         rows = [

@@ -11,11 +11,11 @@ from server.gateway.roles import Role
 from server.protocol import ErrorCode, ProtocolError, encode_error
 
 _OUTBOX = 64
-"""Answers queued for one client; a client that reads more slowly loses the oldest."""
+"""Maximum number of answers queued for one client; a slow reader loses the oldest."""
 
 IDLE_STATE_EVERY_S = 5.0
-"""How often the state is sent to an idle client, one that shows no picture. A change of mode,
-pilot or fault is sent at once."""
+"""Interval at which an idle client, which shows no picture, gets the state, in seconds. Changes of
+mode, pilot or fault are sent at once."""
 
 
 class Client:
@@ -54,21 +54,22 @@ class Client:
         self._waiting.set()
 
     def refuse(self, error: ProtocolError) -> None:
-        """Queue the answer to a refused message; who has too many of them is shut out, but not for
-        those that only came late: that is a slow link's fault."""
+        """Queue the answer to a refused message; a client with too many is shut out.
+
+        Messages that only came late do not count: a slow link causes them.
+        """
         self.refused += error.code is not ErrorCode.STALE
         if self.refused >= self._most_refused:
             self.shut_out.set()
         self.send(encode_error(error))
 
     def send_state(self, text: str) -> None:
-        """Queue a state, in place of one that still waits."""
+        """Queue a state; it replaces one that still waits."""
         self._state = text
         self._waiting.set()
 
     def is_state_due(self, urgent: object, now_s: float) -> bool:
-        """True if a state is to be sent now: to an idle client seldom, unless `urgent` changed, the
-        part whose changes are sent at once."""
+        """True if a state is due: for an idle client rarely, unless `urgent` has changed."""
         is_new = urgent != self._sent or self.is_answer_due
         if self.is_idle and not is_new and now_s - self._sent_s < IDLE_STATE_EVERY_S:
             return False

@@ -20,13 +20,13 @@ class _Sent(NamedTuple):
 
 
 class VideoWindow:
-    """How many frames may be in flight to one viewer: a congestion window.
+    """A congestion window: the number of frames that may be in flight to one viewer.
 
-    One frame while bandwidth is the limit: a second one would only queue behind the first. Up to
-    `LARGEST` frames when only the round trip is long: then the delay of an acknowledgement does
-    not grow with the window. The window finds out by probing: it grows by one when frames had to
-    be skipped, and falls back to one when the delay has grown with it. After a failed probe it
-    waits four times as long before the next.
+    It is one frame while bandwidth is the limit: a second one would only queue behind the first. It
+    is up to `LARGEST` frames when only the round trip is long: then the delay of an acknowledgement
+    does not grow with the window. The window probes: it grows by one when frames had to be skipped,
+    and falls back to one when the delay has grown with it. After a failed probe it backs off by a
+    factor of four.
 
     On an easy link, where acknowledgements come long before the next frame, only every third
     frame asks for one; the others are *quiet*. That saves both ends a third of their work, and a
@@ -35,8 +35,8 @@ class VideoWindow:
 
     LARGEST = 4
     LARGEST_BYTES = 60_000
-    """Below the 64 KiB at which a transport pauses its writer, so that sending never waits;
-    a single larger frame is sent alone."""
+    """Maximum number of bytes in flight, below the 64 KiB at which a transport pauses its writer,
+    so that sending never waits. A larger frame is sent when no other is in flight."""
     _TRIAL_ACKNOWLEDGEMENTS = 3
     _TOLERANCE, _DOUBLED, _SLACK_S = 1.3, 1.5, 0.008
     _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 64.0
@@ -69,7 +69,7 @@ class VideoWindow:
         return False
 
     def sent(self, frame_id: int, n_bytes: int, now_s: float, *, is_frequent: bool = True) -> bool:
-        """Record a frame as in flight; True if it is to be quiet, as none is that comes seldom."""
+        """Record a frame as in flight; True if it is quiet. Infrequent frames are never quiet."""
         is_quiet = (
             self.is_easy
             and is_frequent
@@ -128,8 +128,10 @@ class VideoWindow:
 
 
 class PictureSize:
-    """Whether a viewer gets the larger pictures, where a camera has them: as long as it takes them
-    in good time. After each failure it waits four times as long before it tries again."""
+    """Decides whether a viewer gets the camera's larger pictures: while it takes them in time.
+
+    After each failure it backs off by a factor of four.
+    """
 
     _GOOD_S, _LATE_S = 0.06, 0.12
     _GOOD, _LATE = 8, 3

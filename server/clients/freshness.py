@@ -12,15 +12,15 @@ from server.protocol import ErrorCode, ProtocolError
 NEVER_S = -math.inf
 """The time of a message without a known nonce."""
 _KEPT_S = 2.0
-"""A nonce is remembered long after it is too old to move the robot."""
+"""How long a nonce is remembered, in seconds; far longer than it can move the robot."""
 
 
 class NonceLedger:
-    """Issues nonces, and remembers for a while when it issued each.
+    """Issues nonces and remembers for a while when each was issued.
 
-    Every state and every frame carries a nonce. A message that carries it back cannot have been
-    sent before the nonce was issued, wherever it was delayed since: on a stalled link, in a frozen
-    server, in a queue. No clock but the robot's own is trusted, and nobody can guess a nonce.
+    Every state and every frame carries a nonce. A message that returns it cannot have been sent
+    before the nonce was issued, even if it was delayed on a stalled link, in a frozen server or in
+    a queue. Only the robot's own clock is trusted, and nobody can guess a nonce.
 
     Args:
         below: Draws a whole number below its argument, from 0.

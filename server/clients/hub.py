@@ -1,7 +1,7 @@
-"""The clients of one robot: who is connected, who drives, and what is published to them.
+"""The clients of one robot: their connections, the pilot, and the published states.
 
 Everything runs on the server's event loop; the control loop's thread only hands over its newest
-tick. Nothing in this module decides about motors: that is the gate's, in robot/.
+tick. Nothing in this module decides about motors: the gate in robot/ does.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_messag
 
 log = logging.getLogger(__name__)
 _UNWATCHED_S = 0.5
-"""How often the timer runs while there is no client, in seconds."""
+"""Interval of the timer while there is no client, in seconds."""
 LASTING = ("set_aside", "nothing_kept", "check_battery")
 """Events that are also sent to clients that join later."""
 _ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery"}
-"""Events that end one of those."""
+"""Each event that ends a lasting one, with the event it ends."""
 
 
 class Hub:
@@ -54,7 +54,7 @@ class Hub:
         self._asks = RateLimit(per_second=1.0, burst=3.0)
         self.nonces = NonceLedger()
         self.stop_held_by: Role | None = None
-        """Who stopped the robot, if only that role may release it."""
+        """The role that stopped the robot, if only that role may release it."""
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
@@ -96,7 +96,7 @@ class Hub:
             await asyncio.gather(self._timer, return_exceptions=True)
 
     def _soon(self, call: Callable[..., None], *args: object) -> None:
-        """Have something called on the event loop; may be called on any thread."""
+        """Schedule a call on the event loop; may be called on any thread."""
         with contextlib.suppress(RuntimeError):  # the server has just ended
             if self.event_loop is not None:
                 self.event_loop.call_soon_threadsafe(call, *args)
@@ -185,7 +185,7 @@ class Hub:
             self._pilot_changed()
 
     def latch_emergency(self, source: str, role: Role) -> None:
-        """Stop the robot, whoever asks; a role may keep the release to itself."""
+        """Stop the robot for any client; a role may reserve the release for itself."""
         if role.holds_stop:
             self.stop_held_by = role
         self.robot.loop.latch_emergency()
@@ -268,7 +268,7 @@ class Hub:
             raise ProtocolError(ErrorCode.NOT_PILOT, "another client has the wheel", seq)
 
     def _pilot_changed(self) -> None:
-        """The wheel has another owner, or none: drop the last command."""
+        """Drop the last command, because the wheel has another owner or none."""
         self.robot.loop.empty_command()
         if self.lease.owner is not None:
             self.pilot = self.clients[self.lease.owner].person
@@ -276,7 +276,7 @@ class Hub:
         self.publish_state()
 
     def _note_need(self) -> None:
-        """Tell the loop how often anybody needs a picture, if that has changed."""
+        """Tell the loop the rate at which clients need pictures, if it has changed."""
         self._is_watched = self.video.viewers > 0
         is_shown = any(not client.is_idle for client in self.clients.values())
         every_s = 0.0 if is_shown else self.video.needed_every_s
@@ -285,7 +285,7 @@ class Hub:
             self.robot.loop.need_picture_every(every_s)
 
     def announce(self, name: str, **fields: object) -> None:
-        """Tell all clients of an event; of one of `LASTING` also each that joins later.
+        """Send an event to all clients; one of `LASTING` also to each that joins later.
 
         May be called on any thread, and before the start; returns at once.
         """
@@ -326,7 +326,7 @@ class Hub:
                 client.send_state(texts[is_pilot])
 
     def _urgent(self) -> object:
-        """What is published at once when it changes; so is the pilot, where that changes."""
+        """The part of the state whose changes are published at once, like those of the pilot."""
         state = self.robot.loop.state
         decision = state.decision
         is_pilots = decision.driven_by is DrivenBy.PILOT
@@ -338,7 +338,7 @@ class Hub:
         )
 
     def _tell_refused(self, refused: Sequence[PilotCommand]) -> None:
-        """Tell clients what the gate has refused, and why."""
+        """Tell clients which commands the gate refused, and why."""
         for command in refused:
             if client := self.clients.get(command.pilot):
                 self.refuse(client, why_refused(command.frame_id, command.seq, self._limit_s))
@@ -353,13 +353,13 @@ class Hub:
             asyncio.get_running_loop().call_soon(self.show_newest)
 
     def _is_due(self) -> bool:
-        """True if the clients are to be told the state: something urgent changed, or it is time."""
+        """True if the state is due: something urgent changed, or the interval is over."""
         state, since_s = self.robot.loop.state, self.clock.now_s() - self._sent_s
         is_slow = state.camera.period_s > SOON_S and state.decision.mode is not Mode.STOPPED
         return since_s >= (SOON_S if is_slow else STATE_EVERY_S) or self._urgent() != self._sent
 
     def show_newest(self) -> None:
-        """Give the video the newest frame, which it does not get while nobody watches."""
+        """Pass the newest frame to the video, which gets none while nobody watches."""
         is_old = self.robot.loop.is_resting and not self.video.viewers
         if self._frame is not None and self._frame is not self.video.newest and not is_old:
             self.video.show(self._frame, self.nonces.issue(self.clock.now_s()))
@@ -372,7 +372,7 @@ class Hub:
             await self.clock.pause(pause_s)
             try:
                 self._note_time(due_s)
-            except Exception:  # without a timer a silent pilot would keep the wheel for ever
+            except Exception:  # without a timer a silent pilot would never lose the wheel
                 self.robot.loop.trip(StopReason.LOOP_FAULT)
                 log.exception("the timer stopped the robot")
 

@@ -15,7 +15,7 @@ class Lease:
     """
 
     def __init__(self) -> None:
-        self._line: list[str] = []  # who has it, and behind it who has asked, in their order
+        self._line: list[str] = []  # the owner, then the waiting clients in order
         self._renewed_s = -math.inf
 
     @property
@@ -48,7 +48,10 @@ class Lease:
         self._renewed_s = now_s
 
     def give_up(self, client: str, now_s: float) -> bool:
-        """`client` yields or has disconnected; True if it was the owner. Who waits is next."""
+        """Take the wheel from a client that yields or has disconnected; True if it was the owner.
+
+        The next waiting client gets it.
+        """
         was_owner = self.owner == client
         if client in self._line:
             self._line.remove(client)

@@ -1,11 +1,11 @@
-"""Limits of the rate of clients and addresses. Pure: the time is an argument."""
+"""Rate limits for clients and addresses. Pure: the time is an argument."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 
 _NAMES = 1024
-"""For how many names the rate is remembered."""
+"""Number of names whose rate is remembered."""
 
 
 class RateLimit:
@@ -30,7 +30,7 @@ class RateLimit:
 
 
 class RateLimits:
-    """A token bucket for each of many names; who was counted longest ago is forgotten."""
+    """A token bucket for each of many names; the least recently used one is forgotten."""
 
     def __init__(self) -> None:
         self._of = lru_cache(_NAMES)(lambda _, rate, burst: RateLimit(per_second=rate, burst=burst))

@@ -13,16 +13,15 @@ from robot.types import Prediction
 
 STATE_EVERY_S = 0.1
 SOON_S = 0.05
-"""How often the state is sent while a robot with a slow camera moves, in seconds: its pictures by
-themselves bring the pilot too few nonces, and a short pause of the Wi-Fi would look like a pilot
-who is gone."""
+"""Interval of states while a robot with a slow camera moves, in seconds. Its pictures would
+bring the pilot too few nonces, and a short Wi-Fi pause would look like an absent pilot."""
 
 
 def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> dict[str, Any]:
-    """Return the fields of a `state` message; of a robot at rest no picture is recent."""
+    """Return the fields of a `state` message; a robot at rest has no recent picture."""
     decision, camera, sensors = state.decision, state.camera, state.sensors
     captured_s, source_s = state.frame_captured_s, state.source_age_s
-    # What a camera on a brick is late by for the brick and its line.
+    # Delay that the brick and its connection add to the camera's.
     brick_s = None if source_s is None else max(0.0, camera.delivery_age_s - source_s)
     fields = {
         "server_ms": round(now_ms, 1),
@@ -88,7 +87,7 @@ def _describe_prediction(prediction: Prediction) -> dict[str, Any]:
 
 
 def _rounded(value: Any) -> Any:
-    """Round numbers to four places, which is enough for a page; numpy's become Python's."""
+    """Round numbers to four places, enough for a page, and turn numpy's into Python's."""
     if value is None or isinstance(value, str | int | list):
         return value
     if not isinstance(value, float) and isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Video for many viewers: each frame is encoded once; each viewer gets the newest it can take."""
+"""Video for many viewers: frames are encoded once, and each viewer gets the newest it can take."""
 
 from __future__ import annotations
 
@@ -18,19 +18,20 @@ from server.clients.flow_control import PictureSize, VideoWindow
 from server.protocol import encode_picture
 
 _REMEMBERED_FRAMES = 256
-"""How many frames' capture times are remembered."""
+"""Number of frames whose capture time is remembered."""
 _ROOM_EVERY_S = 0.01
-"""How often a viewer that cannot acknowledge is looked at while it has not read its frames."""
+"""Interval at which a viewer without acknowledgements is polled for unread bytes, in seconds."""
 _FREQUENT_S = 0.06
-"""Frames that come less often are all acknowledged: a pilot who sees nothing is noticed soon."""
+"""Frame interval in seconds above which every frame is acknowledged, so that a pilot who sees
+nothing is noticed soon."""
 
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
-"""A viewer who wants a picture less often than that lets a standing robot rest; and gets one from
-this share of its time on, as a camera that takes no more than are wanted is not exact."""
+"""Interval in seconds above which a viewer lets a standing robot rest, and the share of a viewer's
+interval after which a frame is due: a camera that runs at the wanted rate is not exact."""
 
 
 class FrameAges:
-    """How old frames were when a viewer had drawn them: how many up to each bound, in seconds."""
+    """Histogram of the age of frames when a viewer had drawn them, in seconds."""
 
     bounds = (0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 
@@ -46,8 +47,8 @@ class FrameAges:
 class Encoder:
     """Encodes a frame as the message that all viewers get.
 
-    JPEG and YUYV of a camera are sent as they are. RGB, as of a Pi's camera, is
-    compressed where OpenCV is installed, and otherwise sent as it is.
+    JPEG and YUYV of a camera are sent unchanged. RGB, as from a Pi's camera, is compressed if
+    OpenCV is installed, and otherwise sent unchanged.
     """
 
     def __init__(self, jpeg_quality: int) -> None:
@@ -55,7 +56,7 @@ class Encoder:
 
     @cached_property
     def _compress(self) -> Encode | None:
-        """Import OpenCV when it is first needed; where frames are JPEG it never is."""
+        """Import OpenCV when it is first needed, which JPEG frames never do."""
         try:
             return jpeg_encoder(self._quality)
         except MissingExtraError:
@@ -77,13 +78,13 @@ class Encoder:
 
 @dataclass(eq=False)
 class Viewer:
-    """One receiver of the video: its window, and the frame that it was sent last.
+    """One receiver of the video, with its window and the last frame sent to it.
 
     Attributes:
         send: Sends a message. It must return at once: a viewer's window holds fewer bytes than its
             transport takes without pausing the writer.
-        every_s: At most one frame in so many seconds.
-        person: Whose eyes these are.
+        every_s: The minimum time between two frames, in seconds.
+        person: The person who watches.
     """
 
     send: Callable[[bytes], None]
@@ -101,8 +102,8 @@ class VideoHub:
 
     Everything runs on the server's event loop and nothing waits, so one viewer delays no other.
 
-    `for_the_eye` returns a larger picture of a frame, or the frame. Viewers who take them in time
-    get those; for others a smaller picture more often is worth more.
+    `for_the_eye` returns a larger picture of a frame, or the frame itself. Viewers that take large
+    pictures in time get them; others get smaller pictures more often.
     """
 
     def __init__(
@@ -135,12 +136,12 @@ class VideoHub:
 
     @property
     def newest_bytes(self) -> int:
-        """Size of the picture that the viewers got last; 0: there is none."""
+        """Size of the last picture sent, in bytes; 0 if there is none."""
         return max((len(picture.data) for picture in self._pictures.values()), default=0)
 
     @property
     def needed_every_s(self) -> float:
-        """How often a viewer needs a picture, in seconds; 0: always; infinite: nobody looks."""
+        """Shortest interval at which a viewer needs pictures, in seconds; infinite for none."""
         if self._streams:
             return 0.0
         every_s = min((viewer.every_s for viewer in self._viewers), default=math.inf)
@@ -227,8 +228,8 @@ class VideoHub:
     ) -> AsyncGenerator[bytes, None]:
         """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
 
-        `has_room` tells whether the viewer is to be sent another frame, by the size of the last:
-        one that does not read is sent the newest as soon as it reads again, and none between.
+        `has_room` tells from the last frame's size whether to send another. A viewer that does not
+        read skips frames, and gets the newest as soon as it reads again.
         """
         last_id = n_bytes = 0
         self._streams += 1
