@@ -47,7 +47,6 @@ class Challenge:
 
     def __init__(self) -> None:
         self.best_m: float | None = None
-        self.has_opted_in = False
         self.tries: tuple[Try, ...] = ()
         self.is_armed = False
         self._score: Score | None = None

@@ -235,8 +235,6 @@ def ask(
     return answer, holds(scratch / "killed"), disk.calls
 
 
-# A recorder whose disk refuses the end of a file leaves it to the garbage collector.
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("write", ["pin", "undo", *few(list(WRITES)[3:], 4)])
 def test_nothing_answered_as_kept_is_gone(folder: Path, tmp_path: Path, write: str) -> None:
     def make(first: int, *, for_ever: bool) -> Any:
