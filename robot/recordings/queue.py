@@ -155,7 +155,12 @@ class RecordingQueue:
         # A clock that was set back may have given this name before.
         episode_id = free_name(run["episode"], {path.stem for path in paths_in(self._folder)})
         file = self._open_file(self._folder / f"{episode_id}.mcap")
-        self._writer = EpisodeWriter(file, {**run, "episode": episode_id}, before)
+        try:
+            self._writer = EpisodeWriter(file, {**run, "episode": episode_id}, before)
+        except Exception:
+            with contextlib.suppress(OSError):  # what is buffered cannot be written either
+                file.close()
+            raise
         self.episode_id = episode_id
         self._lost_before = lost_before
         self._announce("recording_on", episode=self.episode_id)

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import random
 from pathlib import Path
+from typing import BinaryIO
+
+import pytest
 
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
@@ -50,3 +55,29 @@ def test_the_drive_after_a_disk_refused_is_recorded(
     again = before.to_policy()
     learn_again(again, [(episode, Notes())])
     assert same_nodes(again.get_state(), live)
+
+
+@crossed(refused=[0, 1, 2])
+def test_every_file_is_closed_whichever_flush_the_disk_refuses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: int
+) -> None:
+    """At the beginning, in the middle and at the end of a recording."""
+    files, flushed = [], 0
+
+    def open_file(path: Path) -> BinaryIO:
+        files.append(path.open("xb"))
+        return files[-1]
+
+    def fsync(_: int) -> None:
+        nonlocal flushed
+        flushed += 1
+        if flushed > refused:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    robot = RecordedBench(tmp_path, open_file=open_file)
+    robot.drive(range(10))
+    robot.recorder.queue.write_waiting()
+    robot.finish()
+    assert robot.recorder.queue.fault is not None
+    assert files and all(file.closed for file in files)
