@@ -19,11 +19,11 @@ from robot.study.table import Cell, Table
 
 KINDS = ("default", *VARIANTS, "published")
 NODES = {2: 32, 3: 128}
-"""By trial of our simulator; elsewhere there are 32."""
+"""Number of nodes by trial of our simulator; elsewhere it is 32."""
 WORLDS = {"Sidewalk": "miniworld", "CarRacing": "Box2D", "ViZDoom": "vizdoom"}
 """Worlds that others made, and the libraries that they need."""
 EXAMPLES = 250
-"""Taught there by corrections before it drives alone."""
+"""Number of examples taught there by corrections before the robot drives unaided."""
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
@@ -74,7 +74,7 @@ ABLATION = Experiment(
     title="Ablation: what each mechanism is worth",
     text="Each row has one mechanism of the default changed (robot/lab/variants.py). Our "
     "simulator: trial 2 with 32 nodes, trial 3 with 128, after retraining as in figure 7. Worlds "
-    "that others made (the extra ground): the score alone after 250 examples by corrections, with "
+    "that others made (the extra ground): the unaided score after 250 examples by corrections, and "
     "the 95 % interval of the mean over seeds. Footage: trained on one drive of a place, tested on "
     "the other.",
     plan=_plan,

@@ -65,7 +65,7 @@ _IN_REACH_M = 1.0
 
 
 def run_episodes(params: Params) -> Result:
-    """Teach in some episodes, correct in some, then let the robot drive some alone.
+    """Teach in some episodes, correct in some, then let the robot drive some unaided.
 
     Parameters: `world`, `teacher`, `moves`, `learner`, `seed`, `episode_s`, and how many episodes
     of each: `teach`, `correct`, `alone`. An episode ends when a movable thing is at a wall.
@@ -114,7 +114,7 @@ def _figures(drives: Sequence[DriveLog]) -> dict[str, float | None]:
 BEHAVIOURS = Experiment(
     title="Beyond the paper: other behaviours",
     text="Taught in episodes, each from another start: two minutes of teaching and two of "
-    "correction (pushing: eight episodes and four), then the robot alone. 'right': median "
+    "correction (pushing: eight episodes and four), then the robot drives unaided. 'right': median "
     "distance from the robot's middle to what is at its right. 'in view': share of the time "
     "in which the thing is in the picture and within a metre. 'at wall': share of episodes "
     "in which the box was brought to a wall within 40 s.",

@@ -1,4 +1,4 @@
-"""One pilot who steers by degrees: is his robot smoother than one that takes moves alone?"""
+"""One pilot who steers by degrees: is his robot smoother than one that takes only moves?"""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def _plan(settings: ExperimentSettings) -> Iterable[Task]:
 
 
 def run_degrees(params: Params) -> Result:
-    """Teach, correct, and drive alone. Parameters: `world`, `way`, `learner`, `seed`."""
+    """Teach, correct, and drive unaided. Parameters: `world`, `way`, `learner`, `seed`."""
     habit, name = {**HABITS, **STEERED}[params["way"]], f"degrees {params['seed']}"
     params = {**params, "rate_hz": RATE_HZ}
     with taught_by(habit, name, params) as trial:
@@ -71,11 +71,11 @@ _COLUMNS: Columns = {
 BY_DEGREES = Experiment(
     title="By degrees",
     text="A pilot who steers by degrees teaches for 90 s and corrects for 60 s; then the robot "
-    "drives for 60 s alone. 'cut to moves': what he means is cut to moves, as for a body that "
+    "drives for 60 s unaided. 'cut to moves': his steering is cut to moves, as for a body that "
     "takes no degrees. 'regular': a pilot of moves. SSD with left and right as one move: against "
     "what the pilot would have done in the robot's place, tick by tick; and against two minutes of "
-    "his own from where the robot began, beside that of his own lesson, for who drives in curves "
-    "goes round in one corner or another. Steering a second: root "
+    "his own from where the robot began, beside that of his own lesson, since a pilot who drives "
+    "in curves goes round in one corner or another. Steering a second: root "
     "mean square of its changes, full lock being 1. In brackets the 95 % interval of the mean "
     "over robots (bootstrap).",
     plan=_plan,

@@ -2,7 +2,7 @@
 
 Before its first task a worker is asked what decides figures there (`identify`); a worker on which
 they would differ gets none. Each task goes to one named worker, and to another if that one is lost.
-What is submitted is Python's `eval` and a text: neither the scheduler nor a worker needs this
+A task is submitted as a text for Python's `eval`: neither the scheduler nor a worker needs this
 program to read it.
 """
 
@@ -186,7 +186,7 @@ class _Run:
             raise ConfigurationError(
                 f"the Dask scheduler at {self._scheduler} has had no worker for {patience_s:.0f} "
                 f"s; start some with: dask worker {self._scheduler} --nthreads 1. Workers that "
-                "end at once say why in their own output. What was finished is kept"
+                "end at once say why in their own output. All finished tasks are kept"
             )
 
     def _say(self, change: str) -> None:

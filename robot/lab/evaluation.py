@@ -128,8 +128,8 @@ def evaluate(
 
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
-    """Return a drive with the policy's features, in so much of its light."""
-    whose = policy.name if getattr(policy.features, "__dict__", True) else ""  # set up for it alone
+    """Return a drive with the policy's features, its brightness multiplied by `light`."""
+    whose = policy.name if getattr(policy.features, "__dict__", True) else ""  # set up only for it
     key = (type(policy.features), whose, drive.name, light)
     if key not in known:
         frames = (shot.frame(0, 0.0) for shot in drive.shots)

@@ -1,4 +1,4 @@
-"""What an experiment is: a plan of tasks, and the tables made of their results."""
+"""Defines an experiment: a plan of tasks, and the tables made of their results."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ExperimentSettings:
 
     @property
     def learner(self) -> str:
-        """The learner of an experiment that is about one alone."""
+        """The learner of an experiment that is about only one."""
         if len(self.learners) > 1:
             raise ConfigurationError(
                 "habits, ready and degrees are about one learner: name one --learner, not "
@@ -72,7 +72,7 @@ def seeded(
     first: int = 0,
     least: int = 1,
 ) -> Iterator[Task]:
-    """Yield each case with every seed from `first` on, with so many at least."""
+    """Yield each case with every seed from `first` on, with `least` seeds at least."""
     for case in cases:
         for seed in range(max(least, settings.n_seeds)):
             yield Task(run, {**case, "seed": first + seed})

@@ -74,7 +74,7 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after")) -> list[Result]:
-    """Return the figures of each drive alone; those of its teacher are `teacher`."""
+    """Return the figures of each unaided drive; those of its teacher are `teacher`."""
     return [result[phase] for result in results for phase in phases if phase in result]
 
 
@@ -139,11 +139,11 @@ changes by 17 degrees (standard deviation)."""
 
 
 def run_habit(params: Params) -> Result:
-    """Teach, drive alone, correct, drive alone again; and the pilot from where the robot began.
+    """Teach, drive unaided, correct, drive again; and the pilot from where the robot began.
 
     In a minute neither sees all of a place, and from another corner the difference would be that of
     the corners. The pilot's minutes have the lesson's frame rate, too: with ten pictures a second a
-    hand moves later than with thirty, and who follows a wall drives it otherwise.
+    hand moves later than with thirty, and a pilot who follows a wall drives differently.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`.
@@ -225,10 +225,10 @@ def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
 GATE = Experiment(
     title="Habits: every kind of pilot",
     text="Each robot is taught by one of twelve kinds of pilots in one of five places at 10, 15 or "
-    "30 frames a second, for 90 s or (a third of those at 30) for 30 s, and drives 60 s alone; "
-    "every fourth one is then corrected for 60 s and drives alone again. From where the robot "
+    "30 frames a second, for 90 s or (a third of those at 30) for 30 s, and drives 60 s unaided; "
+    "every fourth one is then corrected for 60 s and drives unaided again. From where the robot "
     "began its minute the pilot drives three of his own, in which the robot learns nothing: "
-    "that is what it is held against. "
+    "the robot is compared with these. "
     "stuck: within 15 cm for 20 s. SSD counts left and right as one move, because the side is "
     "often left to chance; the published sum stands beside it, moves that both make on less "
     "than 5 % of the ticks left out. By chance: where 90 % of the differences of two medians "

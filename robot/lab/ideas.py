@@ -40,7 +40,7 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
         name: `default-32`, the name of an entry point, or `path.py:Name`, a class or function
             that, called without arguments, returns a `Policy` or a `Learner` (which then gets the
             default's features and action filter).
-        moves: What it may propose.
+        moves: The moves that it may propose.
 
     Raises:
         ConfigurationError: If it is unknown, or returns neither; says which file and why.

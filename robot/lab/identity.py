@@ -1,4 +1,4 @@
-"""What the figures of a run depend on: the program, Python, its libraries, and the arithmetic.
+"""Identifies the causes of a run's figures: the program, Python, its libraries, and the arithmetic.
 
 A cluster's workers are sent this file as text and run it, whether they have this program or not:
 it needs only the standard library, and any Python 3.

@@ -30,7 +30,7 @@ _SONAR = {"world": "box", "moves": ("forward", "left"), "teacher": "sonar"}
 
 
 def run_lesson(params: Params) -> Result:
-    """Teach, drive alone, correct, drive alone again; figures of each phase.
+    """Teach, drive unaided, correct, drive unaided again; figures of each phase.
 
     Parameters: `world`, `learner`, `teacher`, `moves`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s` (how long the teacher drives once more so that its own profile is well known;
@@ -46,7 +46,7 @@ def run_lesson(params: Params) -> Result:
     result: Result = {
         name: {
             **metrics.against(drive, teacher, moves),
-            # The teaching alone, as in the paper.
+            # Only the teaching, as in the paper.
             "ssd_against_lesson": compare(taught.profile(), drive.profile(), moves).ssd,
         }
         for name, drive in drives.items()
@@ -103,7 +103,7 @@ def _tables_by_nodes(runs: Runs) -> list[Table]:
 FIGURE6 = Experiment(
     title="Figure 6: nodes",
     text="In the box, the sonar controller (below 20 cm or bumped: left for two seconds, else "
-    "forward) drives for 90 s, then the robot drives 60 s alone; nobody corrects it.",
+    "forward) drives for 90 s, then the robot drives for 60 s; nobody corrects it.",
     plan=lambda settings: seeded(run_lesson, _by_nodes(settings), settings),
     tables=_tables_by_nodes,
     drawn=("mean",),
@@ -158,12 +158,12 @@ def _tables_by_trial(runs: Runs) -> list[Table]:
 
 FIGURE7 = Experiment(
     title="Figure 7: retraining",
-    text="90 s of teaching, 60 s alone (before), 330 s in which the pilot corrects, 60 s alone "
+    text="90 s of teaching, 60 s unaided (before), 330 s in which the pilot corrects, 60 s unaided "
     "(after). Trial 1: box, FORWARD and LEFT. Trial 2: office, the same moves. Trial 3: "
-    "office, RIGHT as well. The robot is held against the profile of all that its teacher "
-    "drove (teaching and 4 minutes more, of which the robot learns nothing that is measured); "
-    "'against lesson' holds it against the 90 s of teaching alone. The row 'teacher' is the "
-    "teacher's own last minute: less than that is chance.",
+    "office, RIGHT as well. The robot is compared with the profile of all that its teacher "
+    "drove (the teaching and 4 more minutes, which do not affect the measured robot); "
+    "'against lesson' compares it only with the 90 s of teaching. The row 'teacher' is the "
+    "teacher's own last minute: smaller differences are chance.",
     plan=lambda settings: seeded(run_lesson, _trials(settings), settings),
     tables=_tables_by_trial,
     drawn=("median", "mean"),
@@ -199,7 +199,7 @@ def _tables_by_time(runs: Runs) -> list[Table]:
 
 FIGURE8 = Experiment(
     title="Figure 8: training time",
-    text="60 s alone straight after 90 s or 180 s of teaching. 'robot': the sonar controller in "
+    text="60 s unaided straight after 90 s or 180 s of teaching. 'robot': the sonar controller in "
     "the box. 'human': simulated people in the three trials of figure 7, before any correction.",
     plan=lambda settings: seeded(run_lesson, _by_time(settings), settings),
     tables=_tables_by_time,

@@ -21,10 +21,10 @@ from robot.study.profile import Profile, behavior_profile, compare
 from robot.types import Action, DrivenBy, Point, Pose
 
 STAY_M, STUCK_S = 0.15, 20.0
-"""A robot is stuck that stays within so little for so long: a full turn about one wheel takes
-19.5 s."""
+"""A robot is stuck if it stays within this distance, in metres, for this time, in seconds: a full
+turn about one wheel takes 19.5 s."""
 CELL_M = 0.1
-"""Side of the squares in which covered floor is counted."""
+"""Side of the squares in which covered floor is counted, in metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,12 +39,12 @@ class DriveSample:
     is_touching: bool = False
     is_pushing: bool = False
     point: Point | None = None
-    """What was driven, by degrees; None if a move was."""
+    """The driven point; None if a move was driven."""
     asks_pilot: bool = False
     proposed: Action | None = None
     wanted: Action | None = None
     situation: Situation | None = None
-    """What there was to see."""
+    """The situation that the pilot saw."""
 
 
 class DriveLog(list[DriveSample]):

@@ -74,7 +74,7 @@ NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 
 
 def run_mind(params: Params) -> Result:
-    """Teach LEFT, then RIGHT twice; ask after each; then let it drive alone.
+    """Teach LEFT, then RIGHT twice; ask after each; then let it drive unaided.
 
     Parameters: `world`, `learner`, `seed`, `old_s` (of LEFT), and `is_told`: whether the pilot says
     in between that he has changed his mind.
@@ -128,14 +128,14 @@ def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]
 
 MIND = Experiment(
     title="A changed mind",
-    text="A minute of a pilot who turns left alone, then half a minute of one who turns right "
-    "alone, and again half a minute; after each the robot is asked, without learning, what it "
-    "would do where that pilot turns right. 'who is told': the second pilot says first that "
-    "he does it differently now. 'right': share of those views with less than "
-    "22 cm of free way on which it would turn right. 'of all': of all views on which the "
-    "pilot turns; towards the end of a turn the same view means both. 'own turns': of its "
-    "turns in a minute alone, afterwards, those to the right. The rows 'never taught left' "
-    "are what can be had at all.",
+    text="A pilot who turns only left teaches for a minute, then one who turns only right for half "
+    "a minute, and again for half a minute. After each the robot is asked, without learning, what "
+    "it would do where the second pilot turns right. 'who is told': the second pilot says first "
+    "that he does it differently now. 'right': share of those views with less than "
+    "22 cm of free way on which it would turn right. 'of all': share of all views on which the "
+    "pilot turns; towards the end of a turn the same view means both. 'own turns': share of right "
+    "turns among its turns in an unaided minute afterwards. The rows 'never taught left' "
+    "are the best that can be reached.",
     plan=_plan,
     tables=_tables,
 )

@@ -1,4 +1,4 @@
-"""A task that is run here, on behalf of whoever asked: what came of it, ready to be sent back."""
+"""Runs a task here for another process, and returns its outcome, ready to be sent back."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
 
 
 def run_ready(params: Params) -> Result:
-    """Teach, try and teach again as `Readiness` advises, then let it drive alone for a minute.
+    """Teach, try and teach again as `Readiness` advises, then let it drive unaided for a minute.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. The
     result's `missing` is what the page says after `in_time_s`, or in the end.
@@ -119,7 +119,7 @@ READY = Experiment(
     title="Ready means ready",
     text="Pilots of all habits in all places teach, let the robot try with a hand near, and teach "
     "again, as robot/coaching/readiness.py says, for twenty minutes at most. Then it drives a "
-    "minute alone.",
+    "minute unaided.",
     plan=_plan,
     tables=_tables,
 )

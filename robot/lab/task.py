@@ -17,7 +17,7 @@ Params = Mapping[str, Any]
 Result = dict[str, Any]
 """Plain figures, ready for JSON. What depends on the machine's speed stands under `timing`."""
 _FILES = (".py", ".toml", ".npz")
-"""What a parameter may name: ideas, worlds and recordings."""
+"""Suffixes of the files that a parameter may name: ideas, worlds and recordings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Task:
 
     @property
     def kind(self) -> str:
-        """What is run, by name."""
+        """The name of the function that is run, without `run_`."""
         return self.run.__name__.removeprefix("run_")
 
     def __str__(self) -> str:

@@ -1,7 +1,7 @@
 """One simulated trial, faster than real time, through the real control loop.
 
-Teaching, driving alone, driving with corrections: the phases of the paper's trials. A simulated
-pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and learns.
+The paper's trials have three phases: teaching, driving unaided, driving with corrections. A
+simulated pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and learns.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from robot.types import Action, DrivenBy, Mode, Pose, Prediction, Sensors, Start
 FRAME_RATE_HZ = 10.0
 """Frames, ticks and heartbeats a second: about the paper's cycle rate with 32 nodes."""
 PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
-"""What a busy machine does to the link is no matter of the experiment."""
+"""Limits that a busy machine does not exceed: its delays must not affect an experiment."""
 
 
 class Trial(StartStop):
@@ -79,7 +79,7 @@ class Trial(StartStop):
             until: The drive ends early after the first moment for which this is true.
 
         Raises:
-            Exception: What the learner raised: its figures would be those of another.
+            Exception: The learner's own error: the figures would be those of another learner.
             RobotError: If the loop stopped by itself: an experiment must not go on then.
         """
         log = DriveLog()
@@ -103,9 +103,9 @@ class Trial(StartStop):
     def lesson(
         self, teach_s: float, correct_s: float, alone_s: float
     ) -> tuple[DriveLog, dict[str, DriveLog]]:
-        """Teach, drive alone, and if it is to be corrected: correct, drive alone again.
+        """Teach, drive unaided, and if it is to be corrected: correct, drive unaided again.
 
-        Returns the teaching, and the drives alone: `before` correction, and `after` it.
+        Returns the teaching, and the unaided drives: `before` correction, and `after` it.
         """
         taught = self.drive(Mode.TRAIN, teach_s)
         alone = {"before": self.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
@@ -157,7 +157,7 @@ def drive_by_hand(
     start: Pose | None = None,
     watching: Policy | None = None,
 ) -> DriveLog:
-    """Let a pilot drive alone, without a loop, and return what happened.
+    """Let a pilot drive without a loop, and return the drive.
 
     `watching` proposes a move for each picture, which the pilot sees on the screen; it learns
     nothing.

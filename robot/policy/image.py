@@ -152,7 +152,7 @@ def _decode_jpeg(frame: Frame, *, colour: bool) -> Pixels:
 
 
 def decode(data: bytes, *, colour: bool = True, is_reduced: bool = False) -> Pixels | None:
-    """Decode a JPEG or PNG to blue, green and red, or to grey; None if it is none.
+    """Decode a JPEG or PNG to blue, green and red, or to grey; None if it is neither.
 
     `is_reduced` decodes a JPEG in grey, at an eighth of its size, rounded up.
 

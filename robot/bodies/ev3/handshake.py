@@ -89,7 +89,7 @@ def join(
     """Join the agent at `host` or `host:port`; with the kept secret unless one is given.
 
     Raises:
-        ConfigurationError: If the address is none.
+        ConfigurationError: If the address is not valid.
         DriveError: If nobody answers, the agent refuses, or it is another than ours.
     """
     host, port = split_address(address, PORT, "--brick")

@@ -133,7 +133,7 @@ class IntegerRidge(LinearPart):
         return z
 
     def _mean_input(self, x: Vector) -> Floats:
-        """The same of the mean of some frames, which is no vector of whole numbers."""
+        """The same of the mean of some frames, which is not a vector of whole numbers."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:

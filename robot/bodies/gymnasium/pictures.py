@@ -110,7 +110,7 @@ def _as_array(seen: Any) -> NDArray[Any] | None:
 
 
 def _channels_last(array: NDArray[Any]) -> NDArray[Any] | None:
-    """Return the newest frame, shape (height, width, 1 or 3); None if this is no picture."""
+    """Return the newest frame, shape (height, width, 1 or 3); None if this is not a picture."""
     while array.ndim > 3 and len(array):
         array = array[-1]
     if array.ndim == 2:

@@ -29,7 +29,7 @@ def encode_plain_order(order: Order) -> bytes:
 
 
 def parse_plain_order(data: bytes, moves: Container[Action]) -> Order | None:
-    """Read one order; None if it is none, or none of this body's."""
+    """Read one order; None if it cannot be read, or is not for this body."""
     try:
         name, for_ms, speed, seq, seen_ms, *numbers = data.decode("ascii").split()
         point = Point(*map(float, numbers)) if numbers else None

@@ -23,8 +23,9 @@ class DrivingLearner:
     A picture that nobody taught counts as driven by what `see` proposed. For one thread.
 
     Args:
-        moves: What it may do, two at least: names, or a `Move` where its steering and throttle are
-            known. A classic name is known so; of another the learner cannot tell if it is a turn.
+        moves: The moves that it may choose, two at least: names, or a `Move` where its steering and
+            throttle are known. Those of a classic name are; of another name the learner cannot tell
+            if it is a turn.
         learner: Name of a learner, such as `default-32`, or a policy that nobody else uses.
 
     Raises:
@@ -47,7 +48,7 @@ class DrivingLearner:
 
     @property
     def policy(self) -> Policy:
-        """What learns; only the history may change it."""
+        """The policy that learns; only the history may change it."""
         return self.history.policy
 
     @property

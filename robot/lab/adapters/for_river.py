@@ -47,7 +47,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     """
 
     _room = 16
-    """Vectors have room for so many features; for twice as many or more when it is too small."""
+    """Number of features that vectors have room for; it is at least doubled when too small."""
 
     def __init__(
         self, max_nodes: int = 32, n_voters: int = N_VOTERS, group_cost: float = GROUP_COST
@@ -96,7 +96,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
             self.learn_one(row, label)
 
     def predict_proba_many(self, X: pd.DataFrame) -> pd.DataFrame:  # noqa: N803
-        import pandas as pd  # river's own choice: whoever passes frames has it
+        import pandas as pd  # as river does: a caller that passes frames has it
 
         rows = [self.predict_proba_one(row) for row in X.to_dict(orient="records")]
         return pd.DataFrame(rows, index=X.index, columns=list(self._labels))

@@ -27,7 +27,7 @@ class Rival:
         library: Module and class, and the extra that has them.
         features: The default's are fair; the paper's, and colours, go with no action filter.
         is_eager: It is fitted to every example; else with each tenth part more of them.
-        is_angular: It regresses the angle alone.
+        is_angular: It regresses only the angle.
     """
 
     make: Callable[[Any, int, int], Any]

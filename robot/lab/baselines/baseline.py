@@ -33,8 +33,8 @@ class Baseline(Stateful, BaseLearner):
     seeded. Memory and time grow with every example.
 
     Args:
-        kind: What it is called in a model.
-        number: What its name says: of neighbours, trees, units ...
+        kind: Its name in a model.
+        number: The number in its name: of neighbours, trees, units ...
         make: Returns a new classifier with `fit`, `predict_proba` and `classes_`, given how many
             examples there are.
         is_eager: It is fitted to every example; else with each tenth part more of them.
@@ -96,7 +96,7 @@ class Baseline(Stateful, BaseLearner):
         return State(kind=self.kind, params=params, arrays=arrays, labels=list(self._ys))
 
     def set_state(self, state: State) -> None:
-        """Keep the examples of `state` alone; raises ValueError if it is of another kind."""
+        """Keep only the examples of `state`; raises ValueError if it is of another kind."""
         if state.kind != self.kind:
             raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
         self._ys = list(map(str, state.labels))

@@ -21,7 +21,7 @@ _RATE, _DECAYS, _TINY = 0.001, (0.9, 0.999), 1e-8
 
 
 class ColourFeatures(GreyFeatures):
-    """RGB, 40x30, area average: 3600 bytes. Who learns from it keeps no images to be shown."""
+    """RGB, 40x30, area average: 3600 bytes. Learners of it keep no images to be shown."""
 
     name = "colour"
 
@@ -63,7 +63,7 @@ class BatchNetwork:
     def predict_proba(self, xs: Floats) -> Floats:
         """Return the chance of each class, shape (n, classes)."""
         chances: Floats = self._network.predict_proba(xs / 127.5 - 1.0)
-        if chances.shape[1] == 1:  # of two classes scikit-learn gives the second alone
+        if chances.shape[1] == 1:  # of two classes scikit-learn gives only the second
             chances = np.hstack([1.0 - chances, chances])
         chances = chances[:, : len(self.classes_)]
         shares: Floats = chances / chances.sum(axis=1, keepdims=True)

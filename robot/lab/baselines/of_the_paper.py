@@ -1,4 +1,4 @@
-"""What the paper compares BSOC with: a self-organizing map, a growing neural gas, and ALVINN.
+"""The learners that the paper compares BSOC with: a self-organizing map, a neural gas, and ALVINN.
 
 Sources: Kohonen (1982) through MiniSom; Fritzke (1995) through MiniGNG; Pomerleau, "Efficient
 Training of Artificial Neural Networks for Autonomous Navigation" (1991) on scikit-learn's network.

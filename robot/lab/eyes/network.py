@@ -2,7 +2,7 @@
 
 Source: Tan and Le (2019), and Google's "Lite" variants of 2020: ReLU6, no squeeze and excitation.
 Each block widens the channels, filters each by itself and narrows them again (Sandler et al. 2018).
-Normalisation is folded into the filters before it, so that the net is convolutions alone.
+Normalisation is folded into the filters before it, so that the net has only convolutions.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Floats = NDArray[np.float32]
 WIDTH, HEIGHT = 160, 128
 """Size of the pictures that it sees, in pixels; the camera's 160x120 is a little stretched."""
 CHANNELS, ROWS, COLUMNS = 80, 8, 10
-"""What comes out: a number for each channel and part of the picture."""
+"""Shape of the output: a number for each channel and part of the picture."""
 GREY, RANGE = 127.0, 128.0
 """The grey level that became 0 when it was trained, and how many levels became 1."""
 _STEPS = (1, 2, 1, 2, 1, 2, 1, 1)

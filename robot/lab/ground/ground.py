@@ -1,4 +1,4 @@
-"""Worlds that others made: how well does a robot drive after so many examples?"""
+"""Worlds that others made: how well does a robot drive after a given number of examples?"""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _means(results: Sequence[Result], name: str) -> list[float]:
 
 
 def score_at(stage: int) -> Callable[[Sequence[Result]], str]:
-    """Return how a cell is made of the mean score of each run after so many examples."""
+    """Return the function that makes a cell of the mean score of each run at this stage."""
     return lambda results: mean_in_interval(
         [statistics.fmean(result["stages"][stage]["scores"]) for result in results]
     )

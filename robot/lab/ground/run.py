@@ -1,4 +1,4 @@
-"""One learner in one foreign world: taught to so many examples, then alone, and again with more."""
+"""One learner in one foreign world: taught, then unaided, and both again with more examples."""
 
 from __future__ import annotations
 
@@ -11,26 +11,27 @@ from robot.lab.task import Params, Result
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50
-"""So many are demonstrated before the robot drives and is corrected, or asks."""
+"""Number of examples that are demonstrated before the robot drives and is corrected, or asks."""
 WRONG_FOR = 2
-"""The teacher takes the wheel when the robot was wrong in so many decisions running,"""
+"""Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
-"""and keeps it for so many, and until the robot would do the same."""
+"""Least number of decisions for which the teacher then keeps the wheel; it gives it back once the
+robot would do the same."""
 UNSURE = 0.6
-"""A robot that may ask does so where it is less sure, beside where the product itself asks."""
+"""Confidence below which a robot that may ask does so; it also asks where the product asks."""
 _PATIENCE = 20
-"""Decisions for each example at most: a robot that makes no mistake gets no corrections."""
+"""Upper bound of decisions for each example: a robot without mistakes gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
-"""In a learner's place: the scripted teacher drives."""
+"""Learner name with which the scripted teacher itself drives."""
 
 
 def run_ground(params: Params) -> Result:
-    """Teach, and let it drive alone at each number of examples.
+    """Teach, and let it drive unaided at each number of examples.
 
     Parameters: `world`, `learner`, `way` (`demonstration`, `corrections` or `asked`), `seed`,
-    `counts` (of examples), `drives` (alone, at each). The learner `teacher` is the world's own:
-    what it makes of the same drives.
+    `counts` (of examples), `drives` (unaided, at each). The learner `teacher` is the world's own:
+    its scores are those of the same drives.
     """
     with contextlib.closing(make_world(params["world"])) as world:
         first_seed = _ALONE_SEED + 100 * params["seed"]

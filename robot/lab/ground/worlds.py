@@ -33,7 +33,7 @@ class ForeignWorld(ABC):
         longest: Decisions in an episode at most.
         frames: Steps of the world that a decision lasts.
         score: Of the episode so far.
-        point: What the teacher meant by what it `wanted`, where the world is driven by degrees.
+        point: The move that the teacher `wanted`, by degrees, where the world is driven by degrees.
     """
 
     codes: Mapping[str, int]
@@ -151,10 +151,11 @@ class CarRacing(ForeignWorld):
     """A car on a race track; the score is the share of its tiles, in percent.
 
     The five moves of the world's own discrete form. The teacher knows the track: it steers to a
-    point ahead where that lies well aside, for who steers gives no gas, and is slower in bends.
+    point ahead where that lies well aside, since a car that steers gets no gas, and is slower in
+    bends.
 
     Args:
-        names: What left, right, gas, brake and nothing are called.
+        names: The names of left, right, gas, brake and nothing.
         is_continuous: It is driven by degrees.
     """
 

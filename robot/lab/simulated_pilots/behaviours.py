@@ -19,8 +19,8 @@ class WallFollower:
     NEAR_M, GOOD_M, FAR_M = 0.45, 0.62, 0.85
     AHEAD_NEAR_M, AHEAD_FREE_M = 0.30, 0.60
     ONWARDS_S = 0.8
-    """After a turn it drives on for so long before it turns to the wall: at a gap in the wall it
-    would else turn to and fro for ever."""
+    """Time for which it drives on after a turn before it turns to the wall, in seconds: otherwise
+    it would alternate between left and right at a gap in the wall, without end."""
 
     def __init__(self) -> None:
         self._turning: Action | None = None

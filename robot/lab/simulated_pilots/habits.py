@@ -32,7 +32,7 @@ class Person(Wanderer):
     """A wanderer as irregular as a person: no two turns begin or end alike.
 
     Args:
-        params: What it aims at.
+        params: The distances that it aims at.
         irregularity: Deviation of each turn's beginning and end, as a share of its distance.
         overshoot_s: How long it goes on turning when the way is free: mean of an exponential.
     """
@@ -149,4 +149,4 @@ STEERED: Mapping[str, Habit] = {
     "degrees": Habit(teacher=lambda turns, seed: Steerer(turns)),
     "cut to moves": Habit(teacher=lambda turns, seed: Steerer(turns, is_cut=True)),
 }
-"""One who steers by degrees, and how he drives a body that takes moves alone."""
+"""A pilot who steers by degrees, and the same pilot on a body that takes only moves."""

@@ -16,10 +16,10 @@ class TakeoverPolicy:
     """When a pilot takes the wheel from the robot, and when it gives it back."""
 
     patience_s: float = 0.5
-    """Takes the wheel when the robot has done what is not tolerated for so long."""
+    """Time of moves that are not tolerated after which the pilot takes the wheel, in seconds."""
     shortest_hold_s: float = 0.8
     contented_s: float = 0.5
-    """Gives it back when the robot has proposed for so long what the pilot does."""
+    """Time of agreeing proposals after which the pilot gives the wheel back, in seconds."""
     longest_hold_s: float = 8.0
     lenience: float = 0.5
     """Share of incidents in which it lets the robot get stuck first and then shows the way out:

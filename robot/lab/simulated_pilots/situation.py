@@ -1,4 +1,4 @@
-"""What a pilot sees on the screen, in a few numbers instead of a picture.
+"""Describes a pilot's view of the screen in a few numbers instead of a picture.
 
 A person looks at the frame and knows where there is room. A simulated pilot gets these figures from
 the simulated world, for the instant of one frame.
@@ -48,7 +48,7 @@ class Situation:
     doing: Action
     ranges_m: NDArray[np.float64] = field(compare=False)  # arrays have no one answer
     ahead: str
-    """What the robot would meet if it drove straight on: `east wall`, `backpack` ..."""
+    """The thing that the robot would meet if it drove straight on: `east wall`, `backpack` ..."""
     target: Target | None = None
     """The thing that moves or can be moved, if this place has one."""
 

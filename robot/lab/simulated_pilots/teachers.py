@@ -79,14 +79,16 @@ class Wanderer:
     """Drives where there is room: forward until something is near, then a turn until it is free.
 
     Args:
-        turns: With one alone it always turns that way; with two it chooses the shorter turn,
+        turns: With only one it always turns that way; with two it chooses the shorter turn,
             and stays with it until the way is free.
     """
 
     LONG_TURN_S = 8.0
-    """After so long (150 degrees) in a narrow place it goes on as soon as it can at all."""
+    """Time of turning in a narrow place, in seconds (150 degrees), after which it goes on as soon
+    as it can at all."""
     STUCK_S, STUCK_M = 13.0, 0.15
-    """It does not let the robot stay within so little for longer than a full turn-about takes."""
+    """A robot is stuck if it stays for this time, in seconds, within this distance, in metres. A
+    full turn-about takes less."""
 
     def __init__(
         self,
@@ -154,13 +156,13 @@ class Wanderer:
 class Steerer(Wanderer):
     """Drives where there is room, in curves: begins to steer far off, and turns hard when near.
 
-    To which side, and what it lets the robot do, is as of `Wanderer`; the hand does not jerk.
+    It chooses the side, and tolerates the robot's moves, as `Wanderer` does; the hand never jerks.
 
     Args:
-        is_cut: The body takes moves alone: what is meant is cut to them.
+        is_cut: The body takes only moves: the steering is cut to them.
 
     Attributes:
-        point: What it meant by the move that it chose last; None if that is cut.
+        point: The move that it chose last, by degrees; None if that is cut.
     """
 
     FAR_M, NEAR_M = 0.45, 0.12

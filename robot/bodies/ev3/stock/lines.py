@@ -169,7 +169,7 @@ def _hear_beacon(wanted: str, beacon_port: int) -> tuple[str, int, str]:
 
 
 def parse_beacon(data: bytes) -> tuple[str, int] | None:
-    """Return serial number and port of an announcement; None if it is none of an EV3."""
+    """Return serial number and port of an announcement; None if it does not come from an EV3."""
     text = data.decode("ascii", "replace")
     serial = re.search(r"Serial-Number:\s*([0-9A-Fa-f]{12})", text)
     port = re.search(r"Port:\s*(\d{1,5})\b", text)
