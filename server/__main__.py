@@ -13,8 +13,8 @@ _ONE_THREAD = (
     "OMP_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-"""Read by numpy's libraries when they are loaded. Our products are small: helpers spend more time
-waiting for the next product than on the product, 43 % of a taught robot's."""
+"""Environment variables that limit numpy's libraries to one thread. Our matrix products are small:
+helper threads would spend 43 % of a taught robot's CPU time waiting."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -22,11 +22,11 @@ class Limits:
     frames_per_second: float = 150.0
     """Acknowledgements of one client on `/ws/video`."""
     refused_before_closing: int = 500
-    """A client is disconnected after so many refused messages, but for those that came late."""
+    """Number of refused messages after which a client is disconnected; late ones do not count."""
     clients: int = 160
     """Open websockets and streams of all clients together."""
     clients_each: int = 8
-    """The same of one person; the page has two."""
+    """Open websockets and streams of one person; the page has two."""
     connections_each: int = 24
     """Connections of one person."""
     requests_per_second: float = 50.0
@@ -37,16 +37,17 @@ class Limits:
     upload_bytes: int = 64_000_000
     """The largest model that may be uploaded."""
     uploads: int = 2
-    """How many are uploaded at a time; one by each person."""
+    """Maximum number of simultaneous uploads; one per person."""
     idle_s: float = 30.0
     """Idle timeout: a silent client is disconnected."""
     pending: int = 384
     """Connections that the guard has not admitted yet, of all addresses together."""
     pending_per_address: int = 384
-    """The same of one address; for IPv6, of one /64 network."""
+    """Connections of one address that the guard has not admitted yet; for IPv6 of one /64."""
     pending_s: float = 20.0
-    """A pending connection is closed so long after its last complete request. Long enough for a
-    class that shakes hands over TLS with a busy laptop: who needs a place takes one at once."""
+    """Timeout of a pending connection after its last complete request, in seconds. It is long
+    enough for a class that shakes hands over TLS with a busy laptop. A new connection that needs a
+    place does not wait for it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,9 +20,9 @@ _NAMES = (
     " Rover Scout Tango Umi Vega Wren Yuki Ziggy"
 )
 NAMES = tuple(_NAMES.split())
-"""A robot without a name gets one of these, and keeps it."""
+"""Names from which a robot without a name gets one, which it keeps."""
 COLOURS = ("grey", "green", "purple", "pink", "brown", "teal")
-"""None is used elsewhere on the page: amber is the pilot, blue the robot, red stops."""
+"""Colours of robots; the page uses none of them elsewhere (amber pilot, blue robot, red stop)."""
 LONGEST_NAME = 24
 
 
@@ -44,7 +44,7 @@ class Identity:
 
 
 class IdentityFile:
-    """Saves the identity of one robot in `robot.json`; with no folder in memory alone."""
+    """Saves the identity of one robot in `robot.json`; without a folder only in memory."""
 
     def __init__(self, folder: Path | None, name: str | None = None) -> None:
         self._path = folder / "robot.json" if folder is not None else None

@@ -1,4 +1,4 @@
-"""What the server saves for one robot: its models, and what extensions save of its runs.
+"""Saves the models of one robot; extensions save data of its runs.
 
 An extension saves more by an entry point of `drivelesson.persistence`, a `PersistencePart`.
 """
@@ -32,7 +32,7 @@ _P = TypeVar("_P", bound="PersistencePart")
 
 
 class PersistencePart(StartStop):
-    """What an extension saves of a robot's runs; started after all else, and stopped before.
+    """An extension's part that saves data of a robot's runs; started last and stopped first.
 
     Attributes:
         run: The name under which the present run is saved, None while none is.
@@ -49,7 +49,7 @@ class PersistencePart(StartStop):
         """Save again: the data folder is back."""
 
     def keep_run(self) -> None:
-        """Keep the present run, whatever is in it."""
+        """Keep the present run, even if it is empty."""
 
 
 class Persistence(StartStop):
@@ -107,7 +107,7 @@ class Persistence(StartStop):
         return next((part.run for part in self._parts.values() if part.run), None)
 
     def keep_run(self) -> None:
-        """Have every part keep the present run, whatever is in it."""
+        """Have every part keep the present run, even if it is empty."""
         for part in self._parts.values():
             part.keep_run()
 
@@ -152,7 +152,7 @@ class Persistence(StartStop):
             self.autosave.adopt(recovered)
 
     def _watch_folder(self) -> None:
-        """Announce that the data folder is gone, or back: then what was learned is saved."""
+        """Announce that the data folder is gone, or back; then the model is saved."""
         is_gone = self._presence is not None and not self._presence.is_there()
         if is_gone == self._is_gone:
             return

@@ -46,7 +46,7 @@ class Services:
     persistence: Persistence | None = None
     gateway: Gateway
     turned_away: Counter[str] = field(default_factory=Counter)
-    """How many requests the guard refused, by reason."""
+    """Number of requests that the guard refused, by reason."""
     extensions: dict[type[Extension], Extension] = field(default_factory=dict)
 
     def extension(self, kind: type[_E]) -> _E:
@@ -63,9 +63,10 @@ class Services:
             extension.note_carried()
 
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> tuple[_T, bool]:
-        """Have the loop make a change; return what it returns, and whether a kill leaves it.
+        """Have the loop make a change; return its result, and whether the change is saved.
 
-        It is in the journal then. Where it is not, it is made all the same: the answer must say so.
+        A saved change is in the journal and survives a kill. An unsaved change is still made: the
+        answer must say that it was not saved.
         """
         history = self.robot.loop.history
         made, number = await self.on_loop(lambda: (change(history), history.changes))
@@ -78,8 +79,8 @@ class Extension(StartStop):
     """One extension's part in a robot's server. Override what the extension has.
 
     Attributes:
-        public_paths: What anybody may request.
-        open_paths: Where a viewer may do more than read.
+        public_paths: Paths that need no session.
+        open_paths: Paths on which a viewer may do more than read.
     """
 
     public_paths: ClassVar[frozenset[str]] = frozenset()

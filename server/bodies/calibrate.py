@@ -23,7 +23,7 @@ from server.cli.settings import PREFIX, apply_to, parse_settings, read_settings
 
 ROBOTS = ("ev3", "ev3-remote")
 LARGEST_CORRECTION = 3.0
-"""A measurement that is so many times off is a slip of the pen, or a motor at the wrong port."""
+"""Largest plausible correction factor; a larger one means a typing error or a wrong motor port."""
 _TABLE = re.compile(r"^\s*\[", re.MULTILINE)
 
 
@@ -93,7 +93,7 @@ def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
 
 
 def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
-    """Return how many times as far it turns as was thought, with wheels so many times as wide."""
+    """Return how far it turns relative to the expected angle; `wider` corrects the wheels."""
     angle_deg = driver.options.turn_rate_deg_s * seconds
     _prompt(
         f"\nThe robot will turn left by about {angle_deg:.0f} degrees. Mark where it looks, and "

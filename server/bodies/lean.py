@@ -1,8 +1,8 @@
-"""The command line without what a server on a brick never uses: `python -m server.bodies.lean`.
+"""The command line without modules that a brick never needs: `python -m server.bodies.lean`.
 
-A brick has 64 MB, and OpenSSL alone takes five: its modules are replaced before anything imports
-them. https is then unavailable; `hashlib` computes the same with Python's own code. Others are put
-off until something uses them: numpy's random numbers alone take two.
+A brick has 64 MB, of which OpenSSL would take five. Its modules are replaced before anything
+imports them. https is then unavailable; `hashlib` uses Python's own code. Other modules are loaded
+only when used: numpy's random numbers take two MB.
 """
 
 from __future__ import annotations

@@ -23,9 +23,9 @@ MARK_EVERY = 10
 """Examples between two points of the curve."""
 _MARKS, _POINTS = 2000, 200
 _REMEMBERED = 512
-"""How many images are cached that are gone."""
+"""Number of images cached after they were merged."""
 _REFRESH_S = 0.4
-"""The gallery is fetched at most so often while the robot learns."""
+"""Minimum time between two fetches of the gallery while the robot learns, in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Mark:
 
 
 class Progress:
-    """Follows one robot's training: whoever serves it has the loop tell it each tick."""
+    """Follows one robot's training; the server subscribes it to the loop's ticks."""
 
     def __init__(self, loop: ControlLoop, episode: Callable[[], str | None]) -> None:
         self._loop = loop

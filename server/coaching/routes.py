@@ -22,7 +22,7 @@ router = APIRouter(prefix="/api", route_class=Route)
 
 @dataclass
 class Teaching:
-    """What was taught, and the curve of agreement over the examples."""
+    """The examples taught, and the curve of agreement over them."""
 
     lessons: int
     taught: dict[str, int]
@@ -45,7 +45,7 @@ class GapAnswer:
 
 @dataclass
 class ReadinessAnswer:
-    """Whether the robot is ready to drive alone, or what is missing and where."""
+    """Readiness to drive autonomously, with the gaps and their places."""
 
     stage: str
     alone_s: float
@@ -107,7 +107,7 @@ def describe_teaching(request: Request) -> Teaching:
 
 @router.get("/teaching/readiness")
 async def show_readiness(request: Request, pictures: bool = True) -> ReadinessAnswer:
-    """Return whether the robot is ready to drive alone, or what is missing and where."""
+    """Return the readiness to drive autonomously, with the gaps and their places."""
     services = services_of(request)
     readiness = progress_of(request).readiness
     return await services.on_loop(lambda: _describe_readiness(readiness, pictures))

@@ -40,8 +40,8 @@ class Gateway:
     Attributes:
         credentials: Each returns the session that a request's headers prove, if any.
         checks: Each may refuse a request, by path, method (None: a websocket) and role.
-        kept: Persons who keep their connections whoever else wants one.
-        has_priority: True of persons who keep theirs, too: the one who drives.
+        kept: Persons whose connections are never evicted for others.
+        has_priority: True for further such persons: the one who drives.
     """
 
     limits_type: ClassVar[type[Limits]] = Limits
@@ -77,7 +77,7 @@ class Gateway:
 
     @property
     def admits_all(self) -> bool:
-        """True if nobody has to prove who they are."""
+        """True if no client has to prove its identity."""
         return True
 
     @property
@@ -140,7 +140,7 @@ class Gateway:
         return next((refusal for refusal in refusals if refusal), None)
 
     def is_kept(self, person: str) -> bool:
-        """True of persons who keep their connections whoever else wants one."""
+        """True for persons whose connections are never evicted for others."""
         return person in self.kept or self.has_priority(person)
 
     # Limits, which a server on loopback needs none of -------------------------------------------

@@ -36,13 +36,13 @@ _LASTING = "/video.mjpg"
 
 
 def role_of(connection: HTTPConnection) -> Role:
-    """Return what the browser behind a request or websocket may do."""
+    """Return the role of the browser behind a request or websocket."""
     role = connection.scope.get(_ROLE)
     return role if isinstance(role, Role) else Role.VIEWER
 
 
 def person_of(connection: HTTPConnection) -> str:
-    """Return what the client is counted by: its session, or its address."""
+    """Return the key that a client is counted by: its session, or its address."""
     return str(connection.scope.get(_PERSON, ""))
 
 
@@ -219,7 +219,7 @@ def content_policy(scheme: str, host: str, inline: Iterable[str] = ()) -> str:
 
 
 async def _close(scope: Scope, send: Send) -> None:
-    """End what had to give up its place."""
+    """End a request or websocket that was evicted."""
     task = asyncio.current_task()
     if task is not None:
         task.uncancel()

@@ -1,4 +1,4 @@
-"""What clients may do. An extension adds a role by an entry point of `drivelesson.roles`."""
+"""Roles of clients. An extension adds a role by an entry point of `drivelesson.roles`."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ ROLES = "drivelesson.roles"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Role:
-    """What a client may do.
+    """A client's permissions.
 
     Attributes:
         value: Its name, in messages and files.
         may_change: It may do more than read, and more than stop the robot.
         may_drive: It may have the wheel.
         holds_stop: A robot that it stops is released by this role only.
-        paths: All that it may request besides what is public; None: whatever else allows.
+        paths: The only paths it may request besides public ones; None for no such limit.
         start: The page that it is sent to.
-        refusal: What it is told of a request that it may not make.
-        purpose: What a browser does in it, after "to"; empty for a role that no browser gets.
+        refusal: The sentence that answers a forbidden request.
+        purpose: The purpose of a browser in it, after "to"; empty if no browser gets the role.
     """
 
     value: str
@@ -62,12 +62,12 @@ class Refusal:
     location: str | None = None
     """Address to redirect to."""
     open_at: tuple[str, ...] = ()
-    """Addresses of the page, for who came by a name that is not known."""
+    """Addresses of the page, for a client that used an unknown name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """A client: what it may do, and what it is counted by."""
+    """A client's role, and the name that it is counted by."""
 
     role: Role
     name: str

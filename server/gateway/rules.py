@@ -15,7 +15,7 @@ from server.config import as_address
 from server.gateway.roles import Refusal, Role, Session
 
 PUBLIC_PATHS = frozenset({"/healthz", "/favicon.ico", "/manifest.webmanifest"})
-"""What anybody may request; none of it tells anything about the robot. Extensions add theirs."""
+"""Paths that need no session and reveal nothing about the robot; extensions add theirs."""
 NOT_ADMITTED = Refusal(401, "session", "This browser is not admitted.")
 READING = ("GET", "HEAD", None)
 """Methods that change nothing; None is a websocket's, which checks for itself."""
@@ -27,13 +27,13 @@ class AccessRules:
 
     Args:
         names: Names that the robot answers to; they may change while it serves.
-        addresses: Returns where people open the page now, for who came by another name.
-        advise: Returns what to do where a client came by this name, if it did, or address.
+        addresses: Returns the page's current addresses, for clients that used another name.
+        advise: Returns advice for a client that used this name or address.
         allows_addresses: Accept any IP address as Host too: DNS rebinding needs a name.
         origins: Other origins of its page, where a proxy serves it.
         public: Paths that need no session.
         open: Paths on which a viewer may do more than read.
-        unknown: What a client without a session is told.
+        unknown: The refusal of a client without a session.
     """
 
     names: Container[str]

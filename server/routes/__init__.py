@@ -1,7 +1,7 @@
 """The routes, one module for each topic, and each with a `router`.
 
-Who may ask for what is the guard's (`server.gateway.rules`): a viewer may read. All services are
-in `services_of(request)`. Requests that touch the learner go through `robot.loop.submit`. See
+The guard decides access (`server.gateway.rules`): a viewer may read. `services_of(request)` returns
+all services. Requests that touch the learner go through `robot.loop.submit`. See
 docs/reference/http.md.
 """
 
@@ -12,7 +12,7 @@ from importlib import import_module
 from fastapi import APIRouter
 
 MODULES = (*("drive", "video", "health", "models", "teaching", "settings"),)
-"""Modules of this package; extensions add theirs as an `Extension`."""
+"""The modules with routes; extensions add theirs as an `Extension`."""
 
 
 def routers() -> list[APIRouter]:

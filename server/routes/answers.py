@@ -1,4 +1,4 @@
-"""What routes answer: dataclasses, which FastAPI states in `/openapi.json`, and errors likewise."""
+"""Answers and errors of routes, as dataclasses that FastAPI describes in `/openapi.json`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _WHY = {
 
 
 def media(*kinds: str) -> dict[str, Any]:
-    """Return the options of a route whose answer is no JSON, but of one of these media types."""
+    """Return the options of a route that answers with one of these media types, not with JSON."""
     content: dict[str, Any] = {kind: {} for kind in kinds}
     return {"responses": {200: {"content": content}}, "response_class": Response}
 
@@ -45,7 +45,7 @@ PNG = media("image/png")
 
 
 def png(pixels: NDArray[np.uint8], keep_s: int = 0) -> Response:
-    """Answer with a picture, which the browser may keep for some time."""
+    """Answer with a picture that the browser may cache for `keep_s` seconds."""
     headers = {"cache-control": f"private, max-age={keep_s}"} if keep_s else None
     return Response(encode_png(pixels), media_type="image/png", headers=headers)
 
@@ -62,13 +62,13 @@ def attachment(data: bytes, kind: str, name: str) -> Response:
 
 
 def answer(kind: type[_T], source: Any, **own: Any) -> _T:
-    """Make an answer of the fields that are given, and of an object's attributes of their names."""
+    """Make an answer from the given fields; an object's attributes supply the others."""
     names = (field.name for field in fields(kind) if field.name not in own)  # type: ignore[arg-type]
     return kind(**{name: getattr(source, name) for name in names}, **own)
 
 
 class Route(APIRoute):
-    """A route whose answer's type is for `/openapi.json` alone, so that a brick starts sooner.
+    """A route whose answer's type is only for `/openapi.json`, so that a brick starts sooner.
 
     `described` makes the route again, with it.
     """
@@ -79,7 +79,7 @@ class Route(APIRoute):
 
 
 def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any]:
-    """Return `/openapi.json`: of each route its values, its answer and its errors."""
+    """Return `/openapi.json`: the values, the answer and the errors of each route."""
     content = {"application/json": {"schema": {"$ref": "#/components/schemas/Refusal"}}}
     errors: Any = {code: {"description": why, "content": content} for code, why in _WHY.items()}
     twin = FastAPI(title=app.title, version=__version__)

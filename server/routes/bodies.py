@@ -1,4 +1,4 @@
-"""Helpers for routes: say what a value has to be, and turn errors into HTTP answers."""
+"""Helpers for routes: explain refused values, and turn errors into HTTP answers."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, R
 from server.services import services_of
 
 do = run_in_threadpool
-"""Runs what uses the disk in a thread."""
+"""Runs a function that uses the disk in a thread."""
 Short = Annotated[str, Field(max_length=200)]
 
 
 class Named(RawValue):
-    """What may have a name of a person's own."""
+    """A body with an optional name."""
 
     name: str | None = text(None)
 
 
 class Key(RawValue):
-    """What a deletion returned."""
+    """The key that a deletion returned."""
 
     undo: str = text()
 
@@ -71,11 +71,11 @@ HANDLERS: dict[Any, Any] = {
     RequestValidationError: refuse_values,
     **dict.fromkeys((RobotError, OSError), refuse),
 }
-"""What every application does with errors."""
+"""The error handlers of every application."""
 
 
 def require_free_model(request: Request) -> None:
-    """Refuse what changes the model in use, with 409, while an extension needs it as it is."""
+    """Refuse a change of the model in use with 409 while an extension needs it unchanged."""
     for extension in services_of(request).extensions.values():
         extension.require_free_model()
 

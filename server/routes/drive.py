@@ -26,7 +26,7 @@ async def stop(request: Request) -> dict[str, bool]:
 
 @dataclass
 class DoingAnswer:
-    """What the robot does now, for a page without a websocket."""
+    """The robot's current activity, for a page without a websocket."""
 
     robot: str
     mode: str
@@ -34,7 +34,7 @@ class DoingAnswer:
     action: str
     emergency: bool
     is_full: bool
-    """No websocket finds a place: too many pages are open."""
+    """True if too many pages are open for another websocket."""
 
 
 @router.get("/api/state")

@@ -17,7 +17,7 @@ from server.services import Services, services_of
 
 router = APIRouter(route_class=Route)
 STALE_LOOP_S = 2.0
-"""A control loop without a tick for so long has stalled."""
+"""Time without a tick after which the control loop counts as stalled, in seconds."""
 _CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 

@@ -26,7 +26,7 @@ class ModelChange(Named):
 
 
 class NewModel(ModelChange):
-    """What an empty model is to be called, and what learns."""
+    """The name of an empty model, and its learner."""
 
     learner: str | None = text(None)
 
@@ -35,7 +35,7 @@ _NEW = NewModel()
 _UNREADABLE: Any = SimpleNamespace(
     place="", saved_at_s=None, learner=None, moves=(), taught={}, n_examples=0, n_nodes=0
 )
-"""What is known of a model that cannot be read."""
+"""The details shown for a model that cannot be read."""
 
 
 @dataclass
@@ -150,7 +150,7 @@ async def upload_model(request: Request, name: str) -> dict[str, str]:
 
 
 def _in_use(request: Request, name: str) -> dict[str, str | bool]:
-    """Say which model is in use; `kept` is false if the next start would use another one."""
+    """Return the model in use; `kept` is false if the next start would use another one."""
     return {"name": name, "kept": persistence_of(request).models.current == name}
 
 

@@ -22,12 +22,12 @@ from server.services import persistence_of, services_of
 router = APIRouter(prefix="/api/settings", route_class=Route)
 Size = Literal[16, 32, 64, 128, 256]
 SIZES: tuple[int, ...] = get_args(Size)
-"""Numbers of learned images that a person may choose from."""
+"""The selectable numbers of learned images."""
 _TRIALS = 10
 
 
 class SettingsChange(RawValue):
-    """What is to change."""
+    """The settings to change."""
 
     speed: float | None = number(None, least=0.3, most=1.0)
     name: str | None = text(None)
@@ -48,7 +48,7 @@ class CameraAnswer:
 
 @dataclass
 class Changed:
-    """What holds now."""
+    """The settings after a change."""
 
     learner: str
     speed: float
@@ -56,7 +56,7 @@ class Changed:
 
 @dataclass
 class ChangeAnswer(Changed):
-    """What holds now; `kept` is false if the next start would use the model before."""
+    """The settings after a change; `kept` is false if the next start would use the old model."""
 
     kept: bool
 
@@ -107,7 +107,7 @@ async def describe_settings(request: Request) -> SettingsAnswer:
 
 @router.put("")
 async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswer:
-    """Change settings; a new `max_nodes` or `moves` start an empty model, 409 if it drives."""
+    """Change settings; a new `max_nodes` or `moves` starts an empty model, 409 if it drives."""
     services = services_of(request)
     loop = services.robot.loop
     given = {"name": body.name, "colour": body.colour}
@@ -142,7 +142,7 @@ def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:
 
 @lru_cache(maxsize=8)
 def estimate_rates_hz(kind: str) -> dict[int, float]:
-    """Return how many pictures a second this machine can judge and learn, per number of images.
+    """Return the pictures per second that this machine can judge and learn, per number of images.
 
     Two sizes are tried, once; the cost grows with the number of images along a straight line.
     """

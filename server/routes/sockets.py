@@ -1,4 +1,4 @@
-"""What the websockets have in common: hearing what comes at once, and ending cleanly."""
+"""Shared parts of the websockets: receiving messages without delay, and ending cleanly."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from server.gateway.guard import note_use
 from server.hosting.uvicorn_fastpath import EXTENSION
 
 _LAST_S = 1.0
-"""So long a client that is shown out is still read."""
+"""How long messages of a client that is being disconnected are still read, in seconds."""
 _GONE = ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "ConnectionClosedError")
 
 
 def fast_path(websocket: WebSocket) -> Any:
-    """Return the way around ASGI's queues; None where uvicorn is too old for it."""
+    """Return the fast path past ASGI's queues; None if uvicorn is too old for it."""
     return websocket.scope.get("extensions", {}).get(EXTENSION)
 
 
@@ -35,9 +35,9 @@ async def converse(
 ) -> None:
     """Serve a client until it disconnects, has said nothing for `idle_s`, or is shut out.
 
-    Messages are heard where bytes become messages, before all queues, and while the socket closes:
-    in what a client that is shown out has sent, STOP is still heard. Where uvicorn is too old for
-    that, they come in their turn; so do bytes that take time, which `see` takes in place of `hear`.
+    Messages are handled as soon as they are decoded, before any queue and while the socket closes,
+    so a STOP from a client that is being disconnected still counts. If uvicorn is too old for that,
+    they are handled in order. So are slow binary messages, which go to `see` instead of `hear`.
     """
     heard_s = clock.now_s()
 

@@ -15,13 +15,13 @@ from server.services import services_of
 router = APIRouter(prefix="/api/teaching", route_class=Route)
 _LAST = Query(5.0, gt=0, le=UNDO_HORIZON_S, description="a number above 0 up to 35")
 _ONE_SIDED = 20
-"""Examples of a turn to one side, and none to the other: then the page asks about symmetry."""
+"""Number of one-sided turn examples after which the page asks about symmetry."""
 _STRIP = 24
-"""How many frames a strip shows at most."""
+"""Maximum number of frames in a strip."""
 
 
 class TrainingUndo(RawValue):
-    """How much of the latest training is undone."""
+    """The amount of latest training to undo."""
 
     seconds: float = number(above=0, most=UNDO_HORIZON_S)
 
@@ -62,7 +62,7 @@ class LastExamples:
 
 @dataclass
 class AlikeChanged(AlikeAnswer):
-    """What is said of symmetry now; `kept` is false if the disk did not take it."""
+    """The new setting of symmetry; `kept` is false if it could not be saved."""
 
     kept: bool
 
@@ -84,7 +84,7 @@ async def undo(request: Request, body: TrainingUndo) -> dict[str, int | bool]:
 
 @router.post("/outdate")
 async def outdate(request: Request) -> dict[str, int | bool]:
-    """Let what is taught from now on count more than what was taught before; `kept` as above."""
+    """Let new examples count more than earlier ones; `kept` is false if it could not be saved."""
     services = services_of(request)
     try:
         _, is_kept = await services.change_learner(lambda history: history.edit("outdate"))
@@ -102,7 +102,7 @@ async def show_alike(request: Request) -> AlikeAnswer:
 
 @router.post("/alike")
 async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
-    """Let what was and will be taught on one side be right in the mirror, too; or no longer."""
+    """Set whether past and future examples also count mirrored."""
     services = services_of(request)
     try:
         _, is_kept = await services.change_learner(
@@ -114,7 +114,7 @@ async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
 
 
 def _alike(history: TrainingHistory) -> AlikeAnswer:
-    """Describe what is said of symmetry; on the loop's thread."""
+    """Describe the setting of symmetry; on the loop's thread."""
     policy, taught = history.policy, history.taught
     pairs = policy.kinds.mirrored().items()
     return AlikeAnswer(

@@ -1,7 +1,7 @@
 """The video, a thin shell around its hub.
 
 `/ws/video` sends frames and receives acknowledgements. `/video.mjpg` is for VLC, dashboards and an
-`<img>`: such a stream cannot acknowledge, so the server looks at what its connection has not read.
+`<img>`: such a stream cannot acknowledge, so the server checks the unread bytes of its connection.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from server.services import services_of
 router = APIRouter(route_class=Route)
 _SELDOM_MS = 60_000
 _LEAST_ROOM = 2048
-"""Bytes that may be unread of any connection: a window is known by the kilobyte."""
+"""Number of unread bytes that never count, because a window is known only to the kilobyte."""
 _LOOKS = 2000
-"""A viewer that seems not to read is sent a frame after so many looks, of 10 ms each."""
+"""Number of polls, 10 ms each, after which a viewer that seems not to read gets a frame."""
 _BOUNDARY, _END_OF_HEADER = b"--frame\r\nContent-Type: image/jpeg\r\n", b"\r\n"
 _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
@@ -52,7 +52,7 @@ async def video(websocket: WebSocket) -> None:
             await websocket.send_bytes(await waiting.get())
 
     def hear(message: str | bytes) -> None:
-        """Take an acknowledgement; what is none is refused and counted."""
+        """Handle an acknowledgement; any other message is refused and counted."""
         try:
             now_s = hub.clock.now_s()
             if not pace.allows(now_s):
@@ -86,8 +86,10 @@ async def mjpeg(request: Request) -> StreamingResponse:
     gateway, looks = services_of(request).gateway, itertools.count(1)
 
     def has_room(n_bytes: int) -> bool:
-        """One frame may be unread, and half of it on its way; now and then one is sent all the
-        same, as a system may give a connection a smaller window than it had."""
+        """Return True if at most one and a half frames are unread.
+
+        Occasionally a frame is sent anyway, because a system may shrink a connection's window.
+        """
         unread = gateway.unread(request.scope)
         return unread <= max(1.5 * n_bytes, _LEAST_ROOM) or next(looks) % _LOOKS == 0
 
@@ -98,7 +100,7 @@ async def mjpeg(request: Request) -> StreamingResponse:
 
 @router.get("/picture.jpg", include_in_schema=False)
 def picture(request: Request) -> Response:
-    """Return the newest picture: to watch by plain requests, where nothing else passes."""
+    """Return the newest picture, for networks that pass only plain requests."""
     hub = services_of(request).hub
     frame = hub.robot.camera.latest()
     if frame is None:
@@ -114,7 +116,7 @@ def _is_browser(request: Request) -> bool:
 
 
 async def _for_browsers(hub: Hub, has_room: Callable[[int], bool]) -> AsyncIterator[bytes]:
-    """Yield frames, each with the next part's header behind it.
+    """Yield frames, each followed by the next part's header.
 
     Browsers show a part only when the header of the next one has arrived; sending it with the
     frame saves one frame's time.

@@ -1,6 +1,6 @@
 """Conducts one participant's session: timed phases on the loop's ticks, and questions.
 
-Where a session stands is what its log says, so that it can be taken up again at any time.
+The log holds the whole state of a session, so that it can be resumed at any time.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def name_of_world(body: object) -> str | None:
 
 
 def check_body(body: Any, condition: Condition) -> None:
-    """Refuse (ConfigurationError) a body simulated in another world, or that lacks a move."""
+    """Raise ConfigurationError for a body in another simulated world, or one that lacks a move."""
     here, place = name_of_world(body), condition.world
     worlds: Mapping[str, str] = getattr(body, "worlds", {place: place}) if here else {}
     file = os.path.realpath(place)  # of a world that is no more than a file
@@ -56,7 +56,7 @@ def check_body(body: Any, condition: Condition) -> None:
 
 
 def _in_turn(act: _Act) -> _Act:
-    """Let it happen once what was asked for before has: two pages, or two presses, come at once."""
+    """Run calls one after the other: two pages or two presses may call at the same time."""
 
     @wraps(act)
     def alone(self: Conductor, *args: Any, **named: Any) -> Any:
@@ -71,14 +71,14 @@ class Conductor(StartStop):
 
     Args:
         rig: The robot.
-        kept: The studies' place on the disk, the model in use, the recorder.
-        announce: Called with events that clients should know.
+        kept: The studies' folder, the model in use and the recorder.
+        announce: Called with events for the clients.
     """
 
     def __init__(self, rig: Rig, kept: Persistence, announce: Callable[..., None]) -> None:
         self.folder = StudyFolder(kept.storage)
         self.pace = 1.0
-        """Seconds of a phase that pass in one second: 1 except in demonstrations and tests."""
+        """Speed of a phase's clock: 1 except in demonstrations and tests."""
         self.study: str | None = None
         self.session: StudySession | None = None
         self._rig, self._loop, self._clock = rig, rig.loop, rig.clock
@@ -97,7 +97,7 @@ class Conductor(StartStop):
             log.warning("a session's model is still in use: %s", error)
 
     def stop(self) -> None:
-        """End the session as if it had been left, and unsubscribe."""
+        """Leave the session and unsubscribe."""
         try:
             self._end("server_ended")
         except (RobotError, OSError, TimeoutError) as error:
@@ -106,17 +106,17 @@ class Conductor(StartStop):
 
     @property
     def is_simulated(self) -> bool:
-        """Whether the robot itself knows in which place it is."""
+        """True if the robot is simulated, and so knows its place."""
         return name_of_world(self._rig.driver) is not None
 
     @property
     def is_driving(self) -> bool:
-        """Whether the session's own model is in use, so that its phases' clocks may run."""
+        """True if the session's own model is in use, so that its phases' clocks may run."""
         return self._models.in_use is not None
 
     @property
     def fault(self) -> str:
-        """Why the session's events are not on the disk; empty if they are."""
+        """The reason why the session's events are not on the disk; empty if they are."""
         return self._log.fault if self._log is not None else ""
 
     # Sessions ---------------------------------------------------------------------------------
@@ -255,7 +255,7 @@ class Conductor(StartStop):
     def leave(self) -> None:
         """End the session wherever it is; `begin` takes it up again. Idempotent.
 
-        OSError if the disk refuses what happened in it: the session is still on then.
+        OSError if its events cannot be written: then the session goes on.
         """
         self._flush()
         self._end("left")
@@ -275,7 +275,7 @@ class Conductor(StartStop):
 
     @_in_turn
     def withdraw(self, study: str, participant: str) -> list[str]:
-        """Delete all that is kept of a participant for good; see `StudyFolder.withdraw`."""
+        """Permanently delete all data of a participant; see `StudyFolder.withdraw`."""
         if self._is_on(study, participant):
             raise ConfigurationError("this session is on: leave it first")
         return self.folder.withdraw(study, participant, self._kept.run)
@@ -316,7 +316,7 @@ class Conductor(StartStop):
         return self.session
 
     def _tell(self) -> None:
-        """Have every page ask where the session stands."""
+        """Have every page reload the session's state."""
         self._announce("session", step=self.session.step.value if self.session else None)
 
     def _happen(self, event: str, **fields: Any) -> None:
@@ -324,7 +324,7 @@ class Conductor(StartStop):
         session, event_log = self._session(), self._log
         assert event_log is not None
         wall_s = self._clock.wall_s()
-        # There, too: who has waited in vain for a loop that stood still has not lost the event.
+        # Also there: the event is not lost if the wait for a stalled loop times out.
         making = self._loop.submit(lambda: event_log.note([session.make(event, wall_s, **fields)]))
         self._clock.result(making, PATIENCE_S)
 

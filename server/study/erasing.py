@@ -1,4 +1,4 @@
-"""Deletes for good what belongs to a participant who withdraws, wherever a copy of it lies."""
+"""Permanently deletes the data of a participant who withdraws, with all copies."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from robot.store.folder import Storage, composed
 
 
 def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
-    """Delete for good what has one of these names, copies of it, and some more files.
+    """Permanently delete everything with one of these names, its copies, and some more files.
 
     The names are those of models, recordings and exports, without endings, also in the trash.
-    The files go last, so that what was interrupted can be done again. Returns what was deleted,
-    by paths within the data folder; raises OSError if the disk refuses.
+    The files are deleted last, so that an interrupted deletion can be repeated. Returns the deleted
+    paths within the data folder; raises OSError if the disk refuses.
     """
     folders = (folder for folder in (*storage.kept(), *storage.trash.iterdir()) if folder.is_dir())
     entries = [path for folder in folders for path in folder.iterdir()]

@@ -1,4 +1,4 @@
-"""Writes a session's events to disk on a disk's thread: the control loop never waits for it."""
+"""Writes a session's events to disk on a disk thread: the control loop never waits for it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class EventLog(DiskThread):
-    """Appends to one file. What the disk refuses is kept, and tried again every second."""
+    """Appends events to one file; events that the disk refuses are retried every second."""
 
     def __init__(self, path: Path, clock: Clock) -> None:
         super().__init__(clock, every_s=1.0)
@@ -25,10 +25,10 @@ class EventLog(DiskThread):
         self._waiting: list[StudyEvent] = []
         self._size = 0
         self.fault = ""
-        """Why nothing could be written the last time; empty if it could."""
+        """The reason why the last write failed; empty if it succeeded."""
 
     def start(self) -> None:
-        """Cut off a line that a power cut left half written, and begin; OSError if it cannot."""
+        """Cut off a line that a power cut left incomplete, and begin; OSError on failure."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("ab+") as file:
             file.seek(0)
@@ -42,7 +42,7 @@ class EventLog(DiskThread):
         self._waiting.extend(events)
 
     def flush(self) -> None:
-        """Have all events on the disk; if it refuses (OSError) they are kept for the next time."""
+        """Write all events to disk; if it refuses (OSError) they stay queued."""
         with self._lock:
             events = self._waiting[:]
             if not events:

@@ -34,7 +34,7 @@ class NewStudy(RawValue):
 
 
 class NewSession(RawValue):
-    """Whose session of which study, or which trial of the paper with how long a teaching."""
+    """A participant and a study, or a trial of the paper with its teaching time."""
 
     study: str = text("")
     participant: str = text("")
@@ -79,7 +79,7 @@ def describe_study(folder: StudyFolder, name: str) -> dict[str, Any]:
 
 
 def describe_place(conductor: Conductor) -> dict[str, Any] | None:
-    """Return where the session that is on stands: all that a viewer gets; None without one."""
+    """Return the state of the current session, as much as a viewer gets; None without one."""
     session = conductor.session
     if session is None:
         return None
@@ -95,7 +95,7 @@ def describe_place(conductor: Conductor) -> dict[str, Any] | None:
 
 
 def describe_session(conductor: Conductor) -> dict[str, Any] | None:
-    """Return all of the session that is on, for who conducts it; None without one."""
+    """Return all of the current session, for its conductor; None without one."""
     session, place = conductor.session, describe_place(conductor)
     if session is None or place is None:
         return None
@@ -133,7 +133,7 @@ _GO_ON = Going()
 
 
 def _require_pilot(request: Request) -> None:
-    """Refuse a viewer: what a study has is for pilots, and the teacher."""
+    """Refuse a viewer: studies are for pilots and the teacher."""
     if not (role := role_of(request)).may_change:
         raise HTTPException(403, role.refusal)
 
@@ -193,7 +193,7 @@ def download_study(request: Request, name: str) -> Response:
 
 @router.get("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
 def show_outcomes(request: Request, name: str, participant: str) -> dict[str, Any]:
-    """Return how alike participant and robot drove, by condition."""
+    """Return the similarity of the participant's and the robot's driving, by condition."""
     return {"conditions": _conductor(request).folder.outcomes(name, participant)}
 
 
@@ -205,7 +205,7 @@ def withdraw_participant(request: Request, name: str, participant: str) -> dict[
 
 @router.get("/session")
 def show_session(request: Request) -> dict[str, Any]:
-    """Return the session that is on, or null; a viewer gets where it stands, and no more."""
+    """Return the current session, or null; a viewer gets only its state."""
     conductor = services_of(request).extension(StudyExtension).conductor
     is_viewer = role_of(request) is Role.VIEWER
     return {"session": conductor and (describe_place if is_viewer else describe_session)(conductor)}
@@ -224,7 +224,7 @@ def begin_session(request: Request, body: NewSession) -> dict[str, Any]:
 
 @router.delete("/session", dependencies=[PILOT])
 def leave_session(request: Request) -> dict[str, Any]:
-    """Leave the session; it can be taken up again where it is."""
+    """Leave the session; it can be resumed later."""
     _conductor(request).leave()
     return show_session(request)
 
@@ -254,7 +254,7 @@ class StudyExtension(Extension):
     """Sessions of studies with participants.
 
     Attributes:
-        conductor: Conducts them; None where nothing is saved.
+        conductor: The conductor of sessions; None if nothing is saved.
     """
 
     routers = (router,)

@@ -22,16 +22,16 @@ from robot.types import Action
 from server.study.erasing import erase
 
 OLDER = FolderKind(name="lessons")
-"""Where version 0.2 kept the results of guided trials."""
+"""The folder in which version 0.2 kept the results of guided trials."""
 _PLAN, _ACTIVE = "plan.toml", "active.json"
 LONGEST_NAME = 40
 _PLANS, _SESSIONS = 16, 2**14
-"""So many are remembered: parsed, and as a list shows them."""
+"""Number of parsed plans, and of session summaries, that are cached."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionSummary:
-    """What a list shows of one session; `fault` where its log cannot be read."""
+    """One session in a list, with a `fault` if its log cannot be read."""
 
     participant: str
     slot: int = -1
@@ -44,7 +44,7 @@ class SessionSummary:
 
 
 class SessionModel(RawValue):
-    """The model of the session that is driven just now, and what was in use before it."""
+    """The model of the session that is driven now, and the model in use before it."""
 
     study: str = text()
     participant: str = text()
@@ -73,7 +73,7 @@ class StudyFolder:
         """Keep a plan under a name; return the name in the form in which it is kept.
 
         Raises:
-            ConfigurationError: If the name is taken or cannot be one, or the plan is none.
+            ConfigurationError: If the name is taken or invalid, or the plan is invalid.
         """
         name = check_name(name)
         if len(name) > LONGEST_NAME:
@@ -116,7 +116,7 @@ class StudyFolder:
         return self.root / name / f"{code}.csv"
 
     def model_path(self, name: str, code: str, position: int) -> Path:
-        """Return where what a participant taught is kept."""
+        """Return the path of the model that a participant taught."""
         return self.root / name / "models" / f"{code}-{position}.npz"
 
     def events(self, name: str, code: str) -> list[StudyEvent]:
@@ -167,7 +167,7 @@ class StudyFolder:
         )
 
     def outcomes(self, name: str, code: str) -> list[dict[str, Any]]:
-        """Return how alike participant and robot drove, by condition in the order they were met."""
+        """Return the similarity of participant and robot by condition, in the order driven."""
         return [outcome(log) for log in condition_logs(self.plan(name), code, self.log(name, code))]
 
     def withdraw(self, name: str, code: str, recording: str | None) -> list[str]:
@@ -205,10 +205,10 @@ class StudyFolder:
 
 
 def model_name(study: str, participant: str, position: int) -> str:
-    """Return what a session's model is called while it is in use."""
+    """Return the name of a session's model while it is in use."""
     return f"{study} {participant} {position}"
 
 
 def fingerprint(plan_text: str) -> str:
-    """Return a mark of a plan: another for another text."""
+    """Return a hash of a plan's text."""
     return hashlib.sha256(plan_text.encode()).hexdigest()[:16]

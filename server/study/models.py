@@ -1,8 +1,8 @@
 """The model of the session that is driven: in use while it is, then beside the session's log.
 
-What participants teach is never among the robot's own models for longer than it is driven: it is
-put away, and what was in use before is in use again. `StudyFolder.active` says so on disk, so that
-a start after a power cut can do the same.
+A participant's model is among the robot's own models only while it is driven. Then it is put away,
+and the previous model is in use again. `StudyFolder.active` records this on disk, so that a start
+after a power cut can do the same.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class SessionModels:
     def put_in_use(
         self, study: str, participant: str, position: int, condition: Condition, *, anew: bool
     ) -> bool:
-        """Use what the participant taught in the condition before, or an empty model.
+        """Use the participant's model of this condition, or an empty one.
 
         Returns whether it is empty: as it has to be `anew`, or nothing was kept. ConfigurationError
         or OSError if it cannot be: the model before then stays in use.
@@ -63,7 +63,7 @@ class SessionModels:
         return kept is None
 
     def put_away(self) -> None:
-        """Keep the session's model beside its log, and use again what was in use before."""
+        """Save the session's model beside its log, and use the previous model again."""
         model, autosave = self._folder.active, self._autosave
         self.in_use = None
         if model is None:

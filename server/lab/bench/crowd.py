@@ -24,7 +24,7 @@ from server.lab.bench.report import add_usual, percentiles, report
 from server.lab.bench.subject import ServerUnderTest
 
 _TURNS = 4
-"""With and without greedy viewers, each so often."""
+"""Number of turns with greedy viewers, and as many without."""
 _ASKED_RATIO = 1.5
 
 

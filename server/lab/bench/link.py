@@ -195,7 +195,7 @@ async def _watch(port: int, watched: Watched) -> None:
 
 @contextlib.asynccontextmanager
 async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[Watched]]:
-    """Have so many viewers watch inside the block; yields what each saw."""
+    """Have `count` viewers watch inside the block; yield the frames that each saw."""
     viewers: list[Watched] = [[] for _ in range(count)]
     tasks = [asyncio.create_task(_watch(subject.port, viewer)) for viewer in viewers]
     try:

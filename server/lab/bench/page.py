@@ -41,7 +41,7 @@ _WATCH = """window.usableMs = new Promise((done, fail) => {
 _BUSY = ("TaskDuration", "ScriptDuration", "LayoutDuration", "RecalcStyleDuration")
 _PATIENCE_S = 30.0
 _STATE = "document.querySelector('drive-pad').page.store.state"
-"""What the page knows, as JavaScript."""
+"""JavaScript expression for the page's state."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

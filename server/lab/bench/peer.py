@@ -1,4 +1,4 @@
-"""What the link is compared with: uvicorn's plain websocket, pushing bytes that are ready.
+"""The peer that the link is compared with: uvicorn's plain websocket, pushing ready bytes.
 
 It makes no picture, reads no acknowledgement and limits nobody. It runs in a process of its own
 of the same tree, and in turns with the product.

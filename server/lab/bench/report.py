@@ -1,4 +1,4 @@
-"""What a benchmark says: tables, or the figures as JSON."""
+"""Output of a benchmark: tables, or the figures as JSON."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class ServerUnderTest:
         return self._read()
 
     async def watch(self, seconds: float) -> dict[str, Any]:
-        """Let it serve for so long; return what it used and noted meanwhile, and since when."""
+        """Let it serve for `seconds`; return its use and notes of that time, and the start."""
         before, start_s = self.ask(), time.monotonic()
         await asyncio.sleep(seconds)
         after, lasted_s = self.ask(), time.monotonic() - start_s
