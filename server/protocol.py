@@ -21,7 +21,7 @@ PROTOCOL_VERSION = 1
 MAX_DRIVE_MESSAGE_BYTES = 4096
 """A longer message on `/ws/drive` is refused with `too_large` and not even parsed."""
 MAX_COUNT = 2**53 - 1
-"""The largest whole number that JavaScript can count to."""
+"""The largest whole number that JavaScript represents exactly."""
 _MOST_ID = 2**32 - 1
 FRAME_HEADER = struct.Struct("<BBHHHIId")
 ACKNOWLEDGEMENT = struct.Struct("<BBHI")
@@ -82,7 +82,7 @@ class DriveMessage:
 
     @property
     def point(self) -> Point | None:
-        """What is held by degrees."""
+        """The steering and throttle held, if any."""
         if self.steering is None or self.throttle is None:
             return None
         return Point(self.steering, self.throttle)
@@ -201,7 +201,7 @@ _DECODER = json.JSONDecoder(parse_constant=_refuse_constant)
 
 
 _Check = tuple[str, bool, tuple[type, ...], float, float, str]
-"""A number's name, whether it may be null, its types, the least and the most, and in words."""
+"""A number's name, whether it may be null, its types, minimum and maximum, and a description."""
 
 
 def _numbers_of(kind: type[Any]) -> list[_Check]:

@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
-    """Return how many times as wide the wheels are as was thought."""
+    """Return the factor by which the wheels are wider than configured."""
     room_cm = 100 * driver.options.forward_speed_mps * seconds
     _prompt(
         f"\nThe robot will drive straight on for about {room_cm:.0f} cm. Mark its place, and press "
@@ -108,7 +108,7 @@ def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
 
 
 def correction(measured: float, expected: float, unit: str) -> float:
-    """Return what was measured as a share of what the wheels make it.
+    """Return the ratio of the measured value to the one computed from the wheels.
 
     Raises:
         ConfigurationError: If the wheels' counts or the measurement are impossible.

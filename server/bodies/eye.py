@@ -20,7 +20,7 @@ HEADER = struct.Struct("<BBHId")
 _EYE_FRAME, _COVERED = 3, 1
 _MOST_TEXT = 500
 CLOCK_SAMPLES = 8
-"""How many round trips are remembered: phones' clocks drift by milliseconds a minute."""
+"""Number of round trips remembered; few, because phones' clocks drift by milliseconds a minute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

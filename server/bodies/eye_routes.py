@@ -31,7 +31,7 @@ EYE = Role(
     refusal="This phone is the robot's eye; it may see and stop, not drive.",
     purpose="be the robot's eye",
 )
-"""The phone on the robot. It lies there unattended, so it may request little."""
+"""Role of the phone on the robot; it is unattended, so it may request little."""
 STATE_EVERY_S = 0.2
 _STATE_FIELDS = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
 
@@ -138,7 +138,7 @@ async def eye(websocket: WebSocket) -> None:
 
 
 class EyeExtension(Extension):
-    """The eye's page and socket, as a part of a robot's server."""
+    """Adds the eye's page and socket to a robot's server."""
 
     routers = (router,)
 

@@ -36,14 +36,14 @@ EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "npz": (write_npz, "examples", ()),
     "film": (write_look, "pictures", ("fps",)),
 }
-"""By its name what writes a form, what it counts, and its options."""
+"""The export formats by name: the function that writes one, the unit it counts, its options."""
 FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task", "plain": "--plain"}
 TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "film": lambda _: True,
     "lerobot": lambda moment: not moment.is_deleted,
     "npz": is_example,
 }
-"""Of forms whose times are repaired, which pictures' times those are."""
+"""Formats with repaired times, each with a test for the pictures whose times count."""
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:
@@ -131,7 +131,7 @@ def _import_one(
 
 
 def _tell(path: Path, count: int, name: str, form: str, report: ImportReport) -> None:
-    """Say what came in: pictures and their rate, examples by label, and what was left out."""
+    """Print the imported pictures and their rate, the examples by label, and the omissions."""
     print(f"{path.stem}: {count} pictures from {name} ({form}), {report.rate:.3g} a second")
     labels = ", ".join(f"{move} {number}" for move, number in report.labels.most_common())
     print(f"  examples: {labels or 'none'}")
@@ -140,7 +140,7 @@ def _tell(path: Path, count: int, name: str, form: str, report: ImportReport) ->
 
 
 def _tidy(name: str) -> str:
-    """Return the name of a folder as the name of an episode, or another if it can be none."""
+    """Return a folder's name as an episode's name, or another name if it is not valid."""
     try:
         return check_name(re.sub(r"[^\w .()+,-]", "-", name).strip("-_ .")[:64])
     except ConfigurationError:

@@ -37,8 +37,8 @@ def open_socket(host: str, port: int) -> socket.socket:
     listener = socket.socket(family, socket.SOCK_STREAM)
     try:
         # With Windows' SO_REUSEADDR two programs would share the port.
-        alone = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
-        listener.setsockopt(socket.SOL_SOCKET, alone, 1)
+        exclusive = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+        listener.setsockopt(socket.SOL_SOCKET, exclusive, 1)
         # Connections inherit these on Linux: small messages are sent at once, and the
         # connection to a peer that acknowledges nothing is closed.
         listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

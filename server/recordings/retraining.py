@@ -20,7 +20,7 @@ from robot.store.models.model import Model, take_model
 from robot.types import DEFAULT_MOVES
 
 _BREATH_S = 0.0005
-"""Pause after each step, so that the control loop's thread can run."""
+"""Pause after each step, in seconds, so that the control loop's thread can run."""
 
 
 class Retraining:

@@ -17,7 +17,7 @@ _MOST_EPISODES = 100
 
 
 class RetrainingOrder(RawValue):
-    """Which recordings an empty learner is taught."""
+    """The recordings that an empty learner is taught."""
 
     episodes: list[Short] = must_be("a list of recordings' names")
     learner: str | None = text(None)

@@ -34,7 +34,7 @@ _COLUMNS = {
     **{name: name for name in ("at_s", "label", "predicted", "confidence", "driven_by", "sent")},
     **{name: name for name in ("asks_pilot", "distance_m", "bumped", "pose")},
 }
-"""The columns of a timeline, and what of a picture is in each."""
+"""The columns of a timeline, each with the attribute of a picture that fills it."""
 
 
 class EpisodeChange(RawValue):
@@ -83,7 +83,7 @@ class EpisodeAnswer:
 
 @dataclass
 class EpisodeList:
-    """All episodes, the newest first, and how the recording goes.
+    """All episodes, the newest first, and the state of the recording.
 
     `offered` are those that could be deleted if they are too much for the disk.
     """
@@ -97,7 +97,7 @@ class EpisodeList:
 
 @dataclass
 class EditAnswer:
-    """One edit: what was done to which frames."""
+    """One edit: its verb and its frames."""
 
     verb: str
     ranges: Sequence[Sequence[int]]

@@ -1,4 +1,4 @@
-"""Find episodes by what was typed, and the option for the data folder."""
+"""Finds episodes by a typed name, and declares the option for the data folder."""
 
 from __future__ import annotations
 
@@ -52,6 +52,6 @@ def find_path(store: EpisodeStore, name: str) -> Path:
 
 
 def find_episodes(store: EpisodeStore, names: list[str]) -> list[EditedEpisode]:
-    """Open episodes by name or by file, in the order given; what is named twice, once."""
+    """Open episodes by name or by file, in the order given, without duplicates."""
     paths = {path.resolve(): path for path in (find_path(store, name) for name in names)}
     return [(open_episode(path), read_notes(path)) for path in paths.values()]

@@ -35,7 +35,7 @@ _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
 @router.websocket("/ws/video")
 async def video(websocket: WebSocket) -> None:
-    """Send the video to one viewer until it disconnects, `?every_ms=N` a frame every so often."""
+    """Send the video to one viewer until it disconnects; `?every_ms=N` sets the interval."""
     hub = services_of(websocket).hub
     await websocket.accept()
     every_ms = websocket.query_params.get("every_ms", "0")

@@ -59,11 +59,11 @@ def _in_turn(act: _Act) -> _Act:
     """Run calls one after the other: two pages or two presses may call at the same time."""
 
     @wraps(act)
-    def alone(self: Conductor, *args: Any, **named: Any) -> Any:
+    def serialized(self: Conductor, *args: Any, **named: Any) -> Any:
         with self._turn:
             return act(self, *args, **named)
 
-    return cast(_Act, alone)
+    return cast(_Act, serialized)
 
 
 class Conductor(StartStop):

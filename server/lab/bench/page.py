@@ -26,8 +26,8 @@ LINKS: dict[str, dict[str, float]] = {
     "fast 3G": {"latency": 150, "downloadThroughput": 200_000, "uploadThroughput": 93_750},
     "DevTools' 3G": {"latency": 562.5, "downloadThroughput": 180_000, "uploadThroughput": 84_375},
 }
-"""Milliseconds of a request, and bytes a second: 1.6 Mbit/s and 150 ms; and what DevTools takes for
-the same, which delays requests alone."""
+"""Latency of a request in milliseconds, and bytes per second: 1.6 Mbit/s and 150 ms. The second set
+is DevTools' equivalent, which only delays requests."""
 PHONE = 4
 _WATCH = """window.usableMs = new Promise((done, fail) => {
   setTimeout(() => fail(new Error('a person cannot teach within 30 s')), 30000);
