@@ -139,7 +139,7 @@ def test_a_name_that_is_no_films_gets_a_sentence(
     monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path / "data"))
     record_drive(Storage(tmp_path / "data").folder("episodes"), frames=10)
     out = tmp_path / name
-    assert main(["episodes", "export", "last", "--as", "film", "--out", str(out)]) == 1
+    assert main(["episodes", "export", "last", "--as", "film", "--out", str(out)]) == 2
     assert ".mp4" in capsys.readouterr().err.splitlines()[-1]
     assert not out.exists()
     with pytest.raises(ConfigurationError, match=r"\.mp4"):
