@@ -146,7 +146,7 @@ export default {
   'hint.teach': 'Toca Enseñar y mantén una dirección: aprendo de cada imagen.',
   'hint.bars': 'Las tres barras muestran lo que yo haría. Cuando pida probar, toca Autónomo.',
   'hint.correct': 'Puedo girar de otra forma que tú. Toca solo si voy a chocar. ALTO me para.',
-  'hint.correct_keys': 'Puedo girar de otra forma que tú. Toca solo si voy a chocar. ALTO o la barra espaciadora me para.',
+  'hint.correct_keys': 'Puedo girar de otra forma. Toca solo si voy a chocar. ALTO o espacio me para.',
   'step.hint': 'Entendido',
   unreachable: 'El robot no respondió.',
   unreadable: 'El navegador ya no puede leer este archivo porque ha cambiado. Elígelo de nuevo.',
