@@ -100,8 +100,7 @@ def test_films_and_data_sets_have_all_pictures_and_the_right_length(
 ) -> None:
     times_s, n_parts = CASES[name]
     episode = recorded(times_s, tmp_path)
-    fps, expected = (1, 119) if name == "slow" else (20, 60)
-    assert write_lerobot([(episode, Notes())], tmp_path / "set", fps=fps) == n_parts
+    assert write_lerobot([(episode, Notes())], tmp_path / "set") == n_parts
     table = pq.read_table(tmp_path / "set/data/chunk-000/file-000.parquet")
     shown = [
         n for f in sorted((tmp_path / f"set/videos/{CAMERA}").rglob("*.mp4")) for n in frames_of(f)
