@@ -15,7 +15,7 @@ from robot.lab.identity import identify
 Params = Mapping[str, Any]
 """Plain values."""
 Result = dict[str, Any]
-"""Plain figures, ready for JSON. What depends on the machine's speed stands under `timing`."""
+"""Plain figures, ready for JSON. Figures that depend on the machine's speed are under `timing`."""
 _FILES = (".py", ".toml", ".npz")
 """Suffixes of the files that a parameter may name: ideas, worlds and recordings."""
 

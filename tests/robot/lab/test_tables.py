@@ -169,7 +169,7 @@ def test_a_wrong_call_is_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
 ) -> None:
     status = main(["experiment", "figure7", "--folder", str(tmp_path), *words])
-    assert status == 1
+    assert status == 2
     error = capsys.readouterr().err
     assert complaint in error
     assert error.count("\n") == 1
