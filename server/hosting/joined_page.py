@@ -50,7 +50,7 @@ class JoinedPage:
     Attributes:
         html: The document. Its inline script and style are allowed by `inline`, their hashes.
         files: The content of each joined file, by its address below the page's own.
-        pair: The script and sentences of the pairing page, which may load nothing else.
+        pair: The script and sentences of a page that may load nothing else.
         shell: The addresses that the service worker caches after the first visit.
     """
 
