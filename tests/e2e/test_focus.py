@@ -22,12 +22,19 @@ def focused(page: Any) -> str:
     return name
 
 
+def to_another(control: Any) -> str:
+    """Return the key that leaves the chosen one of a list: a robot's colour is drawn by chance."""
+    is_last = control.evaluate("(list) => list.selectedIndex === list.options.length - 1")
+    return "ArrowUp" if is_last else "ArrowDown"
+
+
 def test_the_focus_stays_on_what_was_changed(rovers_desktop: Any, rover: World) -> None:
     page = rovers_desktop
     show(page, "settings")
+    colour, place = page.get_by_label("Colour"), page.get_by_label("Place", exact=True)
     for control, key, after in (
-        (page.get_by_label("Colour"), "ArrowDown", "Colour"),
-        (page.get_by_label("Place", exact=True), "ArrowUp", "Place"),
+        (colour, to_another(colour), "Colour"),
+        (place, to_another(place), "Place"),
         (page.locator("[name=size]:checked"), "ArrowDown", "64"),
         (page.locator("[type=checkbox][value=backward]"), "Space", "backward"),
     ):
