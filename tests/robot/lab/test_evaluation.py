@@ -72,7 +72,7 @@ def test_a_broken_recording_is_one_clear_line(tmp_path, changes, capsys):
     write_recording(tmp_path / "hall_B.npz")
     with pytest.raises(RecordingError, match=r"hall_A\.npz"):
         load_recording(tmp_path / "hall_A.npz")
-    assert main(["evaluate", str(tmp_path), "--learners", "knn-3"]) == 1
+    assert main(["evaluate", str(tmp_path), "--learners", "knn-3"]) == 2
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
@@ -88,7 +88,7 @@ def test_files_that_are_no_recording(tmp_path, content):
 def test_a_frame_that_is_no_jpeg_names_its_recording(tmp_path, capsys):
     write_recording(tmp_path / "hall_A.npz", jpeg=np.zeros(12, np.uint8), offsets=np.arange(13))
     write_recording(tmp_path / "hall_B.npz")
-    assert main(["evaluate", str(tmp_path), "--learners", "published-4"]) == 1
+    assert main(["evaluate", str(tmp_path), "--learners", "published-4"]) == 2
     assert "hall_A" in capsys.readouterr().err
 
 
@@ -127,7 +127,7 @@ def test_what_could_not_be_written_is_said_before_anything_is_learned(
         write_recording(tmp_path / f"hall_{name}.npz")
     monkeypatch.setattr(evaluation, "judge", lambda *_: pytest.fail("it learned"))
     words = ["evaluate", str(tmp_path), "--learners", "published-4"]
-    assert main([*words, "--json", str(tmp_path / out)]) == 1
+    assert main([*words, "--json", str(tmp_path / out)]) == 2
     assert "cannot write" in capsys.readouterr().err
 
 
@@ -187,7 +187,7 @@ def test_each_learner_sees_with_its_own_features(tmp_path):
 
 @pytest.mark.parametrize("words", [["evaluate", "nowhere"], ["evaluate", ".", "--learners", ","]])
 def test_bad_calls_fail_with_a_line(words, capsys):
-    assert main(words) == 1
+    assert main(words) == 2
     assert capsys.readouterr().err.startswith("drivelesson: ")
 
 
