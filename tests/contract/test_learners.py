@@ -100,6 +100,7 @@ def test_a_prediction_names_an_image_of_the_gallery(kind: str) -> None:
         assert node is None
 
 
+@pytest.mark.usefixtures("each_is_learned")
 def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) -> None:
     policy = make(kind)
     teach(policy, 40)
