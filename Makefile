@@ -5,6 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OLDEST := var/oldest
 NEWEST := var/newest
+NEW_TESTS ?= tests/robot tests/server tests/contract
 ARGS ?=
 
 .PHONY: help run install test test-brick test-browsers test-newest test-oldest test-stalls test-windows check conformance extensions mutate docs site dist format screenshots clean \
@@ -67,7 +68,7 @@ test-oldest: $(OLDEST)/.made ## Test the server on the versions of Debian 12
 test-newest: $(NEWEST)/.made ## Check types and run the quick tests on the newest Python that is here
 	@if [ -x $(NEWEST)/bin/python ]; then set -e; \
 	  $(NEWEST)/bin/mypy --cache-dir $(NEWEST)/mypy; \
-	  $(NEWEST)/bin/python -m pytest -p no:cacheprovider tests/robot tests/server tests/contract \
+	  $(NEWEST)/bin/python -m pytest -p no:cacheprovider $(NEW_TESTS) \
 	    --numprocesses $(JOBS) --dist loadfile --no-loadscope-reorder \
 	    -m "not slow and not realtime and not browser" $(ARGS); \
 	else echo "there is no Python after 3.11 here: nothing was tested on it"; fi

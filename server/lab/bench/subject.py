@@ -112,7 +112,7 @@ def _serve(line: Connection, kind: str, rate_hz: float) -> None:
 
             config = NetworkConfig(port=0, host="127.0.0.1", lan=True, data=folder)
             more["gateway"] = NetworkGateway(config, rig.clock, Pairing(1000))
-            more = {"persistence": Persistence(Storage(folder), rig)}
+            more["persistence"] = Persistence(Storage(folder), rig)
         services = make_services(config, rig, name="bench", **more)
         pairing = getattr(services.gateway, "pairing", None)
         stack.enter_context(rig)
