@@ -131,7 +131,7 @@ def test_a_robot_taught_by_a_habit_drives_and_the_run_repeats() -> None:
         "teach_s": 25.0,
         "correct_s": 5.0,
         "alone_s": 10.0,
-        "reference_s": 30.0,
+        "reference_s": 60.0,
         "learner": "default-32",
     }
     result = run_habit(params)
