@@ -11,6 +11,7 @@ import socket
 import ssl
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
+from urllib.parse import parse_qs
 
 from starlette.datastructures import Headers
 from starlette.requests import cookie_parser
@@ -31,6 +32,7 @@ from server.access.config import (
 )
 from server.access.listener import AdmissionListener, connection_capacity
 from server.access.pairing import Pairing, cookie_name
+from server.access.player_key import PlayerKey
 from server.access.proxies import PEER, Proxies
 from server.access.surroundings import Place, Surroundings, Watch
 from server.access.terminal_code import draw_qr
@@ -38,8 +40,9 @@ from server.access.unknown_name import explain_unknown_name
 from server.cli.parser import host_name
 from server.config import Config
 from server.gateway.gateway import SLOT, Gateway
+from server.gateway.guard import VIDEO
 from server.gateway.roles import Refusal, Role, Session
-from server.gateway.rules import AccessRules
+from server.gateway.rules import READING, AccessRules
 from server.gateway.rules import host_name as opened_name
 
 if TYPE_CHECKING:
@@ -54,6 +57,7 @@ _UNPAIRED = Refusal(
     "This browser is not paired. Open the address that the robot's terminal shows.",
     "/pair",
 )
+_BAD_KEY = Refusal(401, "key", "The key in this address is not valid. Maybe it was replaced.")
 _COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
 
 
@@ -67,6 +71,10 @@ class NetworkGateway(Gateway):
 
     limits_type: ClassVar[type[NetworkLimits]] = NetworkLimits
     config: NetworkConfig
+    watch_by = (
+        "For a player, or an <img> of another site, run `drivelesson player-key` on the robot's "
+        "computer and use the address that it prints."
+    )
 
     def __init__(
         self,
@@ -81,6 +89,7 @@ class NetworkGateway(Gateway):
         self.admission.keeps = self.is_kept
         self.admission.recognise = self._recognise
         self._cookie = cookie_name(config)
+        self._player_key = PlayerKey(config.data)
         self.surroundings = surroundings or Surroundings(config)
         self._announcement: Announcement | None = None
         self._watch: Watch | None = None
@@ -253,6 +262,16 @@ class NetworkGateway(Gateway):
         if self.pairing is None:
             return super().find_session(headers, address_key(address))
         return self.pairing.find(cookie_parser(headers.get("cookie", "")).get(self._cookie, ""))
+
+    def session_by_address(self, scope: Scope) -> Session | Refusal | None:
+        if scope["path"] != VIDEO or scope.get("method") not in READING:
+            return None
+        query = parse_qs(scope["query_string"].decode("latin-1"), keep_blank_values=True)
+        if not (given := query.get("key")):
+            return None
+        address = address_key((scope.get("client") or ("", 0))[0])
+        is_valid = self._player_key.accepts(given[0])
+        return Session(Role.VIEWER, f"player {address}", is_crowd=True) if is_valid else _BAD_KEY
 
     def _recognise(self, head: bytes, address: str) -> Session | None:
         """Return the session in the first bytes of a request; None if they contain none."""

@@ -45,6 +45,8 @@ class Gateway:
     """
 
     limits_type: ClassVar[type[Limits]] = Limits
+    watch_by: str = ""
+    """Sentence that tells a player without a session how it can watch."""
     tls_files: tuple[str, str] | None = None
     """The files of key and chain where the page is served by https."""
 
@@ -125,6 +127,15 @@ class Gateway:
     def find_session(self, headers: Mapping[str, str], address: str) -> Session | None:
         """Return the session of a browser."""
         return Session(Role.PILOT, address, is_crowd=True)
+
+    def session_by_address(self, scope: Scope) -> Session | Refusal | None:
+        """Return the session that a request's own address proves, or why it does not.
+
+        Returns:
+            None for an address that names no key. Called again while a stream lasts, it returns a
+            refusal once the key is no longer valid.
+        """
+        return None
 
     def unread(self, scope: Scope) -> int:
         """Return how many bytes the client has been sent and not read yet, as far as known."""

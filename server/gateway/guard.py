@@ -12,7 +12,7 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import ClientDisconnect, HTTPConnection
@@ -31,7 +31,7 @@ _UPLOADS = re.compile(r"/api/models/[^/]+/file")
 """Paths whose bodies may be as large as a model."""
 _TOO_LARGE = Refusal(413, "size", "That is too large.")
 _TOO_MANY_S = 0.5
-_LASTING = "/video.mjpg"
+VIDEO = "/video.mjpg"
 """A request that lasts as a websocket does, and is counted as one."""
 
 
@@ -71,6 +71,9 @@ class Guard:
         headers = _headers(scope)
         verdict = seen if isinstance(seen, Refusal) else self._judge(scope, headers)
         if isinstance(verdict, Refusal):
+            if scope["path"] == VIDEO and verdict.status in (401, 403) and self.gateway.watch_by:
+                told = f"{verdict.sentence} {self.gateway.watch_by}"
+                verdict = replace(verdict, sentence=told)
             self.refused[verdict.reason] += 1
             path, why = str(scope["path"])[:80], verdict.sentence
             log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
@@ -95,9 +98,15 @@ class Guard:
         gateway, rules, method = self.gateway, self.rules, scope.get("method")
         address = (scope.get("client") or ("", 0))[0]
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
-        is_lasting = scope["type"] == "websocket" or scope["path"] == _LASTING
-        refusal = rules.check_host(headers) or rules.check_origin(headers, scheme, method)
-        session = None if refusal else gateway.session_of(headers, address)
+        is_lasting = scope["type"] == "websocket" or scope["path"] == VIDEO
+        refusal, session = rules.check_host(headers), None
+        # An address with a key may be in a page of another site: it needs no cookie.
+        by_address = None if refusal else gateway.session_by_address(scope)
+        if isinstance(by_address, Session):
+            session = by_address
+        else:
+            refusal = refusal or by_address or rules.check_origin(headers, scheme, method)
+            session = None if refusal else gateway.session_of(headers, address)
         gateway.note_asked(scope, session, lasts=is_lasting)
         if refusal is not None:
             return refusal

@@ -9,15 +9,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import itertools
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
 
 from fastapi import APIRouter, HTTPException, Request, WebSocket
 from fastapi.responses import Response, StreamingResponse
 
-from server.clients.hub import Hub
 from server.clients.rate_limit import RateLimit
 from server.clients.video import Viewer
 from server.gateway.guard import person_of
+from server.gateway.roles import Refusal, Session
 from server.protocol import ErrorCode, ProtocolError, parse_acknowledgement
 from server.routes.answers import Route
 from server.routes.sockets import converse, fast_path
@@ -29,6 +29,8 @@ _LEAST_ROOM = 2048
 """Number of unread bytes that never count, because a window is known only to the kilobyte."""
 _LOOKS = 2000
 """Number of polls, 10 ms each, after which a viewer that seems not to read gets a frame."""
+_KEY_EVERY = 32
+"""Number of frames between two checks of the key in the address."""
 _BOUNDARY, _END_OF_HEADER = b"--frame\r\nContent-Type: image/jpeg\r\n", b"\r\n"
 _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
@@ -78,12 +80,13 @@ async def video(websocket: WebSocket) -> None:
 
 @router.get("/video.mjpg", include_in_schema=False)
 async def mjpeg(request: Request) -> StreamingResponse:
-    """Stream the newest frames until the viewer disconnects."""
+    """Stream the newest frames until the viewer disconnects, or its key is replaced."""
     hub = services_of(request).hub
     frame = hub.robot.camera.latest()
     if frame is not None:
         hub.video.encoder.encode_jpeg(frame)  # 501 where that needs OpenCV
     gateway, looks = services_of(request).gateway, itertools.count(1)
+    sent = itertools.count(1)
 
     def has_room(n_bytes: int) -> bool:
         """Return True if at most one and a half frames are unread.
@@ -93,9 +96,19 @@ async def mjpeg(request: Request) -> StreamingResponse:
         unread = gateway.unread(request.scope)
         return unread <= max(1.5 * n_bytes, _LEAST_ROOM) or next(looks) % _LOOKS == 0
 
+    def is_allowed() -> bool:
+        """Return False once the key in the address is no longer valid."""
+        is_due = next(sent) % _KEY_EVERY == 0
+        return not (is_due and isinstance(gateway.session_by_address(request.scope), Refusal))
+
     form = _for_browsers if _is_browser(request) else _for_players
     headers = {"x-accel-buffering": "no"}  # by a proxy: it would keep old frames
-    return StreamingResponse(form(hub, has_room), media_type=_MEDIA_TYPE, headers=headers)
+    if isinstance(gateway.session_by_address(request.scope), Session):
+        headers |= {"cross-origin-resource-policy": "cross-origin"}
+        headers |= {"access-control-allow-origin": "*"}
+    parts = form(hub.video.stream(has_room), is_allowed)
+    hub.show_newest()
+    return StreamingResponse(parts, media_type=_MEDIA_TYPE, headers=headers)
 
 
 @router.get("/picture.jpg", include_in_schema=False)
@@ -115,26 +128,32 @@ def _is_browser(request: Request) -> bool:
     return "sec-fetch-mode" in request.headers or "image/" in accept or "text/html" in accept
 
 
-async def _for_browsers(hub: Hub, has_room: Callable[[int], bool]) -> AsyncIterator[bytes]:
+async def _for_browsers(
+    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
+) -> AsyncIterator[bytes]:
     """Yield frames, each followed by the next part's header.
 
     Browsers show a part only when the header of the next one has arrived; sending it with the
     frame saves one frame's time.
     """
     yield _BOUNDARY + _END_OF_HEADER
-    hub.show_newest()
-    async with contextlib.aclosing(hub.video.stream(has_room)) as frames:
+    async with contextlib.aclosing(stream) as frames:
         async for jpeg in frames:
             yield jpeg + b"\r\n" + _BOUNDARY + _END_OF_HEADER
+            if not is_allowed():
+                return
 
 
-async def _for_players(hub: Hub, has_room: Callable[[int], bool]) -> AsyncIterator[bytes]:
+async def _for_players(
+    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
+) -> AsyncIterator[bytes]:
     """Yield frames, each with its length: players show it as soon as it is complete.
 
     Without the length the FFmpeg family looks for the next part's header, and for the one after.
     """
-    hub.show_newest()
-    async with contextlib.aclosing(hub.video.stream(has_room)) as frames:
+    async with contextlib.aclosing(stream) as frames:
         async for jpeg in frames:
             length = b"Content-Length: %d\r\n" % len(jpeg)
             yield _BOUNDARY + length + _END_OF_HEADER + jpeg + b"\r\n"
+            if not is_allowed():
+                return

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from . import worlds
+from . import players, worlds
 from .driving import tries
 from .samples import Samples, imports_of, make_samples
 
@@ -169,8 +169,13 @@ def main() -> int:
         metavar="PACKAGE",
         help="drive environments of other packages instead",
     )
+    parser.add_argument("--players", action="store_true", help="time players of the video instead")
     args = parser.parse_args()
     folder = args.folder.resolve()
+    if args.players:
+        for line in players.measure(_fresh(folder / "players")):
+            print(line, flush=True)
+        return 0
     if args.worlds is not None:
         return _drive_worlds(folder / "worlds", args.worlds)
     samples = make_samples(_fresh(folder / "samples"))

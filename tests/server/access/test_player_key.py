@@ -1,0 +1,95 @@
+"""Players, which have no cookie: a key in the address lets them watch, and do nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from robot.devices.rig import Rig
+from robot.policy.registry import make_policy
+from robot.testing import FakeCamera, FakeDriver, VirtualClock
+from server.access.pairing import Pairing
+from server.access.player_key import PlayerKey
+from server.config import Config
+from tests.server.virtual_server import WEB, VirtualServer
+
+OTHER_SITE = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "no-cors", "accept": "image/*"}
+PLAYER = {"accept": "*/*"}
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[VirtualServer]:
+    clock = VirtualClock(100.0)
+    rig = Rig(FakeDriver(clock=clock), FakeCamera(clock), make_policy("published-8"), clock)
+    config = Config(port=0, web=WEB, data=tmp_path)
+    with VirtualServer(config, pairing=Pairing(1000), data=tmp_path, rig=rig) as made:
+        yield made
+
+
+def watch(server: VirtualServer, key: str, headers: dict[str, str]) -> httpx.Response:
+    """Return the answer with the beginning of its stream, or with its refusal."""
+    address = f"{server.address}/video.mjpg{key}"
+    with httpx.Client() as client, client.stream("GET", address, headers=headers) as answer:
+        if answer.status_code == 200:
+            assert next(answer.iter_raw()).startswith(b"--frame")
+        else:
+            answer.read()
+        return answer
+
+
+def test_a_player_is_told_how_and_with_the_key_it_watches_and_does_nothing_else(
+    server: VirtualServer, tmp_path: Path
+) -> None:
+    refused = watch(server, "", PLAYER)
+    assert refused.status_code == 401 and "drivelesson player-key" in refused.text
+    assert watch(server, "?key=", PLAYER).status_code == 401, "there is no key yet"
+    key = PlayerKey(tmp_path).replace()
+    assert watch(server, f"?key={key}", PLAYER).status_code == 200
+    assert watch(server, f"?key={key[:-1]}", PLAYER).status_code == 401
+    for path in ("/", "/api/models", "/metrics", "/api/stop"):
+        answer = httpx.request(
+            "POST" if "stop" in path else "GET", f"{server.address}{path}?key={key}", headers=PLAYER
+        )
+        assert answer.status_code == 401, path
+    assert httpx.post(f"{server.address}/video.mjpg?key={key}").status_code in (401, 405)
+    PlayerKey(tmp_path).replace()
+    assert watch(server, f"?key={key}", PLAYER).status_code == 401, "it was replaced"
+
+
+def test_a_page_of_another_site_shows_the_picture_with_the_key_only(
+    server: VirtualServer, tmp_path: Path
+) -> None:
+    refused = watch(server, "", OTHER_SITE)
+    assert refused.status_code == 403 and "drivelesson player-key" in refused.text
+    answer = watch(server, f"?key={PlayerKey(tmp_path).replace()}", OTHER_SITE)
+    assert answer.status_code == 200
+    assert answer.headers["cross-origin-resource-policy"] == "cross-origin"
+    assert answer.headers["access-control-allow-origin"] == "*"
+    key = PlayerKey(tmp_path).read()
+    foreign = {**OTHER_SITE, "host": "evil.example"}
+    assert watch(server, f"?key={key}", foreign).status_code == 421, (
+        "names are checked all the same"
+    )
+
+
+def test_a_stream_ends_when_its_key_is_replaced(server: VirtualServer, tmp_path: Path) -> None:
+    address = f"{server.address}/video.mjpg?key={PlayerKey(tmp_path).replace()}"
+    with httpx.Client() as client, client.stream("GET", address, headers=PLAYER) as answer:
+        for n_parts, _ in enumerate(answer.iter_raw()):
+            if n_parts == 5:
+                PlayerKey(tmp_path).remove()
+            assert n_parts < 100, "it goes on"
+    server.wait_until(lambda: server.hub.video.viewers == 0)
+
+
+def test_the_key_is_for_its_owner_only(tmp_path: Path) -> None:
+    key = PlayerKey(tmp_path)
+    assert not key.accepts("") and key.read() == ""
+    assert key.accepts(key.replace()) and not key.accepts("ä")
+    assert (tmp_path / "player.key").stat().st_mode & 0o077 == 0
+    key.remove()
+    key.remove()
+    assert not key.accepts("")
