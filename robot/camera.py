@@ -53,6 +53,11 @@ class Camera(StartStop):
         self.source_age_s: float | None = None
         self._on_frame: Callable[[], None] = lambda: None
 
+    @property
+    def device(self) -> str:
+        """The device that a search found, as `HD Webcam C270 (/dev/video0)`; else empty."""
+        return ""
+
     @classmethod
     @abstractmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:

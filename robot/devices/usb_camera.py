@@ -1,40 +1,140 @@
-"""Finds a USB camera again: Linux may give it another number when it is plugged in again.
+"""Which USB camera a robot sees with: chosen when it is first opened, and only that one afterwards.
 
-A lost camera is searched for by its make and serial number, or by its socket if it has no serial
-number: of two cameras of the same make, the other one is not taken in its place.
+Linux numbers cameras anew when they are plugged in again, so a number is no identity. A camera is
+known by its make and serial number, or by its socket where it has no serial number of its own: many
+cheap ones share one. Written for Python 3.5, since the agent on a brick carries it along.
 """
 
-from __future__ import annotations
+import os
+import re
+from typing import Dict, Iterable, List, NamedTuple, Optional
 
-import contextlib
-from pathlib import Path
+ROOT = "/sys/class/video4linux"
+AUTO = "auto"
 
-_ROOT = Path("/sys/class/video4linux")
-
-
-def identity_of(number: int, root: Path = _ROOT) -> str | None:
-    """Return a lasting identity of a USB camera; None if the system does not tell."""
-    node = root / f"video{number}"
-    try:
-        device = (node / "device").resolve(strict=True).parent
-        make = [(device / name).read_text().strip() for name in ("idVendor", "idProduct")]
-        index = (node / "index").read_text().strip()
-    except OSError:
-        return None
-    serial = ""
-    with contextlib.suppress(OSError):
-        serial = (device / "serial").read_text().strip()
-    return " ".join([*make, f"serial {serial}" if serial else f"port {device.name}", index])
+UsbCamera = NamedTuple(
+    "UsbCamera",
+    [("path", str), ("name", str), ("make", str), ("serial", str), ("port", str), ("part", str)],
+)
+"""`part` tells the pictures of one device apart: colour and infrared, or what it sends besides."""
 
 
-def number_of(identity: str, root: Path = _ROOT) -> int | None:
-    """Return the number that the camera has now; None if it is not plugged in.
+class SeveralCamerasError(Exception):
+    """Several cameras fit; the sentence lists them and says how to name one."""
 
-    None also if two cameras have the same serial number, as in a batch of cheap ones.
+
+class SameCamera:
+    """The one camera of a robot.
+
+    Args:
+        wanted: The device that a person named, or `auto` for the only one that is plugged in.
+        flag: The option that names one.
+        root: Where the system lists its cameras.
     """
+
+    def __init__(self, wanted: str, flag: str = "--device", root: Optional[str] = None) -> None:
+        self._wanted, self._flag, self._root = wanted, flag, root
+        self._is_unique = True
+        self.chosen = None  # type: Optional[UsbCamera]
+
+    def find(self) -> Optional[str]:
+        """Return the device to open, None if the camera that was opened first is not plugged in.
+
+        Raises:
+            SeveralCamerasError: If nobody named one of several.
+        """
+        if self.chosen is not None:
+            mine = [one for one in list_usb_cameras(self._root) if self._is_same(one)]
+            return mine[0].path if len(mine) == 1 else None
+        if self._wanted != AUTO:
+            return self._wanted
+        devices = {}  # type: Dict[str, UsbCamera]
+        for camera in list_usb_cameras(self._root):
+            devices.setdefault(camera.port, camera)
+        there = sorted(devices.values(), key=_number)
+        if len(there) > 1:
+            raise SeveralCamerasError(
+                "{} cameras are plugged in: {}; name yours with {} {}".format(
+                    len(there), ", ".join(map(describe, there)), self._flag, there[0].path
+                )
+            )
+        return there[0].path if there else AUTO
+
+    def opened(self, path: str) -> None:
+        """Remember the camera that was opened first."""
+        cameras = list_usb_cameras(self._root)
+        if self.chosen is None:
+            real = os.path.realpath(path)
+            self.chosen = next((one for one in cameras if one.path == real), None)
+        self._look_for_twins(cameras)
+
+    def lost(self) -> None:
+        """Note the twins that are plugged in now: they are not the camera that was lost."""
+        self._look_for_twins(list_usb_cameras(self._root))
+
+    @property
+    def is_absent(self) -> bool:
+        """True if it is known, and not plugged in."""
+        return self.chosen is not None and self.find() is None
+
+    @property
+    def device(self) -> str:
+        """What it is called, for the page; empty where the system does not tell."""
+        return describe(self.chosen) if self.chosen is not None else ""
+
+    def _is_same(self, camera: UsbCamera) -> bool:
+        mine = self.chosen
+        if mine is None or (camera.make, camera.serial, camera.part) != (
+            mine.make, mine.serial, mine.part
+        ):  # fmt: skip
+            return False
+        return camera.port == mine.port or (bool(mine.serial) and self._is_unique)
+
+    def _look_for_twins(self, cameras: Iterable[UsbCamera]) -> None:
+        mine = self.chosen
+        if mine is not None and any(c.port != mine.port and self._is_same(c) for c in cameras):
+            self._is_unique = False
+
+
+def describe(camera: UsbCamera) -> str:
+    """Return a camera's name and device."""
+    return "{} ({})".format(camera.name, camera.path) if camera.name else camera.path
+
+
+def list_usb_cameras(root: Optional[str] = None) -> List[UsbCamera]:
+    """Return the USB cameras that are plugged in, in the order of their numbers."""
+    root = root or ROOT
     try:
-        numbers = [int(node.name[5:]) for node in root.iterdir() if node.name[5:].isdigit()]
+        nodes = [node for node in os.listdir(root) if re.match(r"video\d+$", node)]
     except OSError:
+        return []
+    found = [_read(root, node) for node in nodes]
+    return sorted((one for one in found if one is not None), key=_number)
+
+
+def _read(root: str, node: str) -> Optional[UsbCamera]:
+    there = os.path.join(root, node)
+    interface = os.path.realpath(os.path.join(there, "device"))
+    device = os.path.dirname(interface)
+    try:
+        make = " ".join(_text(device, name) for name in ("idVendor", "idProduct"))
+        index = _text(there, "index")
+    except OSError:  # it is on the board, or played by a program
         return None
-    found = [number for number in numbers if identity_of(number, root) == identity]
-    return found[0] if len(found) == 1 else None
+    part = "{} {}".format(os.path.basename(interface).partition(":")[2], index)
+    texts = []
+    for folder, name in ((there, "name"), (device, "serial")):
+        try:
+            texts.append(_text(folder, name))
+        except OSError:
+            texts.append("")
+    return UsbCamera("/dev/" + node, texts[0], make, texts[1], os.path.basename(device), part)
+
+
+def _text(folder: str, name: str) -> str:
+    with open(os.path.join(folder, name), errors="replace") as file:
+        return file.read().strip()
+
+
+def _number(camera: UsbCamera) -> int:
+    return int(camera.path[len("/dev/video") :])

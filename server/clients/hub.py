@@ -23,7 +23,13 @@ from server.clients.client import Client
 from server.clients.freshness import NonceLedger, why_refused
 from server.clients.lease import Lease
 from server.clients.rate_limit import RateLimit
-from server.clients.telemetry import SOON_S, STATE_EVERY_S, describe_body, describe_state
+from server.clients.telemetry import (
+    SOON_S,
+    STATE_EVERY_S,
+    describe_body,
+    describe_devices,
+    describe_state,
+)
 from server.clients.video import Encoder, VideoHub
 from server.config import Config
 from server.gateway.roles import Role
@@ -117,6 +123,7 @@ class Hub:
                 moves=list(self.robot.loop.state.moves),
                 server_ms=self.now_ms(),
                 **describe_body(self.robot.driver),
+                **describe_devices(self.robot.driver, self.robot.camera),
             )
         )
         for _, text in self._lasting:

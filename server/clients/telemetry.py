@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from robot.camera import Camera
 from robot.control.state import Tick
 from robot.driver import Driver, describe
 from robot.types import Prediction
@@ -69,8 +70,13 @@ def describe_state(state: Tick, now_ms: float, *, is_resting: bool = False) -> d
 
 def describe_body(driver: Driver) -> dict[str, Any]:
     moves = [move.describe() for move in describe(driver.moves, driver.declared_moves)]
-    device = {"device": driver.device} if driver.device else {}
-    return {"declared_moves": moves, "takes_points": driver.takes_points, **device}
+    return {"declared_moves": moves, "takes_points": driver.takes_points}
+
+
+def describe_devices(driver: Driver, camera: Camera) -> dict[str, str]:
+    """Return the devices that a search found, of body and camera."""
+    found = {"device": driver.device, "camera_device": camera.device}
+    return {name: device for name, device in found.items() if device}
 
 
 def _milliseconds(seconds: float | None) -> float | None:

@@ -157,7 +157,7 @@ class RunningFirmware(RunningProgram):
             sendto=lambda data, to: self.send(self.to_server, data),
         )
         names = modules(
-            machine=SimpleNamespace(Pin=int, PWM=Pin),
+            machine=SimpleNamespace(Pin=int, PWM=Pin, unique_id=lambda: b"\xe6\x61"),
             network=SimpleNamespace(
                 STA_IF=0,
                 WLAN=lambda kind: SimpleNamespace(

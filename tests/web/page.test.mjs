@@ -1,6 +1,7 @@
 import assert from 'node:assert/strict';
 import { beforeEach, mock, test } from 'node:test';
 
+import en from '../../web/js/messages/en.js';
 import { initialState, Store } from '../../web/js/store.js';
 
 const listeners = {};
@@ -8,6 +9,7 @@ const listen = (type, act) => (listeners[type] ??= []).push(act);
 const fire = (type) => listeners[type].forEach((act) => act({}));
 Object.assign(globalThis, { addEventListener: listen, document: { addEventListener: listen, hidden: false }, location: {} });
 const { Page } = await import('../../web/js/page.js');
+const { speak } = await import('../../web/js/i18n.js');
 
 const STATE = {
   mode: 'stopped', you_are_pilot: true, pilot: 'c1', emergency: false, taught: { forward: 9, left: 3, right: 3 },
@@ -190,4 +192,16 @@ test('a STOP that has not come through is the first word on the next link, until
   follow({ emergency: true });
   page.greet(hello);
   assert.deepEqual(words(), ['stop'], 'who releases it is not stopped again');
+});
+
+test('a body or camera that was lost is named when it is back, and another fault names neither', () => {
+  page.greet({ role: 'pilot', robot: 'Wren', moves: ['forward'], device: "'Anna' (00:16:53)", camera_device: 'C270 (/dev/video0)' });
+  speak(en);
+  const toasts = [];
+  page.toast = (text) => toasts.push(text);
+  for (const stop_reason of ['drive_fault', 'camera_fault', 'store_fault']) {
+    follow({ fault: 'gone', stop_reason });
+    follow({ stop_reason });
+  }
+  assert.deepEqual(toasts, ["Connected to 'Anna' (00:16:53), as before.", 'Connected to C270 (/dev/video0), as before.']);
 });

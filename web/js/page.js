@@ -51,8 +51,9 @@ export class Page {
     /** @type {ReturnType<typeof setTimeout> | undefined} asks elsewhere for a stop that is not answered */
     this.stopTimer = undefined;
     this.shownGist = '';
-    /** Which device the robot's body is, where it was found by searching. */
-    this.device = '';
+    /** Which devices body and camera are, where they were found by searching; by the stop that their fault causes.
+     * @type {Record<string, string | undefined>} */
+    this.devices = {};
     this.drawingMs = 0;
     /** @type {number | null} */
     this.drawnAgeMs = null;
@@ -113,11 +114,11 @@ export class Page {
     };
   }
 
-  /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[], takes_points?: boolean, device?: string}} hello */
+  /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[], takes_points?: boolean, device?: string, camera_device?: string}} hello */
   greet(hello) {
     if (this.isStopping) this.connection.say('stop'); // a request may wait behind what the dead link still holds
     declare(hello.declared_moves ?? []);
-    this.device = hello.device ?? '';
+    this.devices = { drive_fault: hello.device, camera_fault: hello.camera_device };
     this.beginEra();
     this.store.set({ link: 'open', isWatching: false, role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
     this.followPreferences();
@@ -142,7 +143,8 @@ export class Page {
     if (!this.isWorthShowing(robot)) return;
     const isSame = String(moves) === String(store.state.moves);
     const before = store.state.robot;
-    if (before?.fault && before.stop_reason === 'drive_fault' && !robot.fault && this.device) this.toast(t('device_back', { device: this.device }));
+    const device = before?.fault && !robot.fault && this.devices[before.stop_reason ?? ''];
+    if (device) this.toast(t('device_back', { device }));
     const hasGotIt = before && !before.you_are_pilot && before.pilot !== null && robot.you_are_pilot;
     store.set({
       robot,

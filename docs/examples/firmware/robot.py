@@ -36,10 +36,10 @@ def sign(text):  # HMAC-SHA256, its first 16 figures
     return binascii.hexlify(hashlib.sha256(bytes(b ^ 0x5C for b in key) + inner).digest())[:16]
 
 
-nonce, seq, ends, moving = binascii.hexlify(os.urandom(8)), 0, 0, False
+nonce, chip = [binascii.hexlify(one) for one in (os.urandom(8), machine.unique_id())]
 sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 sock.bind(socket.getaddrinfo("0.0.0.0", PORT)[0][-1])
-poll = select.poll()
+poll, seq, ends, moving = select.poll(), 0, 0, False
 poll.register(sock, select.POLLIN)
 while True:
     came, now = poll.poll(10), time.ticks_ms()
@@ -56,5 +56,5 @@ while True:
                 moving = wheels(*(speeds_of(order) if age_ms < 500 else (0, 0)))  # late: it stops
         except (ValueError, KeyError, TypeError):
             pass  # not for us
-        report = {"nonce": nonce.decode(), "seq": seq, "ms": now, "points": True}
+        report = dict(nonce=nonce.decode(), seq=seq, ms=now, points=True, id=chip.decode())
         sock.sendto(json.dumps(report).encode(), sender)

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from robot.bodies.ev3.driver import ChassisBody, ChassisDriver, ChassisOptions
 from robot.bodies.ev3.stock import codec
-from robot.bodies.ev3.stock.lines import BEACON_PORT, BrickLine, open_line
+from robot.bodies.ev3.stock.lines import BEACON_PORT, BrickLine, open_line, shown_id
 from robot.clock import Clock
 from robot.devices.options import option
 from robot.errors import ConfigurationError, DriveError
@@ -176,12 +176,12 @@ class Ev3StockDriver(ChassisDriver):
 
     @property
     def device(self) -> str:
-        return self._serial
+        return shown_id(self._serial)
 
     def _open(self) -> ChassisBody:
         return StockBody(self._open_line, self.options.ports())
 
     def _open_line(self) -> BrickLine:
-        line = open_line(self.options.line, self._serial, self.options.beacon_port)
+        line = open_line(self.options.line, self._serial, self.options.beacon_port, self._clock)
         self._serial = self._serial or line.serial
         return line

@@ -72,11 +72,18 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         if self._library is None:
             self._library = need("legoeducation", "the robot 'lego-education'", "lego-education")
         motor = self._library.DoubleMotor()
-        found = {_as_found(one): one for one in self._search(motor)}
+        searched = self._search(motor)
+        found = {_as_found(one): one for one in searched}
         if not found:
             name = f" with {self.options.hub!r} in its name" if self.options.hub else ""
             raise DriveError(
                 f"no double motor{name} is in reach; is it on, and not connected elsewhere?"
+            )
+        nameless = [one for one in found if one.address == one.name]
+        if nameless and len(found) < len(searched):  # the library shows their names only
+            raise DriveError(
+                f"which double motor? Several in reach are called {nameless[0]}; give each a name "
+                "of its own, or install a newer version of LEGO's library, which shows addresses"
             )
         with told_as(DriveError, "which double motor?", ConnectionError):
             chosen = self._same.pick(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
@@ -16,6 +17,7 @@ from robot.bodies.remote.orders import (
     split_address,
 )
 from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
+from robot.bodies.remote.same_device import Found, SameDevice
 from robot.clock import Clock
 from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
@@ -61,6 +63,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         super().__init__(options, clock)
         self._where = where
         self._report: BodyReport | None = None
+        self._device = ""
+        """What the robot calls itself, where it does so: no other one is driven afterwards."""
+        self._is_other = False
+        """Another robot answers at its address: it gets questions, and no order."""
         self._heard_s = 0.0
         self._disobeyed = 0
         self._seq = 0
@@ -69,6 +75,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
     @abstractmethod
     def _open_line(self) -> MessageLine:
         """Open the line; raises OSError."""
+
+    @property
+    def device(self) -> str:
+        return self._device
 
     @property
     def takes_points(self) -> bool:  # type: ignore[override]
@@ -123,7 +133,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         heard_s = self._heard_s
         for_ms = round(1000 * ACTION_TIMEOUT_S)
         order = Order(action, for_ms, speed_scale, self._seq, report.ms, point)
-        self._exchange(self._encode(order, report.nonce))
+        self._exchange(self.hello if self._is_other else self._encode(order, report.nonce))
         if self._heard_s > heard_s:  # an answer may be to an earlier order: it still goes on
             is_obeyed = self._report is not None and self._report.seq > report.seq
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
@@ -147,6 +157,12 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         report = self._parse(data)
         if report is None:
             return
+        self._is_other = self._device not in ("", report.device)
+        if self._is_other:
+            other = repr(report.device) if report.device else "one that does not name itself"
+            self._trouble = f" ({other} answers there; {self._device!r} was driven)"
+            return
+        self._device = report.device
         if self._report is not None and report.nonce != self._report.nonce:
             self._seq = 0  # it was switched off and on
         self._report, self._heard_s, self._trouble = report, self._clock.now_s(), ""
@@ -160,6 +176,23 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             )
         if self._disobeyed > 3:
             raise DriveError(f"{self._where} answers but obeys no order; {self.no_obedience}")
+
+
+def the_only_one(host: str) -> str:
+    """Return the address of a name in the local network, or the host as it is.
+
+    Any machine can take such a name, and small robots often all have the one of their example.
+
+    Raises:
+        DriveError: If several machines answer to it; lists them.
+    """
+    if not host.lower().endswith(".local"):
+        return host
+    found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_DGRAM)
+    same = SameDevice("machine", flag="--address")
+    with told_as(DriveError, f"which robot is {host}?", ConnectionError):
+        chosen = same.pick(Found("", str(place[0])) for *_, place in found)
+    return host if chosen is None else chosen.address
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,7 +219,8 @@ class RemoteDriver(ReportingDriver):
         self.declared_moves = parse_moves(options.body_moves)
 
     def _open_line(self) -> MessageLine:
-        line: MessageLine = self.line_type(*split_address(self.options.address, PORT))
+        host, port = split_address(self.options.address, PORT)
+        line: MessageLine = self.line_type(the_only_one(host), port)
         return line
 
     def _encode(self, order: Order, nonce: str) -> bytes:

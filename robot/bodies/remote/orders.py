@@ -19,6 +19,7 @@ from robot.errors import ConfigurationError
 from robot.types import Action, Point, Sensors
 
 MAX_BYTES = 512
+_LONGEST_ID = 64
 _NO_NUMBER = re.compile(rb'("(?:[^"\\]|\\.)*")|[-+]?\b(?:inf(?:inity)?|nan|ovf)\b', re.I)
 """Words that small computers write for a missing number: MicroPython's json `inf` and `nan`,
 Arduino's print `ovf` as well. JSON has no such words."""
@@ -30,7 +31,7 @@ class BodyReport:
 
     `nonce` is new whenever the robot starts, and empty where nobody else can send; `seq` is the
     last order that it obeyed, and `ms` what its clock shows. `takes_points` is whether orders may
-    say steering and throttle.
+    say steering and throttle. `device` is what no other robot is called, if it says so.
     """
 
     nonce: str = ""
@@ -38,6 +39,7 @@ class BodyReport:
     ms: int
     sensors: Sensors
     takes_points: bool = False
+    device: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,15 @@ def parse_report(data: bytes) -> BodyReport | None:
         if not isinstance(nonce, str) or not _is_count(seq) or not _is_count(ms):
             return None
         points = plain.get("points") is True
-        return BodyReport(nonce=nonce, seq=seq, ms=ms, sensors=_sensors(plain), takes_points=points)
+        name = plain.get("id")
+        return BodyReport(
+            nonce=nonce,
+            seq=seq,
+            ms=ms,
+            sensors=_sensors(plain),
+            takes_points=points,
+            device=name[:_LONGEST_ID] if isinstance(name, str) else "",
+        )
     except (ValueError, KeyError, TypeError, RecursionError):
         return None
 

@@ -7,7 +7,8 @@ from typing import Any, ClassVar
 
 import websockets
 
-from robot.bodies.remote.driver import RemoteDriver
+from robot.bodies.remote.driver import PORT, MessageLine, RemoteDriver, the_only_one
+from robot.bodies.remote.orders import split_address
 from robot.bodies.remote.reconnecting import ReconnectingLink
 from robot.clock import RealClock
 
@@ -19,15 +20,16 @@ _MOST_UNANSWERED = 10
 class WebsocketLine(ReconnectingLink):
     """A websocket that the robot serves; one on which nothing is heard any more is opened anew."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self._url = f"ws://{host}:{port}/"
+    def __init__(self, host: str, port: int, find: Callable[[], str] | None = None) -> None:
+        """Open the first connection; `find` names the host of each."""
+        self._find, self._port = find or (lambda: host), port
         self._socket: Any = None
         self._opens_s = _OPENS_S
         super().__init__("websocket", RealClock())
 
     async def _connect_once(self, connected: Callable[[], None]) -> None:
         async with websockets.connect(
-            self._url,
+            f"ws://{self._find()}:{self._port}/",
             compression=None,
             max_size=2048,
             open_timeout=self._opens_s,
@@ -58,3 +60,9 @@ class WsDriver(RemoteDriver):
 
     name: ClassVar[str] = "ws"
     line_type = WebsocketLine
+
+    def _open_line(self) -> MessageLine:
+        """A robot that says which it is may come back at another address of its name."""
+        host, port = split_address(self.options.address, PORT)
+        first = the_only_one(host)
+        return WebsocketLine(first, port, lambda: the_only_one(host) if self._device else first)

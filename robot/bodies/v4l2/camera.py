@@ -19,7 +19,7 @@ from robot.types import Encoding
 class UsbCameraOptions(Options):
     """Which camera, and what is asked of it; it answers with the nearest that it has."""
 
-    device: str = option("auto", "the camera, as /dev/video0; auto takes the first")
+    device: str = option("auto", "the camera, as /dev/video0; needed if several are plugged in")
     width: int = option(160, "width of the picture in pixels", range=(40, 3840))
     height: int = option(120, "height of the picture in pixels", range=(30, 2160))
     frame_rate: int = option(30, "pictures a second", range=(1, 120))
@@ -35,10 +35,15 @@ class V4l2Camera(ThreadedCamera):
 
     name: ClassVar[str] = "v4l2"
     options_type: ClassVar[type[Any]] = UsbCameraOptions
+    _reader: CameraReader | None = None
+
+    @property
+    def device(self) -> str:
+        return self._reader.same.device if self._reader is not None else ""
 
     def _begin(self) -> None:
         options = self.options
-        reader = CameraReader(
+        reader = self._reader = CameraReader(
             options.device, options.width, options.height, options.frame_rate, options.encoding
         )
         reader.poll(time.monotonic())

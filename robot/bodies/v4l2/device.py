@@ -11,6 +11,7 @@ import time
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 from robot.bodies.v4l2.shrink import plan_shrinking, shrink_yuyv
+from robot.devices.usb_camera import AUTO
 
 try:
     import fcntl
@@ -58,7 +59,7 @@ class Video:
     """One streaming camera. Ready to `read` when its `fileno` is readable."""
 
     def __init__(self, device: str, width: int, height: int, rate: int, encoding: str) -> None:
-        self.path = (list_cameras() or ["/dev/video0"])[0] if device == "auto" else device
+        self.path = (list_cameras() or ["/dev/video0"])[0] if device == AUTO else device
         self._fd = self._open_device(self.path)
         self._maps = []  # type: List[mmap.mmap]
         try:

@@ -4,13 +4,15 @@ from typing import Optional
 
 from robot.bodies.v4l2.device import CaptureError, Video, VideoFrame
 from robot.devices.freshness import REOPEN_S, Freshness
+from robot.devices.usb_camera import SameCamera, SeveralCamerasError
 
 
 class CameraReader:
     """A camera that is looked after: opened, watched, and opened again when it was lost."""
 
     def __init__(self, device: str, width: int, height: int, rate: int, encoding: str) -> None:
-        self._wanted = (device, width, height, rate, encoding)
+        self.same = SameCamera(device)
+        self._wanted = (width, height, rate, encoding)
         self._freshness = Freshness(0.0)
         self._next_try_s = 0.0
         self.video = None  # type: Optional[Video]
@@ -38,17 +40,26 @@ class CameraReader:
     def _reopen(self, now_s: float) -> None:
         self._next_try_s = now_s + REOPEN_S
         try:
-            self.video = Video(*self._wanted)
-        except CaptureError as error:
+            path = self.same.find()
+            if path is None:
+                self.fault = (
+                    "The camera {} is unplugged, and no other is taken in its place; plug it into "
+                    "the socket where it was.".format(self.same.device)
+                )
+                return
+            self.video = Video(path, *self._wanted)
+            self.same.opened(self.video.path)
+        except (CaptureError, SeveralCamerasError) as error:
             self.fault = self.fault or "Camera: {}".format(error)
         else:
             before, self._freshness = self._freshness, Freshness(now_s)
             self._freshness.continue_from(before)
 
     def _lose(self, what: str, now_s: float) -> None:
-        path = self.video.path if self.video else self._wanted[0]
+        path = self.video.path if self.video else self.same.device
         self.fault = "The camera {} {}; check its cable, it is picked up again.".format(path, what)
         self.close()
+        self.same.lost()
         self._next_try_s = now_s + REOPEN_S
 
     def close(self) -> None:

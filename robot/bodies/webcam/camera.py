@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -9,9 +11,9 @@ from typing import Any, ClassVar
 from robot.clock import Clock
 from robot.devices.freshness import REOPEN_S
 from robot.devices.options import Options, option
-from robot.devices.usb_camera import identity_of, number_of
+from robot.devices.usb_camera import AUTO, SameCamera, SeveralCamerasError
 from robot.devices.watched_camera import WatchedCamera
-from robot.errors import CameraError, need
+from robot.errors import CameraError, need, told_as
 from robot.types import Encoding
 
 JPEG_QUALITY = 80
@@ -21,7 +23,9 @@ JPEG_QUALITY = 80
 class OpencvOptions(Options):
     """Which source, and the size that frames are brought to."""
 
-    source: str = option("0", "number of a camera, a film's file, or an address (URL)")
+    source: str = option(
+        AUTO, "number of a camera, needed if several are plugged in; or a film's file; or a URL"
+    )
     width: int = option(160, "width of the picture in pixels", range=(40, 3840))
     height: int = option(120, "height of the picture in pixels", range=(30, 2160))
 
@@ -39,8 +43,14 @@ class OpencvCamera(WatchedCamera):
 
     def __init__(self, options: OpencvOptions, clock: Clock) -> None:
         super().__init__(options, clock)
-        self._identity: str | None = None
-        """Of the camera that was opened first: afterwards no other is opened."""
+        source = options.source
+        self._is_usb = source == AUTO or source.isdigit() or source.startswith("/dev/")
+        wanted = f"/dev/video{source}" if source.isdigit() else source
+        self._same = SameCamera(wanted, "--source")
+
+    @property
+    def device(self) -> str:
+        return self._same.device
 
     @property
     def _is_film(self) -> bool:
@@ -48,7 +58,8 @@ class OpencvCamera(WatchedCamera):
 
     def _begin(self) -> None:
         self._cv2 = need("cv2", "the camera 'opencv'", "camera")
-        capture = self._open()
+        with told_as(CameraError, "which camera?", SeveralCamerasError):
+            capture = self._open()
         if capture is None:
             raise CameraError(
                 f"OpenCV cannot open {self.options.source!r}; plug the camera in, or name "
@@ -58,19 +69,19 @@ class OpencvCamera(WatchedCamera):
 
     def _open(self) -> Any:
         cv2, source = self._cv2, self.options.source
-        if source.isdigit():
-            number = int(source) if self._identity is None else number_of(self._identity)
-            if number is None:
-                return None
-            capture = cv2.VideoCapture(number)
+        path = self._same.find() if self._is_usb else source
+        if path is None:
+            return None
+        if self._is_usb:
+            capture = cv2.VideoCapture(_number(path))
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, self.options.width)
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, self.options.height)
             capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         else:
             capture = cv2.VideoCapture(source)
         if capture.isOpened():
-            if source.isdigit() and self._identity is None:
-                self._identity = identity_of(int(source))
+            if self._is_usb:
+                self._same.opened(f"/dev/video{_number(path)}")
             return capture
         capture.release()
         return None
@@ -81,6 +92,7 @@ class OpencvCamera(WatchedCamera):
             if capture is not None:
                 self._read_out(capture)
                 capture.release()
+                self._same.lost()
             if not self._is_film:
                 self.clock.wait(self._ending, REOPEN_S)
             capture = None if self._ending.is_set() else self._open()
@@ -107,9 +119,15 @@ class OpencvCamera(WatchedCamera):
         )
 
     def _name_fault(self, wrong: str) -> str:
-        if self._identity is not None and number_of(self._identity) is None:
+        if self._same.is_absent:
             return (
-                f"The camera {self.options.source} is unplugged, and no other is taken in its "
+                f"The camera {self.device} is unplugged, and no other is taken in its "
                 "place; plug it into the socket where it was."
             )
-        return f"The camera {self.options.source} {wrong}; check its cable."
+        return f"The camera {self.device or self.options.source} {wrong}; check its cable."
+
+
+def _number(path: str) -> int:
+    """Return the number that OpenCV wants; 0 where the system lists no cameras."""
+    digits = re.search(r"\d+$", os.path.realpath(path))
+    return int(digits[0]) if digits else 0

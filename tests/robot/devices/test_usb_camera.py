@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,86 +11,123 @@ from unittest import mock
 import pytest
 
 from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
-from robot.devices.usb_camera import identity_of, number_of
+from robot.devices import usb_camera
+from robot.devices.usb_camera import SameCamera, SeveralCamerasError
+from robot.errors import CameraError
 from robot.testing import VirtualClock
 
 
-def plug(root: Path, number: int, port: str, serial: str = "") -> None:
+@pytest.fixture(autouse=True)
+def _system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(usb_camera, "ROOT", str(tmp_path / "class"))
+
+
+def plug(root: Path, number: int, port: str, serial: str = "", interface: int = 0) -> None:
     """Lay out what Linux shows of a USB camera."""
     device = root / "devices" / port
-    (device / f"{port}:1.0").mkdir(parents=True, exist_ok=True)
+    part = device / f"{port}:1.{interface}"
+    part.mkdir(parents=True, exist_ok=True)
     (device / "idVendor").write_text("046d\n")
     (device / "idProduct").write_text("0825\n")
     if serial:
         (device / "serial").write_text(f"{serial}\n")
     node = root / "class" / f"video{number}"
     node.mkdir(parents=True)
-    (node / "device").symlink_to(device / f"{port}:1.0")
+    (node / "device").symlink_to(part)
     (node / "index").write_text("0\n")
+    (node / "name").write_text("HD Webcam C270\n")
 
 
 def unplug(root: Path, number: int) -> None:
-    node = root / "class" / f"video{number}"
-    (node / "device").unlink()
-    (node / "index").unlink()
-    node.rmdir()
+    shutil.rmtree(root / "class" / f"video{number}")
+
+
+def opened(wanted: str) -> SameCamera:
+    same = SameCamera(wanted)
+    path = same.find()
+    assert path is not None
+    same.opened(path)
+    return same
 
 
 def test_a_camera_gets_another_number_and_is_still_the_same(tmp_path: Path) -> None:
-    there = tmp_path / "class"
     plug(tmp_path, 0, "1-2", "A17")
     plug(tmp_path, 2, "1-3", "B42")
-    mine = identity_of(0, there)
-    assert mine is not None and number_of(mine, there) == 0
+    mine = opened("/dev/video0")
+    assert mine.device == "HD Webcam C270 (/dev/video0)" and mine.find() == "/dev/video0"
     unplug(tmp_path, 0)
-    assert number_of(mine, there) is None
+    mine.lost()
+    assert mine.is_absent
     plug(tmp_path, 4, "1-4", "A17")
-    assert number_of(mine, there) == 4
+    assert mine.find() == "/dev/video4"
 
 
-def test_twins_without_a_serial_number_are_told_apart_by_their_socket(tmp_path: Path) -> None:
-    there = tmp_path / "class"
-    plug(tmp_path, 0, "1-2")
-    plug(tmp_path, 2, "1-3")
-    mine = identity_of(0, there)
-    assert mine is not None and mine != identity_of(2, there)
+@pytest.mark.parametrize("serial", ["", "200901010001"])
+def test_twins_without_a_serial_number_of_their_own_are_told_apart_by_their_socket(
+    tmp_path: Path, serial: str
+) -> None:
+    plug(tmp_path, 0, "1-2", serial)
+    mine = opened("auto")
+    plug(tmp_path, 2, "1-3", serial)
     unplug(tmp_path, 0)
-    assert number_of(mine, there) is None, "its twin is there"
-    plug(tmp_path, 1, "1-2")
-    assert number_of(mine, there) == 1
-    assert identity_of(7, there) is None and number_of(mine, tmp_path / "none") is None
+    mine.lost()
+    assert mine.is_absent, "its twin is there"
+    plug(tmp_path, 1, "1-2", serial)
+    assert mine.find() == "/dev/video1"
 
 
-@pytest.mark.parametrize("has_twin", [False, True])
-def test_a_webcam_that_was_lost_is_not_replaced_by_another(tmp_path: Path, has_twin: bool) -> None:
+def test_of_several_cameras_one_has_to_be_named(tmp_path: Path) -> None:
+    assert SameCamera("auto").find() == "auto", "the first that the system has"
+    plug(tmp_path, 10, "1-3")
+    plug(tmp_path, 2, "1-2")
+    with pytest.raises(SeveralCamerasError, match=r"2 cameras .*video10\).*--device /dev/video2$"):
+        SameCamera("auto").find()
+    assert SameCamera("/dev/video10").find() == "/dev/video10"
+
+
+def test_the_infrared_camera_of_a_laptop_is_no_twin(tmp_path: Path) -> None:
+    plug(tmp_path, 0, "1-6", "A17")
+    plug(tmp_path, 2, "1-6", "A17", interface=2)
+    mine = opened("auto")
+    assert mine.find() == "/dev/video0"
+    unplug(tmp_path, 0)
+    mine.lost()
+    assert mine.is_absent
+
+
+class Capturing:
+    """OpenCV, as far as a camera is opened by its number."""
+
+    CAP_PROP_FRAME_WIDTH, CAP_PROP_FRAME_HEIGHT, CAP_PROP_BUFFERSIZE = 3, 4, 38
+
+    def __init__(self) -> None:
+        self.opened: list[int] = []
+
+    def VideoCapture(self, number: int) -> Any:  # noqa: N802 - OpenCV's name
+        self.opened.append(number)
+        return SimpleNamespace(isOpened=lambda: True, set=lambda *_: True)
+
+
+@pytest.mark.parametrize("source", ["0", "auto", "/dev/video0"])
+def test_a_webcam_that_was_lost_is_not_replaced_by_another(tmp_path: Path, source: str) -> None:
     plug(tmp_path, 0, "1-2")
-    opened: list[int] = []
+    camera = OpencvCamera(OpencvOptions(source=source), VirtualClock())
+    camera._cv2 = cv2 = Capturing()
+    assert camera._open() is not None
+    unplug(tmp_path, 0)
+    assert camera._open() is None
+    plug(tmp_path, 0, "1-9")  # the system gives it the number that became free
+    assert camera._open() is None and cv2.opened == [0]
+    assert "C270 (/dev/video0) is unplugged, and no other" in camera._name_fault("gives nothing")
+    plug(tmp_path, 2, "1-2")
+    assert camera._open() is not None and cv2.opened == [0, 2]
 
-    def capture(number: int) -> Any:
-        opened.append(number)
-        return mock.Mock(isOpened=lambda: True)
 
-    there = tmp_path / "class"
-    camera = OpencvCamera(OpencvOptions(), VirtualClock())
-    camera._cv2 = SimpleNamespace(
-        VideoCapture=capture,
-        CAP_PROP_FRAME_WIDTH=3,
-        CAP_PROP_FRAME_HEIGHT=4,
-        CAP_PROP_BUFFERSIZE=38,
-    )
+def test_opencv_takes_none_of_several_cameras_either(tmp_path: Path) -> None:
+    plug(tmp_path, 0, "1-2")
+    plug(tmp_path, 1, "1-3")
     with (
-        mock.patch("robot.devices.usb_camera._ROOT", there),
-        mock.patch.multiple(
-            "robot.bodies.webcam.camera",
-            identity_of=lambda number: identity_of(number, there),
-            number_of=lambda identity: number_of(identity, there),
-        ),
+        mock.patch("robot.bodies.webcam.camera.need", lambda *_: Capturing()),
+        pytest.raises(CameraError, match=r"2 cameras .*--source /dev/video0"),
     ):
-        assert camera._open() is not None
-        unplug(tmp_path, 0)
-        if has_twin:
-            plug(tmp_path, 0, "1-9")  # the system gives it the number that became free
-        assert camera._open() is None and opened == [0]
-        assert "no other is taken" in camera._name_fault("gives no pictures")
-        plug(tmp_path, 2, "1-2")
-        assert camera._open() is not None and opened == [0, 2]
+        OpencvCamera(OpencvOptions(), VirtualClock()).start()

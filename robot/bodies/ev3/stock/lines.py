@@ -9,18 +9,24 @@ import select
 import socket
 import struct
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from io import FileIO
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 from robot.bodies.ev3.stock.codec import MAX_MESSAGE
+from robot.bodies.remote.same_device import Found, SameDevice
+from robot.clock import Clock, RealClock
 from robot.errors import DriveError, told_as
 
 BEACON_PORT = 3015
 ANSWER_S = 0.4
 """A brick answers within a few milliseconds by cable and Wi-Fi, within 50 by Bluetooth."""
-_BEACON_S = 8.0
+_BEACON_S, _LISTEN_S = 8.0, 0.5
+TWINS_S = 5.5
+"""How long bricks are heard where nobody named one, in seconds: each announces itself every 5 s."""
+_AGAIN_S = 1.0
+"""Time after which an announcement is a brick's next one, and not the same by another way."""
 _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 _ID = re.compile("[0-9a-f]{12}")
@@ -95,31 +101,33 @@ class UsbLine(BrickLine):
         return report[: 2 + int(struct.unpack_from("<H", report)[0])]
 
 
-def open_line(kind: str, brick: str = "", beacon_port: int = BEACON_PORT) -> BrickLine:
+def open_line(
+    kind: str, brick: str = "", beacon_port: int = BEACON_PORT, clock: Clock | None = None
+) -> BrickLine:
     """Open the line to a brick.
 
     Args:
         kind: `wifi`, `bluetooth` or `usb`.
         brick: Which, if there are several: its serial number, which is its Bluetooth address.
         beacon_port: Where bricks on Wi-Fi announce themselves.
+        clock: Times how long they are heard.
 
     Raises:
         DriveError: If there is none; says what to look at.
     """
     wanted = _plain_id(brick)
     if kind == "wifi":
-        return _open_wifi(wanted, beacon_port)
+        return _open_wifi(wanted, beacon_port, clock or RealClock())
     if kind == "bluetooth":
         return _open_bluetooth(wanted)
     path = find_usb(wanted)
     line = _open_usb(path)
-    serials = [one for one, at in _usb_bricks(_HIDRAW).items() if at == path]
-    line.serial = next((one for one in serials if _ID.fullmatch(one)), wanted)
+    line.serial = next((one for one, at in _usb_bricks().items() if at == path), wanted)
     return line
 
 
-def _open_wifi(wanted: str, beacon_port: int) -> BrickLine:
-    host, port, serial = _hear_beacon(wanted, beacon_port)
+def _open_wifi(wanted: str, beacon_port: int, clock: Clock) -> BrickLine:
+    host, _, serial, port = _hear_beacon(wanted, beacon_port, clock)
     wrong = f"the brick at {host} cannot be reached"
     with (
         told_as(DriveError, wrong),
@@ -142,7 +150,16 @@ def _begun(sock: socket.socket) -> Iterator[socket.socket]:
         raise
 
 
-def _hear_beacon(wanted: str, beacon_port: int) -> tuple[str, int, str]:
+class Beacon(NamedTuple):
+    """One announcement of a brick: where it came from, and what it says."""
+
+    host: str
+    sender_port: int
+    serial: str
+    port: int
+
+
+def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
     """Wait for the brick's announcement, and answer it: until then it accepts nobody."""
     wrong, do = "bricks on Wi-Fi cannot be heard", "does another program, as LEGO's, listen there?"
     with (
@@ -151,21 +168,63 @@ def _hear_beacon(wanted: str, beacon_port: int) -> tuple[str, int, str]:
     ):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         sock.bind(("", beacon_port))
-        sock.settimeout(_BEACON_S)
-        with contextlib.suppress(TimeoutError):
-            for _ in range(100):
-                data, sender = sock.recvfrom(1024)
-                found = parse_beacon(data)
-                if found is not None and wanted in ("", found[0]):
-                    # To where it came from, and, as other clients do, to the port it names.
-                    sock.sendto(b"\0", sender)
-                    sock.sendto(b"\0", (sender[0], found[1]))
-                    return sender[0], found[1], found[0]
-    which = f"the brick {_shown_id(wanted)}" if wanted else "no brick"
+        beacon = choose_brick(_beacons(sock, clock), wanted)
+        if beacon is not None:
+            # To where it came from, and, as other clients do, to the port it names.
+            sock.sendto(b"\0", (beacon.host, beacon.sender_port))
+            sock.sendto(b"\0", (beacon.host, beacon.port))
+            return beacon
+    which = f"the brick {shown_id(wanted)}" if wanted else "no brick"
     raise DriveError(
         f"{which} was not heard on Wi-Fi within {_BEACON_S:g} s; is its Wi-Fi on, and this "
         f"computer in the same network (UDP port {beacon_port})?"
     )
+
+
+def _beacons(sock: socket.socket, clock: Clock) -> Iterator[tuple[float, Beacon | None]]:
+    """Yield what is heard and when; None while nothing comes."""
+    end_s = clock.now_s() + _BEACON_S
+    sock.settimeout(_LISTEN_S)
+    while clock.now_s() < end_s:
+        found = None
+        with contextlib.suppress(TimeoutError):
+            data, sender = sock.recvfrom(1024)
+            found = parse_beacon(data)
+        now_s = clock.now_s()
+        yield now_s, None if found is None else Beacon(sender[0], sender[1], *found)
+
+
+def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "") -> Beacon | None:
+    """Return the brick that is wanted, or the only one; None if it is not heard.
+
+    Where nobody named one, all have to be heard first: it waits until the first announces itself
+    again, since by then each of the others has done so, too.
+
+    Args:
+        heard: Announcements with their times, in seconds; a computer hears each of them twice if
+            it is twice in the network.
+        wanted: The serial number.
+
+    Raises:
+        DriveError: If several fit; lists them.
+    """
+    bricks: dict[str, Beacon] = {}
+    since_s = 0.0
+    for now_s, beacon in heard:
+        if beacon is not None and wanted:
+            if beacon.serial == wanted:
+                return beacon
+            continue
+        since_s = since_s if bricks else now_s
+        is_again = beacon is not None and beacon.serial == next(iter(bricks), "")
+        if beacon is not None:
+            bricks[beacon.serial] = beacon
+        if bricks and now_s - since_s > (_AGAIN_S if is_again else TWINS_S):
+            break
+    same = SameDevice("brick", flag="--brick")
+    with told_as(DriveError, "which brick?", ConnectionError):
+        chosen = same.pick(Found("", shown_id(serial)) for serial in bricks)
+    return None if chosen is None else bricks[_plain_id(chosen.address)]
 
 
 def parse_beacon(data: bytes) -> tuple[str, int] | None:
@@ -184,7 +243,7 @@ def _open_bluetooth(wanted: str) -> BrickLine:
             "Bluetooth needs the brick's address, as --brick 00:16:53:3f:0c:1e; the brick shows "
             "it under Settings, Brick Info, ID"
         )
-    address = _shown_id(wanted).upper()
+    address = shown_id(wanted).upper()
     if not hasattr(socket, "AF_BLUETOOTH"):
         raise DriveError("this Python has no Bluetooth; use --line wifi or --line usb")
     wrong = f"the brick {address} cannot be reached by Bluetooth"
@@ -204,7 +263,7 @@ def _open_usb(path: Path) -> BrickLine:
         return UsbLine(str(path), FileIO(os.open(path, os.O_RDWR | os.O_NONBLOCK), "r+"))
 
 
-def find_usb(wanted: str = "", root: Path = _HIDRAW) -> Path:
+def find_usb(wanted: str = "", root: Path | None = None) -> Path:
     """Return the device of the brick at the cable; of several, of the one that is wanted.
 
     Raises:
@@ -217,23 +276,25 @@ def find_usb(wanted: str = "", root: Path = _HIDRAW) -> Path:
             "on Linux; elsewhere use --line wifi)"
         )
     if wanted not in bricks and (wanted or len(bricks) > 1):
-        there = [_shown_id(one) for one in bricks]
+        there = [shown_id(one) for one in bricks]
         raise DriveError(
-            (f"the brick {_shown_id(wanted)} is at no USB cable" if wanted else "which brick?")
+            (f"the brick {shown_id(wanted)} is at no USB cable" if wanted else "which brick?")
             + f"; those at USB cables: {', '.join(there)}; name one with --brick {there[0]}"
         )
     return bricks.get(wanted) or next(iter(bricks.values()))
 
 
-def _usb_bricks(root: Path) -> dict[str, Path]:
-    """Return the bricks at USB cables by their serial numbers, or by their devices."""
+def _usb_bricks(root: Path | None = None) -> dict[str, Path]:
+    """Return the bricks at USB cables by their serial numbers, or else by their sockets."""
     bricks: dict[str, Path] = {}
-    for entry in sorted(root.glob("hidraw*")):
+    for entry in sorted((root or _HIDRAW).glob("hidraw*")):
         with contextlib.suppress(OSError):
             told = (entry / "device/uevent").read_text()
             if _USB_ID in told:
                 serial = re.search(r"^HID_UNIQ=(\S+)", told, re.MULTILINE)
-                bricks[_plain_id(serial[1]) if serial else entry.name] = Path("/dev") / entry.name
+                socket_of = re.search(r"^HID_PHYS=(\S+)", told, re.MULTILINE)
+                known = serial or socket_of
+                bricks[_plain_id(known[1]) if known else entry.name] = Path("/dev") / entry.name
     return bricks
 
 
@@ -241,6 +302,6 @@ def _plain_id(brick: str) -> str:
     return brick.replace(":", "").lower()
 
 
-def _shown_id(brick: str) -> str:
+def shown_id(brick: str) -> str:
     """Return an ID as the brick shows it: in pairs."""
     return ":".join(re.findall("..", brick)) if _ID.fullmatch(brick) else brick

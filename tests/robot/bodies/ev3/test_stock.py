@@ -8,7 +8,6 @@ import socket
 import struct
 import threading
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -204,7 +203,7 @@ def test_a_line_that_fails_while_it_is_opened_is_closed_at_once(
 
         connect = sendall = answer_not  # type: ignore[assignment]
 
-    monkeypatch.setattr(lines, "_hear_beacon", lambda *_: ("127.0.0.1", 1, SERIAL))
+    monkeypatch.setattr(lines, "_hear_beacon", lambda *_: ("127.0.0.1", 3015, SERIAL, 1))
     monkeypatch.setattr(socket, "create_connection", Mute)
     monkeypatch.setattr(socket, "socket", Mute)
     for name in ("AF_BLUETOOTH", "BTPROTO_RFCOMM"):
@@ -287,17 +286,3 @@ def test_the_cable_carries_reports_of_1024_bytes() -> None:
     thread.join()
     theirs.close()
     assert {len(report) for report in reports} == {1025} and not brick.is_moving
-
-
-def test_a_brick_that_was_lost_is_not_replaced_by_another(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[str] = []
-
-    def open_any(kind: str, brick: str, beacon_port: int) -> SimpleNamespace:
-        asked.append(brick)
-        return SimpleNamespace(serial=brick or SERIAL)
-
-    monkeypatch.setattr("robot.bodies.ev3.stock_driver.open_line", open_any)
-    driver = Ev3StockDriver(Ev3StockOptions(line="wifi"))
-    for _ in range(3):
-        driver._open_line()
-    assert asked == ["", SERIAL, SERIAL] and driver.device == SERIAL

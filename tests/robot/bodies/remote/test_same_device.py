@@ -1,79 +1,360 @@
-"""A driver keeps its device through drops, renames, twins and swaps; generated histories."""
+"""A robot keeps its device through drops, renames, twins and swaps; generated histories of all
+bodies and cameras that search for theirs, by the code that searches."""
 
 from __future__ import annotations
 
 import asyncio
+import hmac
+import json
 import random
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
+from robot.bodies.ev3 import stock_driver
+from robot.bodies.ev3.stock import lines
+from robot.bodies.ev3.stock.lines import Beacon, choose_brick
+from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
+from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
 from robot.bodies.pybricks.hub_line import SERVICE, find_hub
+from robot.bodies.remote.driver import RemoteOptions, the_only_one
+from robot.bodies.remote.orders import BodyReport
 from robot.bodies.remote.same_device import Found, SameDevice
+from robot.bodies.remote.udp import UdpDriver
+from robot.bodies.v4l2 import reader
+from robot.bodies.v4l2.device import CaptureError
+from robot.bodies.v4l2.reader import CameraReader
+from robot.devices import usb_camera
+from robot.devices.usb_camera import UsbCamera
+from robot.errors import DriveError
 from robot.testing import VirtualClock
+from robot.types import Action
 from tests.kit.sizes import size
 
-HISTORIES = size("TWINS", 200, 10_000)
-_NAMES = ("Pybricks Hub", "Pybricks Hub", "Anna", "")
+HISTORIES = size("TWINS", 240, 10_000)
+"""Of all kinds of devices together."""
+REFUSED = ("fit:", "which brick?", "are plugged in", "which robot")
+"""What is said where nobody knows which one is meant."""
 
 
-class Hubs:
-    """Hubs in reach, as `bleak` shows them: each advertises itself ten times a second."""
+class Place(ABC):
+    """Devices of one kind in reach, each with what it is called now, and one robot's search."""
 
-    def __init__(self, clock: VirtualClock, chance: random.Random) -> None:
-        self._clock, self._chance = clock, chance
-        self.hubs: dict[str, str] = {}
+    names: ClassVar[tuple[str, ...]] = ("Pybricks Hub", "Pybricks Hub", "Anna", "")
+    can_refuse: ClassVar[bool] = True
+
+    def __init__(self, chance: random.Random, patch: pytest.MonkeyPatch) -> None:
+        self.chance, self.patch, self.clock = chance, patch, VirtualClock()
+        self.all = [f"00:16:53:00:00:{n:02x}" for n in range(chance.randint(2, 5))]
+        there = [one for one in self.all if chance.random() < 0.7]
+        self.there = {one: chance.choice(self.names) for one in there}
+        self.wanted = chance.choice(("", "", "Anna", self.all[0]))
+        self.begin()
+
+    @abstractmethod
+    def begin(self) -> None: ...
+
+    @abstractmethod
+    async def take(self) -> str:
+        """Search as the driver does; return the one that obeys. Raises if none does."""
+
+    @property
+    @abstractmethod
+    def shown(self) -> str:
+        """What the page calls it."""
+
+    def happen(self) -> None:
+        """Let one be lost, come, or be renamed; or let two swap their names."""
+        chance, there, event = self.chance, self.there, self.chance.random()
+        if event < 0.4 and there:
+            there.pop(chance.choice(sorted(there)))
+        elif event < 0.7:
+            there[chance.choice(self.all)] = chance.choice(self.names)
+        elif len(there) > 1:
+            one, other = chance.sample(sorted(there), 2)
+            there[one], there[other] = there[other], there[one]
+
+    def shuffled(self) -> list[tuple[str, str]]:
+        return self.chance.sample(sorted(self.there.items()), len(self.there))
+
+
+class Hubs(Place):
+    """Pybricks hubs, as `bleak` shows them: each advertises itself ten times a second."""
+
+    def begin(self) -> None:
+        self.same = SameDevice("hub", self.wanted)
         self.BleakScanner = SimpleNamespace(find_device_by_filter=self._find)
 
     async def _find(self, fits: Callable[[Any, Any], bool], timeout: float, **_: Any) -> Any:
         for _ in range(round(timeout / 0.5)):
-            for address, name in self._chance.sample(sorted(self.hubs.items()), len(self.hubs)):
+            for address, name in self.shuffled():
                 device = SimpleNamespace(address=address, name=name or None)
                 if fits(device, SimpleNamespace(local_name=name or None, service_uuids=[SERVICE])):
                     return device
-            self._clock.advance(0.5)
+            self.clock.advance(0.5)
         return None
 
+    async def take(self) -> str:
+        hub, device = await find_hub(self, self.same, self.clock)
+        assert device.address == hub.address
+        self.same.chosen = self.same.chosen or hub
+        return hub.address
 
-async def live(seed: int) -> tuple[int, int, int]:
-    """Live through one history; returns how often a hub was found, refused and missing."""
-    chance, clock = random.Random(seed), VirtualClock()
-    place = Hubs(clock, chance)
-    addresses = [f"00:16:53:00:00:{n:02x}" for n in range(chance.randint(2, 5))]
-    place.hubs = {one: chance.choice(_NAMES) for one in addresses if chance.random() < 0.7}
-    same = SameDevice("hub", chance.choice(("", "", "Anna", addresses[0])))
-    shown: Found | None = None
-    counts = [0, 0, 0]
+    @property
+    def shown(self) -> str:
+        return str(self.same.chosen)
+
+
+class DoubleMotors(Place):
+    """LEGO Education's motors, as its library lists them."""
+
+    def begin(self) -> None:
+        library: Any = SimpleNamespace(DoubleMotor=self._motor)
+        options = LegoEducationOptions(hub=self.wanted)
+        self.driver = LegoEducationDriver(options, self.clock, library)
+
+    def _motor(self) -> Any:
+        def search(timeout: float, device_name: str | None) -> list[Any]:
+            there = [SimpleNamespace(address=at, name=name) for at, name in self.shuffled()]
+            return [one for one in there if (device_name or "") in one.name]
+
+        return SimpleNamespace(search=search, set_notification_callback=lambda note: None)
+
+    async def take(self) -> str:
+        self.driver._open()
+        return str(self.driver._found.address)
+
+    @property
+    def shown(self) -> str:
+        return self.driver.device
+
+
+class WifiBricks(Place):
+    """EV3 bricks with LEGO's firmware: each announces itself every 5 s, and is heard twice."""
+
+    def begin(self) -> None:
+        brick = self.wanted if ":" in self.wanted else ""
+        self.driver = Ev3StockDriver(Ev3StockOptions(line="wifi", brick=brick), self.clock)
+        self.patch.setattr(stock_driver, "open_line", self._open)
+
+    def _heard(self) -> Iterator[tuple[float, Beacon | None]]:
+        since_s = self.clock.now_s()
+        phases = [(self.chance.uniform(0.0, 5.0), at.replace(":", "")) for at in self.there]
+        heard = [(phase + delay, at) for phase, at in phases for delay in (0.0, 0.01, 5.0)]
+        for at_s, brick in sorted(heard):
+            if at_s < 8.0:
+                yield since_s + at_s, Beacon("10.0.0.7", 3015, brick, 5555)
+
+    def _open(self, kind: str, brick: str, *_: Any) -> Any:
+        chosen = choose_brick(self._heard(), brick.replace(":", ""))
+        if chosen is None:
+            raise DriveError("it was not heard")
+        return SimpleNamespace(serial=chosen.serial)
+
+    async def take(self) -> str:
+        return str(lines.shown_id(self.driver._open_line().serial))
+
+    @property
+    def shown(self) -> str:
+        return self.driver.device
+
+
+class CableBricks(WifiBricks):
+    """The same at USB cables; their names are sockets, which say nothing."""
+
+    def _open(self, kind: str, brick: str, *_: Any) -> Any:
+        there = {at.replace(":", ""): at for at, _ in self.shuffled()}
+        self.patch.setattr(lines, "_usb_bricks", lambda root=None: there)
+        path = lines.find_usb(brick.replace(":", ""))
+        return SimpleNamespace(serial=str(path).replace(":", ""))
+
+
+class Cameras(Place):
+    """USB cameras of one make; their names are sockets, and half of them have no serial number."""
+
+    names = ("1-1", "1-2", "1-3.1", "1-3.2", "2-1")
+
+    def begin(self) -> None:
+        self.serials = {at: self.chance.choice((at, "")) for at in self.all}
+        self.first_number = 0
+        for at in list(self.there):
+            self._plug(at)
+        self.patch.setattr(usb_camera, "list_usb_cameras", lambda root=None: list(self._list()))
+        self.patch.setattr(reader, "Video", self._video)
+        device = self.chance.choice(("auto", "auto", "/dev/video0"))
+        self.reader = CameraReader(device, 160, 120, 30, "auto")
+        self.sight: str | None = None
+        self.sights: dict[str, str] = {}
+
+    def _plug(self, at: str) -> None:
+        """Into a free socket; one without a serial number is known by its own, and keeps it."""
+        self.there.pop(at, None)
+        own = self.names[self.all.index(at)]
+        free = sorted({*self.names} - {*self.there.values()})
+        self.there[at] = self.chance.choice(free) if self.serials[at] else own
+        taken = [one for one, socket in self.there.items() if socket == self.there[at]]
+        if len(taken) > 1:  # somebody else's is in the socket: it is pulled out
+            del self.there[next(one for one in taken if one != at)]
+
+    def happen(self) -> None:
+        """Let one be pulled out, or plugged in elsewhere, as another number."""
+        self.first_number = self.chance.randint(0, 2)
+        if self.chance.random() < 0.5 and self.there:
+            del self.there[self.chance.choice(sorted(self.there))]
+        else:
+            self._plug(self.chance.choice(self.all))
+
+    def _list(self) -> Iterator[UsbCamera]:
+        for number, (at, socket) in enumerate(sorted(self.there.items())):
+            path = f"/dev/video{number + self.first_number}"
+            yield UsbCamera(path, "C270", "046d 0825", self.serials[at], socket, "1.0 0")
+
+    def _video(self, path: str, *_: Any) -> Any:
+        at = dict(zip((one.path for one in self._list()), sorted(self.there), strict=True))
+        if path not in at:
+            raise CaptureError("no camera")
+        mine = at[path]
+
+        def read() -> None:
+            if mine not in self.there:
+                raise OSError(19, "No such device")
+
+        return SimpleNamespace(path=path, at=mine, read=read, close=lambda: None)
+
+    async def take(self) -> str:
+        for _ in range(3):  # it loses what was pulled out, and looks again
+            self.clock.advance(1.0)
+            self.reader.poll(self.clock.now_s())
+        if self.reader.video is None:
+            raise ConnectionError(self.reader.fault)
+        return str(self.reader.video.at)
+
+    @property
+    def shown(self) -> str:
+        chosen = self.reader.same.chosen
+        return "" if chosen is None else next(a for a in self.all if self._is(a, chosen))
+
+    def _is(self, at: str, camera: UsbCamera) -> bool:
+        if self.serials[at]:
+            return self.serials[at] == camera.serial
+        return not camera.serial and self.names[self.all.index(at)] == camera.port
+
+
+class Board:
+    """A robot of the one-page protocol."""
+
+    def __init__(self, name: str, clock: VirtualClock) -> None:
+        self.name, self.clock, self.moves, self.asked, self.seq = name, clock, 0, 0, 0
+
+    def answer(self, message: bytes) -> bytes:
+        text, _, mac = message.partition(b"\t")
+        order = json.loads(text)
+        self.asked += "move" in order
+        own = hmac.new(b"", self.name.encode() + text, "sha256").hexdigest()[:16].encode()
+        if mac == own and order["seq"] > self.seq:
+            self.seq = order["seq"]
+            self.moves += order["move"] == "forward"
+        ms = round(1000 * self.clock.now_s())
+        report = {"nonce": self.name, "seq": self.seq, "ms": ms, "id": self.name}
+        return json.dumps(report).encode()
+
+
+class Robots(Place):
+    """Small robots that get each other's address and name; all of them without a secret."""
+
+    names = ("robot.local", "robot.local", "10.0.0.9")
+
+    def begin(self) -> None:
+        self.boards = {at: Board(at, self.clock) for at in self.all}
+        addresses = {at: f"10.0.0.{n}" for n, at in enumerate(self.all)}
+
+        def resolve(host: str, *_: Any) -> list[Any]:
+            found = [at for at, name in self.shuffled() if name == host]
+            return [(2, 2, 17, "", (addresses[at], 0)) for at in found]
+
+        self.patch.setattr("robot.bodies.remote.driver.socket.getaddrinfo", resolve)
+        line = staticmethod(lambda host, port: self._line(host, addresses))
+        self.patch.setattr(UdpDriver, "line_type", line)
+        self.driver = UdpDriver(RemoteOptions(address=self.names[0]), self.clock)
+
+    def _line(self, host: str, addresses: dict[str, str]) -> Any:
+        waiting: list[bytes] = []
+
+        def send(message: bytes) -> None:
+            self.clock.advance(0.02)
+            held = [at for at, address in addresses.items() if address == host]
+            if self.holder is not None:  # the router gave its address to another one
+                held = [self.holder]
+            waiting.extend(self.boards[at].answer(message) for at in held if at in self.there)
+
+        def receive(timeout_s: float) -> bytes | None:
+            self.clock.advance(0.0 if waiting else timeout_s)
+            return waiting.pop(0) if waiting else None
+
+        return SimpleNamespace(send=send, receive=receive, close=lambda: None)
+
+    holder: str | None = None
+
+    def happen(self) -> None:
+        super().happen()
+        self.holder = self.chance.choice([None, *self.there]) if self.driver.device else None
+
+    async def take(self) -> str:
+        before = {at: (board.moves, board.asked) for at, board in self.boards.items()}
+        if not self.driver.is_connected:
+            self.driver.connect()
+        for _ in range(6):
+            self.driver.send_action(Action.FORWARD)
+        moved = [at for at, board in self.boards.items() if board.moves > before[at][0]]
+        for at, board in self.boards.items():
+            late = board.asked - before[at][1]
+            assert at == self.driver.device or late <= 1, "only what was on its way"
+        if moved != [self.driver.device]:
+            raise ConnectionError("none moves")
+        return self.driver.device
+
+    @property
+    def shown(self) -> str:
+        return self.driver.device
+
+
+KINDS: tuple[type[Place], ...] = (Hubs, DoubleMotors, WifiBricks, CableBricks, Cameras, Robots)
+
+
+async def live(place: Place, seed: int) -> list[int]:
+    """Live through one history; returns how often one was found, refused and missing."""
+    counts, mine = [0, 0, 0], ""
     for _ in range(12):
         try:
-            hub, device = await find_hub(place, same, clock)
-        except ConnectionError as error:
-            counts[1 if "fit:" in str(error) else 2] += 1
-            assert (shown is None) or shown.address not in place.hubs, "it is there, and not taken"
+            taken = await place.take()
+        except (ConnectionError, DriveError) as error:
+            is_refused = any(words in str(error) for words in REFUSED)
+            counts[1 if is_refused else 2] += 1
+            assert not (is_refused and mine), f"it knows which one: {error}"
         else:
             counts[0] += 1
-            assert device.address == hub.address
-            assert shown is None or hub.address == shown.address, f"another hub in history {seed}"
-            shown = same.chosen = same.chosen or hub
-        event = chance.random()
-        if event < 0.4 and place.hubs:
-            place.hubs.pop(chance.choice(sorted(place.hubs)))
-        elif event < 0.7:
-            place.hubs[chance.choice(addresses)] = chance.choice(_NAMES)
-        elif len(place.hubs) > 1:  # two swap their names
-            one, other = chance.sample(sorted(place.hubs), 2)
-            place.hubs[one], place.hubs[other] = place.hubs[other], place.hubs[one]
-    return counts[0], counts[1], counts[2]
+            mine = mine or taken
+            assert taken == mine, f"another one in history {seed}"
+            assert mine in place.shown, "the page says which one it is"
+        place.happen()
+    return counts
 
 
-def test_no_history_leads_to_another_hub() -> None:
-    async def live_all() -> list[tuple[int, int, int]]:
-        return [await live(seed) for seed in range(HISTORIES)]
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_history_leads_to_another_device(
+    kind: type[Place], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    n_lives = HISTORIES // len(KINDS) + 1
+
+    async def live_all() -> list[list[int]]:
+        return [await live(kind(random.Random(seed), monkeypatch), seed) for seed in range(n_lives)]
 
     found, refused, missing = map(sum, zip(*asyncio.run(live_all()), strict=True))
-    assert min(found, refused, missing) > HISTORIES / 5
+    print(f"{kind.__name__}: {n_lives} histories, {found=} {refused=} {missing=}")
+    assert min(found, refused, missing) > n_lives / 5
 
 
 def test_twins_are_refused_with_the_way_to_tell_them_apart() -> None:
@@ -91,3 +372,34 @@ def test_a_device_that_was_lost_is_named_and_its_twin_left_alone() -> None:
     assert same.pick([twin]) is None
     assert "another one is in reach" in same.name_absent([twin])
     assert same.pick([Found("renamed", mine.address), twin]) is not None
+
+
+def test_a_robot_in_the_place_of_another_is_named() -> None:
+    clock = VirtualClock()
+    boards = [Board("Anna", clock), Board("Ben", clock)]
+    driver = UdpDriver(RemoteOptions(address="10.0.0.7"), clock)
+    waiting: list[bytes] = []
+    line: Any = SimpleNamespace(
+        send=lambda message: waiting.append(boards[0].answer(message)),
+        receive=lambda timeout_s: waiting.pop() if waiting else clock.advance(timeout_s),
+        close=lambda: None,
+    )
+    driver._open_line = lambda: line  # type: ignore[method-assign]
+    driver.connect()
+    assert driver.device == "Anna"
+    del boards[0]
+    clock.advance(1.0)
+    with pytest.raises(DriveError, match="'Ben' answers there; 'Anna' was driven"):
+        driver.sense()
+    assert isinstance(driver._report, BodyReport) and driver._report.device == "Anna"
+
+
+def test_a_name_that_two_machines_have_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    places = [("10.0.0.7", 0), ("10.0.0.5", 0)]
+    found = [(2, 2, 17, "", place) for place in places]
+    monkeypatch.setattr("robot.bodies.remote.driver.socket.getaddrinfo", lambda *_: found)
+    with pytest.raises(DriveError, match=r"10.0.0.5, 10.0.0.7; .*--address 10.0.0.5"):
+        the_only_one("robot.local")
+    assert the_only_one("10.0.0.9") == "10.0.0.9"
+    del found[0]
+    assert the_only_one("Robot.LOCAL") == "10.0.0.5"
