@@ -1,15 +1,19 @@
-"""Gives the package its page on an index: the README, with links that lead somewhere from there.
+"""Gives a wheel its page, joined, and the package its page on an index.
 
-One setting, `repository` in pyproject.toml, is the project's public address. While it is empty a
-relative link becomes its text, and a picture is left out (docs/adr/0031).
+The page is joined by `web/bundle.py`. The other is the README, with links that lead somewhere from
+there: one setting, `repository` in pyproject.toml, is the project's public address. While it is
+empty a relative link becomes its text, and a picture is left out (docs/adr/0031).
 """
 
 from __future__ import annotations
 
 import re
+import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 from hatchling.metadata.plugin.interface import MetadataHookInterface
 
 _LINK = re.compile(r"(?<!!)\[([^]]*)\]\((?!\w+:|#)([^)\s]+)\)")
@@ -56,3 +60,19 @@ class CustomMetadataHook(MetadataHookInterface):
             "text": page(readme, repository, version),
         }
         metadata["urls"] = {**urls(repository, version), **self.config["urls"]}
+
+
+class CustomBuildHook(BuildHookInterface[Any]):
+    """Joins the page's modules; an editable installation serves them as they are written."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Put the joined page into the wheel."""
+        if version == "editable":
+            return
+        sys.path.insert(0, self.root)
+        from web.bundle import bundle
+
+        self._made = tempfile.TemporaryDirectory()
+        page = Path(self._made.name) / "web"
+        bundle(Path(self.root) / "web", page)
+        build_data["force_include"][str(page)] = "server/web"

@@ -31,7 +31,7 @@ class PairingToken(RawValue):
 async def pair_page(request: Request) -> Response:
     """Return the page that redeems the token behind the `#` of its address."""
     _require_pairing(request)
-    return FileResponse(services_of(request).config.web / "pair.html")
+    return FileResponse(services_of(request).config.web / "pair/index.html")
 
 
 @router.get("/pair#{token}", include_in_schema=False)
@@ -117,5 +117,5 @@ class AccessExtension(Extension):
     """Adds the pairing page and its routes to a robot's server."""
 
     routers = (router,)
-    public_paths = frozenset({"/pair", "/api/pair", "/js/pair.js", "/css/pair.css", "/ca.crt"})
+    public_paths = frozenset({"/pair", "/api/pair", "/pair/pair.js", "/pair/pair.css", "/ca.crt"})
     open_paths = frozenset({"/api/unpair"})

@@ -26,7 +26,9 @@ from server.services import Extension, Services, services_of
 router = APIRouter()
 EYE = Role(
     value="eye",
-    paths=re.compile(r"/eye|/ws/eye|/api/unpair|/(js|css|icons)/.*"),
+    paths=re.compile(
+        r"/eye(/(messages/)?[a-z-]+\.(js|css))?|/ws/eye|/api/unpair|/(js|css|icons)/.*"
+    ),
     start="/eye",
     refusal="This phone is the robot's eye; it may see and stop, not drive.",
     purpose="be the robot's eye",
@@ -41,7 +43,7 @@ async def eye_page(request: Request) -> Response:
     """Return the page; no other page may use a camera."""
     config = services_of(request).config
     policy = {"permissions-policy": "camera=(self), microphone=(), geolocation=()"}
-    return FileResponse(config.web / "eye.html", headers=policy)
+    return FileResponse(config.web / "eye/index.html", headers=policy)
 
 
 class _Eye:

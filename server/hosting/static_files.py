@@ -1,24 +1,25 @@
-"""Serves the page's files compressed; joined files are cached, others revalidated."""
+"""Serves the page's files compressed; those named by their content are cached indefinitely."""
 
 from __future__ import annotations
 
 import gzip
 import hashlib
 import mimetypes
+import re
+from base64 import b64encode
 from functools import lru_cache
 from pathlib import Path
 
-from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
 from server.gateway.guard import content_policy
-from server.hosting.joined_page import JoinedPage, join_page
 
 _TEXT = ("text/", "application/json", "application/manifest+json", "image/svg+xml")
 _FOR_EVER = "max-age=31536000, immutable"
+_HASHED = re.compile(r"(?:css|js)/[0-9a-f]{10}-")
 
 
 class CompressedFiles(StaticFiles):
@@ -36,47 +37,29 @@ class CompressedFiles(StaticFiles):
 
 
 class PageFiles(CompressedFiles):
-    """Serves the joined page, and the other files of its folder unchanged."""
-
-    def __init__(self, folder: Path) -> None:
-        super().__init__(folder)
-        self._folder = folder
-        self._page: JoinedPage | None = None
+    """Serves the page: joined in a wheel (`web/bundle.py`), as it is written in a clone."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         path = path.replace("\\", "/")  # starlette gives a path of the system's own
-        is_document = path in (".", "index.html")
-        if is_document or self._page is None:
-            self._page = await run_in_threadpool(join_page, self._folder)
-        if is_document:
-            return _document(self._page, scope)
-        if path == "shell.json":
-            return JSONResponse(self._page.shell)
-        kind = "text/css" if path.endswith(".css") else "text/javascript"
-        if path == "js/pair.js":
-            return _compress(Response(self._page.pair, media_type=kind), scope)
-        if path in self._page.files:
-            kept = {"cache-control": _FOR_EVER}
-            return _compress(Response(self._page.files[path], 200, kept, kind), scope)
-        return await super().get_response(path, scope)
+        path = "index.html" if path == "." else path
+        response = await super().get_response(path, scope)
+        if path == "index.html":
+            # Without a referrer a form has no origin, and its STOP would be refused as foreign.
+            response.headers["referrer-policy"] = "same-origin"
+            # Also for an answer without a body: its headers replace those in the browser's cache.
+            response.headers["content-security-policy"] = content_policy(
+                scope["scheme"], Headers(scope=scope).get("host", ""), self._inline()
+            )
+        if _HASHED.match(path):
+            response.headers["cache-control"] = _FOR_EVER
+        return response
 
-
-def _document(page: JoinedPage, scope: Scope) -> Response:
-    sent = Headers(scope=scope)
-    etag = f'"{hashlib.sha256(page.html).hexdigest()[:16]}"'
-    headers = {
-        "etag": etag,
-        "cache-control": "no-cache",
-        # Without a referrer a form has no origin, and its STOP would be refused as foreign.
-        "referrer-policy": "same-origin",
-        # Also for an answer without a body: its headers replace those in the browser's cache.
-        "content-security-policy": content_policy(
-            scope["scheme"], sent.get("host", ""), page.inline
-        ),
-    }
-    if sent.get("if-none-match") == etag:
-        return Response(status_code=304, headers=headers)
-    return _compress(Response(page.html, 200, headers, "text/html"), scope)
+    def _inline(self) -> list[str]:
+        """Return the hashes of the script and style in the document."""
+        html = (Path(self.directory or "") / "index.html").read_text("utf-8")
+        parts = re.findall(r"<(?:script|style)>(.*?)</(?:script|style)>", html, re.DOTALL)
+        hashes = [hashlib.sha256(part.encode()).digest() for part in parts]
+        return [f"'sha256-{b64encode(each).decode()}'" for each in hashes]
 
 
 def _compress(response: Response, scope: Scope) -> Response:

@@ -28,6 +28,40 @@ NEEDS: dict[str, tuple[str, ...]] = {
 }
 """Each extension, and those without which it does not work."""
 EXTENSIONS = tuple(NEEDS)
+WEB = {
+    "access": ("pair",),
+    "board": ("board", "js/board"),
+    "bodies": ("eye",),
+    "challenge": ("js/challenge",),
+    "study": ("js/study",),
+}
+"""The folders of an extension in `web`."""
+DOCUMENTS = {
+    "access": ("howto/behind-a-proxy.md", "howto/phone.md"),
+    "board": ("howto/class.md", "reference/board.md"),
+    "bodies": (
+        "howto/ev3.md",
+        "howto/ev3-stock.md",
+        "howto/gymnasium.md",
+        "howto/lego-education.md",
+        "howto/phone-eye.md",
+        "howto/pybricks.md",
+        "howto/ros.md",
+    ),
+    "exchange": ("howto/lerobot.md", "reference/imports.md"),
+    "lab": ("howto/try-an-idea.md", "reference/experiments.md"),
+    "recordings": ("howto/episodes.md", "reference/episodes.md"),
+    "simulator": ("reference/worlds.md",),
+    "study": ("howto/run-a-study.md", "reference/study.md"),
+}
+"""The pages of an extension in `docs`."""
+CORE_DOCUMENTS = (
+    "howto/steer-by-degrees.md",
+    "howto/use-from-python.md",
+    "howto/write-a-driver.md",
+    "reference/protocol.md",
+)
+"""Pages about the core only; the others name extensions, to say where they are."""
 KINDS = ("code", "docstring", "comment", "blank")
 
 

@@ -22,9 +22,10 @@ from typing import Any
 import pytest
 
 import robot
+from web.bundle import bundle
 
 from . import rules
-from .extensions import EXTENSIONS, NEEDS, extension_of
+from .extensions import CORE_DOCUMENTS, DOCUMENTS, EXTENSIONS, NEEDS, WEB, extension_of
 
 ROOT = Path(__file__).parents[2]
 EVERYTHING = ("tests/robot", "tests/server", "tests/faults", "tests/contract")
@@ -99,6 +100,17 @@ def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
     for package in gone:
         for path in (package.replace(".", "/"), f"tests/{package.replace('.', '/')}"):
             shutil.rmtree(folder / path, ignore_errors=True)
+    for extension in extensions:
+        for page in WEB.get(extension, ()):
+            shutil.rmtree(folder / "web" / page, ignore_errors=True)
+        for document in DOCUMENTS.get(extension, ()):
+            (folder / "docs" / document).unlink(missing_ok=True)
+    named = folder / "web/js/extensions.js"
+    if named.exists():
+        lines = named.read_text("utf-8").splitlines(keepends=True)
+        rooms = [page for each in extensions for page in WEB.get(each, ())]
+        gone_lines = {f"import './{room.removeprefix('js/')}/extension.js';\n" for room in rooms}
+        named.write_text("".join(line for line in lines if line not in gone_lines), "utf-8")
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     taken = "|".join(map(re.escape, sorted(gone)))
     text = re.sub(rf'^[\w-]+ = "(?:{taken})[.:].*\n', "", text, flags=re.MULTILINE)
@@ -189,6 +201,56 @@ def test_the_core_says_no_word_of(extension: str) -> None:
         if word.search(line)
     ]
     assert said == []
+
+
+PAGE_WORDS = {
+    "access": r"\bpair(ing|ed)\b|api/pair|\('pair'\)",
+    "board": r"teacher|classroom|pupil|\bboard\b|\b(a|the) class\b(?! [A-Z])|class's",
+    "bodies": r"\beyes?\b",
+    "challenge": r"challenge",
+    "study": r"\bstud(y|ies)\b|\bsession\b|participant",
+}
+"""What only an extension's part of the page, and its documents, speak of."""
+
+
+def of_the_core(kind: str) -> list[Path]:
+    """Return the files of `web` that no extension owns, or the documents about the core."""
+    if kind == "docs":
+        return [ROOT / "docs" / name for name in CORE_DOCUMENTS]
+    owned = [ROOT / "web" / folder for folders in WEB.values() for folder in folders]
+    texts = [path for path in (ROOT / "web").rglob("*") if path.suffix in (".js", ".css", ".html")]
+    named = ROOT / "web/js/extensions.js"
+    return [p for p in texts if p != named and not any(p.is_relative_to(o) for o in owned)]
+
+
+@pytest.mark.parametrize("extension", PAGE_WORDS)
+@pytest.mark.parametrize("kind", ["web", "docs"])
+def test_the_core_s_page_and_documents_say_no_word_of(extension: str, kind: str) -> None:
+    word = re.compile(PAGE_WORDS[extension], re.IGNORECASE)
+    files = of_the_core(kind)
+    assert files
+    said = [
+        f"{file.relative_to(ROOT)}:{number}: {line.strip()[:120]}"
+        for file in files
+        for number, line in enumerate(file.read_text("utf-8").splitlines(), 1)
+        if word.search(line)
+    ]
+    assert said == []
+
+
+@pytest.mark.parametrize("extension", WEB)
+def test_the_page_is_joined_without(extension: str, tmp_path: Path) -> None:
+    copy_without({extension}, tmp_path, "web", "docs")
+    bundle(tmp_path / "web", tmp_path / "page")  # refuses an import of what is gone
+    drive = next((tmp_path / "page/js").glob("*-drive.js")).read_text("utf-8")
+    assert not any(f"'{folder}/" in drive for folder in WEB[extension])
+    assert not any((tmp_path / "docs" / name).exists() for name in DOCUMENTS.get(extension, ()))
+
+
+def test_each_extension_s_folders_and_documents_exist() -> None:
+    folders = [ROOT / "web" / each for folders in WEB.values() for each in folders]
+    pages = [ROOT / "docs" / each for pages in DOCUMENTS.values() for each in pages]
+    assert [path for path in [*folders, *pages, *of_the_core("docs")] if not path.exists()] == []
 
 
 @pytest.mark.skipif(

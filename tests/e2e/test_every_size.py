@@ -82,7 +82,8 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, langu
 
 
 _SAY_IN_TURN = """async (language) => {
-  const { default: words } = await import(`/js/messages/${language}.js`);
+  const files = ['', 'study/'].map((room) => import(`/js/${room}messages/${language}.js`));
+  const words = Object.assign({}, ...(await Promise.all(files)).map((file) => file.default));
   const moves = Object.keys(words).filter((key) => key.startsWith('moves.'));
   const place = document.querySelector('.advice');
   const pad = document.querySelector('.move[data-move=forward]');

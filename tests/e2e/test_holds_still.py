@@ -119,7 +119,8 @@ def _sizes(language: str, moves: str) -> list[tuple[tuple[int, int], int]]:
 
 def messages(language: str) -> dict[str, str]:
     """Return the page's sentences of one language."""
-    text = (Config().web / "js" / "messages" / f"{language}.js").read_text()
+    files = (Config().web / "js").rglob(f"messages/{language}.js")
+    text = "".join(path.read_text("utf-8") for path in files)
     pairs = re.findall(r"^  '?([\w.]+)'?: '(.*)',$", text, re.MULTILINE)
     return {key: sentence.replace("\\'", "'") for key, sentence in pairs}
 

@@ -26,6 +26,7 @@ from server.hosting.serving import served
 from server.persistence import Persistence
 from server.recordings.part import Recordings
 from server.services import Services, make_services
+from tests.joined_page import joined_page
 from tests.kit.wait import wait_until
 
 IN_CI = os.environ.get("CI") == "true"
@@ -123,7 +124,7 @@ def running_world(
 
     The simulator sends ten pictures a second, as the camera of a real EV3 does.
     """
-    config = config or Config(port=0, data=folder)
+    config = config or Config(port=0, data=folder, web=joined_page())
     if robot == "sim":
         options.setdefault("frame_rate_hz", 10.0)
     rig = build_rig(robot, learner=learner, options=options, config=limits)

@@ -22,8 +22,9 @@ from server.access.certificates import Certificates
 from server.access.config import NetworkConfig, PublicAddress, read_networks
 from server.access.pairing import Paired, Pairing, cookie_name
 from tests.e2e.nginx import free_port, plain_site, running_nginx, site_of_the_docs
+from tests.joined_page import joined_page
 
-from .live_robot import WEB, live_server
+from .live_robot import live_server
 
 LINES = 6
 WITHIN_S = 1.0
@@ -155,7 +156,7 @@ def _serving(way: str, folder: Path, certificates: Certificates) -> Iterator[Any
 
     with contextlib.ExitStack() as stack:
         config = NetworkConfig(
-            port=0, web=WEB, lan=True, host="127.0.0.1", data=folder, tls=way == "TLS"
+            port=0, web=joined_page(), lan=True, host="127.0.0.1", data=folder, tls=way == "TLS"
         )
         trust = ssl.create_default_context()
         trust.check_hostname, trust.verify_mode = False, ssl.CERT_NONE
@@ -165,7 +166,11 @@ def _serving(way: str, folder: Path, certificates: Certificates) -> Iterator[Any
             address += "/rover" if "TLS" in way else ""
             public = (PublicAddress.parse(address),)
             config = NetworkConfig(
-                port=0, web=WEB, data=folder, public=public, proxies=read_networks("127.0.0.1")
+                port=0,
+                web=joined_page(),
+                data=folder,
+                public=public,
+                proxies=read_networks("127.0.0.1"),
             )
         own = certificates if way == "TLS" else None
         server = stack.enter_context(live_server(config, pairing=pairing, certificates=own))

@@ -3,6 +3,7 @@ import { test } from 'node:test';
 
 import { ageParts, modeToPress, setbackOf, teachingAdvice, urgentAdvice, usedMoves, whatToSay, whoDrives } from '../../web/js/advice.js';
 import { initialState } from '../../web/js/store.js';
+import { leadOf } from '../../web/js/study/session.js';
 
 const robot = (changes = {}) => ({
   mode: 'train', stop_reason: null, emergency: false, fault: null, asks_pilot: false, link: 'good',
@@ -129,11 +130,13 @@ test('a busy computer is not called a bad link, and nobody is sent closer on the
 
 test('a session asks for its mode, falls silent in it, and says which part of how many it is', () => {
   const session = { step: 'drive', position: 1, of: 2, kind: 'correct', mode: 'autonomous', left_s: 30 };
-  assert.equal(key(page({ session }, { mode: 'stopped' })), 'session.next_correct');
-  assert.equal(key(page({ session }, { mode: 'autonomous' })), null);
-  assert.deepEqual(whatToSay(page({ session })), { key: 'session.now_correct', left_s: 30, n: 1, of: 2 });
-  assert.equal(key(page({ session: { ...session, step: 'questions', kind: null, mode: null } })), 'session.questions');
-  assert.equal(key(page({ session: { ...session, step: 'ready', kind: null, mode: null } })), null);
+  const lead = leadOf(session);
+  assert.equal(key(page({ lead }, { mode: 'stopped' })), 'session.next_correct');
+  assert.equal(key(page({ lead }, { mode: 'autonomous' })), null);
+  assert.deepEqual(whatToSay(page({ lead })), { key: 'session.now_correct', left_s: 30, n: 1, of: 2 });
+  const between = (step) => leadOf({ ...session, step, kind: null, mode: null });
+  assert.equal(key(page({ lead: between('questions') })), 'session.questions');
+  assert.equal(key(page({ lead: between('ready') })), null);
 });
 
 test('the age of a picture is told by its parts, and what is slow by its name', () => {

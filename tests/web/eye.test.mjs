@@ -1,7 +1,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { EyeLink, encodeEyeFrame } from '../../web/js/eye-link.js';
+import { EyeLink, encodeEyeFrame } from '../../web/eye/eye-link.js';
 
 class FakeSocket {
   constructor() {

@@ -32,7 +32,7 @@ const modules = (folder) => readdirSync(new URL(folder, web), { withFileTypes: t
 test('what is left of each module means the same', { skip: !ts || !python }, () => {
   const names = modules('js/');
   assert.ok(names.length > 50);
-  const program = 'import json, pathlib, sys; from server.hosting.joined_page import shrink;'
+  const program = 'import json, pathlib, sys; from web.bundle import shrink;'
     + 'print(json.dumps([shrink(pathlib.Path(n).read_text("utf-8")) for n in sys.argv[1:]]))';
   const paths = names.map((name) => new URL(name, web).pathname);
   const shrunk = JSON.parse(execFileSync(python, ['-c', program, ...paths], { cwd: new URL('../../', import.meta.url) }));

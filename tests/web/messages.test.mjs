@@ -3,15 +3,22 @@ import { readFileSync, readdirSync } from 'node:fs';
 import { test } from 'node:test';
 
 import { LANGUAGES, pickLanguage } from '../../web/js/i18n.js';
+import { FOLDERS, wordsByFolder, wordsOf as read } from './words.mjs';
 
 const web = new URL('../../web/', import.meta.url);
-const read = async (code) => (await import(new URL(`js/messages/${code}.js`, web))).default;
 const english = await read('en');
 const places = (sentence) => [...sentence.matchAll(/\{(\w+)\}/g)].map(([, name]) => name).sort();
 
 test('each language that can be chosen has a file, and each file can be chosen', () => {
-  const files = readdirSync(new URL('js/messages/', web)).map((name) => name.replace('.js', ''));
-  assert.deepEqual(files.sort(), Object.keys(LANGUAGES).sort());
+  for (const folder of FOLDERS) {
+    const files = readdirSync(new URL(folder, web)).map((name) => name.replace('.js', ''));
+    assert.deepEqual(files.sort(), Object.keys(LANGUAGES).sort(), folder);
+  }
+});
+
+test('no sentence stands in two files', async () => {
+  const keys = (await wordsByFolder('en')).flatMap(Object.keys);
+  assert.equal(new Set(keys).size, keys.length);
 });
 
 for (const code of Object.keys(LANGUAGES)) {
@@ -25,14 +32,14 @@ for (const code of Object.keys(LANGUAGES)) {
 }
 
 test('the languages that come with the page are whole', async () => {
-  for (const code of ['es', 'zh']) assert.deepEqual(Object.keys(await read(code)), Object.keys(english));
+  for (const code of ['es', 'zh']) assert.deepEqual(Object.keys(await read(code)).sort(), Object.keys(english).sort());
 });
 
 const sources = (folder) => readdirSync(new URL(folder, web), { withFileTypes: true }).flatMap((entry) => {
   if (entry.isDirectory()) return entry.name === 'messages' ? [] : sources(`${folder}${entry.name}/`);
   return [readFileSync(new URL(folder + entry.name, web), 'utf8')];
 });
-const all = [...sources('js/'), ...sources('board/')];
+const all = ['js/', 'board/', 'eye/'].flatMap(sources);
 
 test('every sentence that is asked for is there', () => {
   const asked = all.flatMap((source) => [...source.matchAll(/\bt\('([\w.]+)'/g)].map(([, key]) => key));
@@ -41,12 +48,9 @@ test('every sentence that is asked for is there', () => {
 });
 
 test('every sentence is used', () => {
-  const text = [...all, ...['index.html', 'pair.html'].map((name) => readFileSync(new URL(name, web), 'utf8'))].join('\n');
+  const text = all.join('\n');
   const stems = [...text.matchAll(/['`]((?:[a-z_]+\.)+(?:[a-z_]+_)?)\$\{/g)].map(([, stem]) => stem);
-  // The first page and the pairing page ask without a prefix.
-  const own = (key) => key.replace(/^(first|pair)\./, '');
-  const used = (key) => [`'${key}'`, `'${own(key)}'`, `"${own(key)}"`, `words.${own(key)}`].some((name) => text.includes(name));
-  assert.deepEqual(Object.keys(english).filter((key) => !used(key) && !stems.some((stem) => key.startsWith(stem))), []);
+  assert.deepEqual(Object.keys(english).filter((key) => !text.includes(`'${key}'`) && !stems.some((stem) => key.startsWith(stem))), []);
 });
 
 test('the person chooses before the browser does, and English comes last', () => {
@@ -66,4 +70,18 @@ test('the name of a link begins with the words that are seen on it', async () =>
 test('no sentence says what is private to this project, or asks for a choice without saying which', async () => {
   const odd = /by itself|as if it had never been|begin anew|hand near|choose a mode|elige un modo|选择(一个)?模式/i;
   for (const code of Object.keys(LANGUAGES)) for (const [key, sentence] of Object.entries(await read(code))) assert.doesNotMatch(sentence, odd, `${code} ${key}`);
+});
+
+test('the document, and the page that pairs, speak each language by themselves', async () => {
+  const literal = (path, name) => {
+    const [, text] = readFileSync(new URL(path, web), 'utf8').match(new RegExp(`${name} = (\\{\\n[^]*?\\n *\\});`)) ?? [];
+    return new Function(`return ${text}`)();
+  };
+  for (const words of [literal('index.html', 'var words'), literal('pair/pair.js', 'const WORDS')]) {
+    assert.deepEqual(Object.keys(words).sort(), Object.keys(LANGUAGES).sort());
+    for (const [code, own] of Object.entries(words)) {
+      assert.deepEqual(Object.keys(own), Object.keys(words.en));
+      if ('emergency_stop' in own) assert.equal(own.emergency_stop, (await read(code)).emergency_stop);
+    }
+  }
 });

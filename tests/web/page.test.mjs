@@ -10,6 +10,7 @@ const fire = (type) => listeners[type].forEach((act) => act({}));
 Object.assign(globalThis, { addEventListener: listen, document: { addEventListener: listen, hidden: false }, location: {} });
 const { Page } = await import('../../web/js/page.js');
 const { speak } = await import('../../web/js/i18n.js');
+const { learnSession, refreshSession } = await import('../../web/js/study/session.js');
 
 const STATE = {
   mode: 'stopped', you_are_pilot: true, pilot: 'c1', emergency: false, taught: { forward: 9, left: 3, right: 3 },
@@ -171,12 +172,12 @@ test('that somebody asks for the wheel is shown to its pilot as long as it is so
 test('a session stands where it was told last, though an earlier question is answered after that', async () => {
   const answers = [];
   globalThis.fetch = () => new Promise((answer) => answers.push((step) => answer({ ok: true, json: async () => ({ session: { step } }) })));
-  page.refreshSession();
-  page.learnSession(Promise.resolve({ session: { step: 'drive' } })); // what a tap came to
+  refreshSession(page);
+  learnSession(page, Promise.resolve({ session: { step: 'drive' } })); // what a tap came to
   await pass(0);
   answers[0]('consent');
   await pass(0);
-  assert.equal(page.store.state.session.step, 'drive');
+  assert.equal(page.store.state.lead.own.step, 'drive');
 });
 
 test('a STOP that has not come through is the first word on the next link, until the robot shows it', async () => {

@@ -18,7 +18,7 @@ test('an address with another token is redeemed on a page that is open already',
     },
   });
   if (!('navigator' in globalThis)) globalThis.navigator = { languages: ['en'] };
-  await import('../../web/js/pair.js');
+  await import('../../web/pair/pair.js');
   assert.deepEqual(sent, [], 'nothing was behind the #');
   for (const token of ['AAAA', 'BBBB']) {
     globalThis.location.hash = `#${token}`;

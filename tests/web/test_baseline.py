@@ -14,7 +14,7 @@ import pytest
 from server.config import Config
 
 WEB = Config().web
-APART = ("sw.js", "board/", "js/eye")
+APART = ("sw.js", "board/", "eye/")
 """The service worker is optional; the teacher's board and the eye are for newer browsers."""
 PAGE = sorted(
     path for path in WEB.rglob("*.js") if not path.relative_to(WEB).as_posix().startswith(APART)

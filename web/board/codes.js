@@ -12,7 +12,7 @@ const WIFI = 'drivelesson.wifi';
 /** @param {string} id */
 const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
-await loadLanguage();
+await loadLanguage([(code) => import(`./messages/${code}.js`)]);
 document.title = `${t('board.codes')} · Drivelesson`;
 say(find('title'), t('board.codes'));
 say(find('how'), t('board.codes_how'));

@@ -13,7 +13,7 @@ import { Panel } from './panel.js';
 /** @param {string} id */
 const find = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
 
-await loadLanguage();
+await loadLanguage([(code) => import(`./messages/${code}.js`)]);
 document.title = t('board.title');
 const link = new ClassLink(`${socketBase()}/ws/board`);
 const panel = new Panel(find('panel'), () => [...link.robots.values()]);

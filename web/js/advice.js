@@ -45,9 +45,9 @@ export function urgentAdvice(page) {
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
   // Nothing is left to be driven: why the robot stands matters no more.
-  if (page.session?.step === 'questions') return sessionAdvice(page);
-  // In a study its own words say what to choose.
-  if (page.localStop === 'wheel' && robot.mode === 'stopped' && !page.session) return { key: 'local.wheel', level: 'ask' };
+  if (page.lead?.isOver) return page.lead.ask(robot);
+  // A lead's own words say what to choose.
+  if (page.localStop === 'wheel' && robot.mode === 'stopped' && !page.lead) return { key: 'local.wheel', level: 'ask' };
   if (page.localStop && page.localStop !== 'wheel') return { key: `local.${page.localStop}`, level: 'stop' };
   if (page.notice === 'start_stale') return { key: page.notice, level: 'stop' };
   if (robot.mode === 'stopped' && robot.stop_reason && robot.stop_reason !== 'pilot_asked') {
@@ -62,8 +62,8 @@ export function urgentAdvice(page) {
   if (lag) return lag;
   const late = robot.mode === 'stopped' ? 'good' : lateness(robot);
   if (late !== 'good') return { key: isComputer(page) ? `busy.${late}` : `link.${late}`, level: 'info' };
-  const session = sessionAdvice(page);
-  if (session) return session;
+  const asked = page.lead?.ask(robot);
+  if (asked) return asked;
   if (page.notice) return { key: page.notice, level: 'info' };
   if (page.hint) return { key: page.hint === 'correct' && page.hasKeys ? 'hint.correct_keys' : `hint.${page.hint}`, step: 'hint', level: 'info' };
   return null;
@@ -121,12 +121,6 @@ function lagAdvice(page) {
   return null;
 }
 
-/** What a session asks for next. @param {PageState} page @returns {Advice | null} */
-function sessionAdvice({ session, robot }) {
-  if (session?.step === 'questions') return { key: 'session.questions', step: 'session', level: 'info' };
-  return !session?.mode || robot?.mode === session.mode ? null : { key: `session.next_${session.kind}`, level: 'info' };
-}
-
 /** @param {PageState} page @returns {Advice} */
 function wheelElsewhere(page) {
   if (page.role === 'viewer') return { key: 'viewer', level: 'info' };
@@ -138,14 +132,14 @@ function wheelElsewhere(page) {
 /** @typedef {{key: string, move?: string, left?: number, left_s?: number, have?: number, need?: number, n?: number, of?: number}} Told */
 
 /**
- * What is said while nothing is urgent: where a study's part stands, why a countdown has gone back, or
- * what would help most; null before the robot is known.
+ * What is said while nothing is urgent: how far a lead is, why a countdown has gone back, or what would
+ * help most; null before the robot is known.
  * @param {PageState} page
  * @returns {Told | null}
  */
-export function whatToSay({ robot, session, readiness, setback }) {
+export function whatToSay({ robot, lead, readiness, setback }) {
   if (!robot) return null;
-  if (session?.mode) return { key: `session.now_${session.kind}`, left_s: session.left_s, n: session.position, of: session.of };
+  if (lead?.told) return lead.told;
   if (setback && robot.mode === 'autonomous') return { key: `setback.${setback}` };
   return teachingAdvice(robot, readiness);
 }

@@ -61,7 +61,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
 
 let stopsAsked = 0;
 /**
- * Stop the robot by requests, one after the other, until it hears one, refuses (a page that is not paired), the stop is owed no more, or is asked for anew.
+ * Stop the robot by requests, one after the other, until it hears one, refuses (a page that is not admitted), the stop is owed no more, or is asked for anew.
  * @param {() => boolean} isOwed
  * @returns {Promise<boolean>} whether the robot heard it
  */
@@ -82,8 +82,8 @@ export async function askToStop(isOwed) {
 /** How long a lost link is asked why: no STOP by request waits behind these questions. */
 export const WHY_MS = 2000;
 
-/** A websocket that is refused does not say why: whose pairing has ended is led to the page that pairs it. @param {string} path  what a paired browser gets */
-export const askWhy = (path) => ask('GET', path, undefined, WHY_MS).catch(({ status }) => status === 401 && location.replace('pair'));
+/** A websocket that is refused does not say why: a browser that is admitted no longer is led elsewhere by the document's own address. @param {string} path  what an admitted browser gets */
+export const askWhy = (path) => ask('GET', path, undefined, WHY_MS).catch(({ status }) => status === 401 && location.reload());
 
 /** A question that is no quick one. @param {string} path */
 export const askLong = (path) => ask('GET', path, undefined, LONG_MS);

@@ -15,10 +15,12 @@ export function pickLanguage(wanted, chosen) {
 
 export const language = pickLanguage(globalThis.navigator?.languages ?? [], memory.getItem(KEY));
 
-/** @param {(code: string) => Promise<{default: Record<string, string>}>} [load]  a message file */
-export async function loadLanguage(load = (code) => import(`./messages/${code}.js`)) {
-  const files = [load('en')];
-  if (language !== 'en') files.push(load(language));
+/** @typedef {(code: string) => Promise<{default: Record<string, string>}>} Load  a message file */
+
+/** @param {Load[]} [more]  of extensions; where one lacks a language, it speaks English @param {Load} [load] */
+export async function loadLanguage(more = [], load = (code) => import(`./messages/${code}.js`)) {
+  const files = [load, ...more].map((each) => each('en'));
+  if (language !== 'en') files.push(load(language), ...more.map((each) => each(language).catch(() => ({ default: {} }))));
   messages = Object.assign({}, ...(await Promise.all(files)).map((file) => file.default));
   document.documentElement.lang = language;
 }

@@ -3,6 +3,7 @@
 import { NOT_KEPT, WHY_MS, ask, askWhy, socketBase } from './api.js';
 import './components/index.js';
 import { Connection } from './connection.js';
+import './extensions.js';
 import { Preferences, WakeLock } from './device.js';
 import { HEARTBEAT_MS } from './helm.js';
 import { loadLanguage } from './i18n.js';
@@ -10,6 +11,7 @@ import { listenToGamepads } from './inputs/gamepad.js';
 import { padDesk } from './inputs/pad-desk.js';
 import { listenToKeyboard } from './inputs/keyboard.js';
 import { Page } from './page.js';
+import { parts } from './parts.js';
 import { followReadiness } from './readiness.js';
 import { Router } from './router.js';
 import { Store } from './store.js';
@@ -33,7 +35,7 @@ async function persist(act) {
 }
 
 async function start() {
-  await persist(loadLanguage);
+  await persist(() => loadLanguage(parts.flatMap(({ words }) => words ?? [])));
   const store = new Store({
     hasKeys: matchMedia('(hover: hover) and (pointer: fine)').matches,
     isLocal: /^(localhost|127\..*|\[::1\])$/.test(location.hostname),
@@ -58,7 +60,8 @@ async function start() {
   });
   connection.addEventListener('open', () => way.opened());
   connection.addEventListener('lost', () => way.lost());
-  connection.addEventListener('lost', () => askWhy('api/session'));
+  connection.addEventListener('lost', () => askWhy('api/state'));
+  for (const part of parts) part.start?.(page);
   first?.up();
   connection.begin(/** @type {any} */ (document.querySelector('video-view')).ready);
   // A robot that does not know where it is has no map. Which one that is, its first picture tells.
@@ -77,7 +80,7 @@ async function start() {
 async function addTheRest(page) {
   await persist(() => import('./components/drive-map.js'));
   /** @type {any} */ (document.querySelector('drive-map')).start(page);
-  import('./challenge/offer.js').then(({ offerChallenge }) => offerChallenge(page), () => {});
+  for (const part of parts) part.startLater?.(page);
   try {
     // Without it, or where it is forbidden, only the shell without a robot is lost.
     if (isSecureContext) await navigator.serviceWorker?.register('sw.js');

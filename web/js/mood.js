@@ -2,10 +2,10 @@
 
 import { whoDrives } from './advice.js';
 
-/** @param {Pick<import('./store.js').PageState, 'robot' | 'link' | 'readiness' | 'session'>} state @returns {'listening' | 'sure' | 'unsure' | 'proud'} */
-export function mood({ robot, link, readiness, session }) {
+/** @param {Pick<import('./store.js').PageState, 'robot' | 'link' | 'readiness' | 'lead'>} state @returns {'listening' | 'sure' | 'unsure' | 'proud'} */
+export function mood({ robot, link, readiness, lead }) {
   if (link !== 'open' || !robot || robot.lessons === 0) return 'listening';
   if (robot.asks_pilot || whoDrives(robot) === 'asks') return 'unsure';
-  if (readiness?.stage === 'ready' && !session) return 'proud';
+  if (readiness?.stage === 'ready' && !lead) return 'proud';
   return robot.driven_by === 'robot' ? 'sure' : 'listening';
 }

@@ -13,7 +13,6 @@ const TOAST_MS = 8000;
 const HINT_MS = 20_000;
 const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow phone
 const SLOW_STATE_MS = 300;
-const SESSION_MS = 1000;
 /** @type {Record<string, string>} events that are a sentence */
 const TOLD = { model_not_saved: 'not_saved', set_aside: 'set_aside', put_back: 'put_back', nothing_kept: 'nothing_kept', kept_again: 'kept_again', recording_off: 'recording_off', check_battery: 'check_battery' };
 const SHOWING = ['drive', 'gallery', 'why']; // screens with the robot's picture
@@ -36,7 +35,6 @@ export class Page {
     this.helm = new Helm(connection, () => this.lookingAt());
     this.curveLessons = 0;
     this.curveInOrder = inOrder();
-    this.sessionInOrder = inOrder();
     /** Another for each model, undo and visit: their images bear the same numbers. */
     this.era = Math.round(performance.timeOrigin);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -58,8 +56,6 @@ export class Page {
     /** @type {number | null} */
     this.drawnAgeMs = null;
     this.shownMs = -Infinity;
-    /** @type {ReturnType<typeof setTimeout> | undefined} */
-    this.sessionTimer = undefined;
     const { helm } = this;
     /** @type {Record<string, (words: any) => void>} */
     this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w), error: (w) => helm.start.refuse(w) };
@@ -122,7 +118,6 @@ export class Page {
     this.beginEra();
     this.store.set({ link: 'open', isWatching: false, role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
     this.followPreferences();
-    this.refreshSession();
   }
 
   /** Whether this pilot steers this robot by a thumb stick. */
@@ -216,21 +211,7 @@ export class Page {
       this.preferences.chooseStick(event.robot ?? '', this.store.state.hasStick);
       this.store.set({ robotName: event.robot });
     }
-    if (event.name === 'session') this.refreshSession();
     if (event.name === 'wheel_waiting') this.store.set({ wheelWaiting: true });
-  }
-
-  /** Fetch the session that is on; while something is to be driven in it, again every second. */
-  async refreshSession() {
-    clearTimeout(this.sessionTimer);
-    await this.learnSession(ask('GET', 'api/session'));
-    if (this.store.state.session?.mode) this.sessionTimer = setTimeout(() => this.refreshSession(), SESSION_MS);
-  }
-
-  /** Take in where the session stands. @param {Promise<any>} question  whose answer tells it */
-  async learnSession(question) {
-    const answer = await this.sessionInOrder(question);
-    if (answer) this.store.set({ session: answer.session });
   }
 
   /** Show a notice for a moment. @param {string} notice */
@@ -311,8 +292,8 @@ export class Page {
       this.store.set({ isWatching: true });
       return;
     }
-    if (step === 'session') {
-      location.hash = 'study';
+    if (step.startsWith('#')) { // a screen
+      location.hash = step;
       return;
     }
     if (step === 'release') {

@@ -3,21 +3,10 @@
 import { ask } from './api.js';
 import { h } from './dom.js';
 import { t } from './i18n.js';
+import { partScreens } from './parts.js';
 
-/** @type {Record<string, string>} element of each screen besides the drive screen */
-const ELEMENTS = {
-  gallery: 'gallery-screen',
-  why: 'why-screen',
-  teaching: 'teaching-screen',
-  undo: 'undo-screen',
-  study: 'study-screen',
-  challenge: 'challenge-screen',
-  home: 'home-screen',
-  settings: 'settings-screen',
-};
-
-/** @type {Record<string, string>} folders of screens that have one of their own */
-const ROOMS = { study: 'study', challenge: 'challenge' };
+/** The core's screens besides the drive screen. */
+const SCREENS = ['gallery', 'why', 'teaching', 'undo', 'home', 'settings'];
 
 const AGAIN_MS = 3000;
 
@@ -38,7 +27,8 @@ export class Router {
   /** @param {number} [failures]  how often its file did not come */
   async show(failures = 0) {
     const wanted = location.hash.slice(1);
-    const screen = wanted in ELEMENTS ? wanted : 'drive';
+    const added = partScreens()[wanted];
+    const screen = added || SCREENS.includes(wanted) ? wanted : 'drive';
     const { page, drive, other } = this;
     const turn = (this.turn += 1); // who comes back while a screen is loaded gets it once
     page.helm.releaseAll();
@@ -51,7 +41,8 @@ export class Router {
     if (screen === 'drive') return;
     const alert = h('p', { class: 'panel', role: 'alert' }, t('unreachable'));
     const late = setTimeout(() => turn === this.turn && other.append(alert), AGAIN_MS);
-    const isThere = await import(`./${ROOMS[screen] ?? 'components'}/${ELEMENTS[screen]}.js`).then(() => true, () => false);
+    const load = added?.load ?? (() => import(`./components/${screen}-screen.js`));
+    const isThere = await load().then(() => true, () => false);
     clearTimeout(late);
     if (turn !== this.turn) return;
     if (!isThere) {
@@ -62,7 +53,7 @@ export class Router {
       setTimeout(() => turn === this.turn && this.show(failures + 1), AGAIN_MS);
       return;
     }
-    const element = /** @type {any} */ (document.createElement(ELEMENTS[screen]));
+    const element = /** @type {any} */ (document.createElement(`${screen}-screen`));
     other.replaceChildren(element);
     element.start(page);
     scrollTo(0, 0);

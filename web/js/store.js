@@ -2,8 +2,12 @@
 
 /** @typedef {import('./protocol.js').RobotState} RobotState */
 /**
- * The session of a study that is on; who may drive gets more of it: docs/reference/http.md.
- * @typedef {{step: string, position: number, of: number, kind: string | null, mode: string | null, left_s: number}} SessionState
+ * An extension leads the pilot: its words come before the robot's own, and how well it goes is not shown.
+ * @typedef {object} Lead
+ * @property {boolean} isOver  nothing is left to be driven
+ * @property {(robot: RobotState) => import('./advice.js').Advice | null} ask  what is to be done next
+ * @property {import('./advice.js').Told | null} told  what is said while nothing is urgent
+ * @property {any} own  what the extension itself keeps
  */
 /** @typedef {{text: string, step: {label: string, act: () => void} | null}} Toast */
 /**
@@ -28,7 +32,7 @@
  * @property {number[]} agreement  newest last, one for each ten lessons or so
  * @property {boolean} wheelAsked  somebody else asks for the wheel
  * @property {boolean} wheelWaiting  this page asked for it
- * @property {SessionState | null} session
+ * @property {Lead | null} lead
  * @property {import('./readiness.js').Readiness | null} readiness  null before it was asked for
  * @property {string | null} setback  why there is more left to drive alone than a moment ago
  * @property {boolean} isLocal  the page is on the robot's own computer: no link could be slow
@@ -60,7 +64,7 @@ export const initialState = () => ({
   agreement: [],
   wheelAsked: false,
   wheelWaiting: false,
-  session: null,
+  lead: null,
   readiness: null,
   setback: null,
   isLocal: false,

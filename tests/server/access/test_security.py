@@ -192,7 +192,7 @@ def test_the_page_may_load_nothing_from_elsewhere(here: VirtualServer) -> None:
 
 
 def test_no_page_has_script_or_style_inside_but_the_first_one() -> None:
-    """What stands in that one is allowed by its hash (tests/server/hosting/test_joined_page.py)."""
+    """What stands in that one is allowed by its hash (tests/web/test_bundle.py)."""
     for page in WEB.rglob("*.html"):
         text = page.read_text().lower()
         inside = int(page == WEB / "index.html")
@@ -286,8 +286,8 @@ ANSWERED = {
     ("GET", "/ca.crt"): (404, {"detail"}),
     ("POST", "/api/class/hello"): (400, {"detail"}),
     ("POST", "/api/class/join"): (400, {"detail"}),
-    ("GET", "/js/pair.js"): (200, None),
-    ("GET", "/css/pair.css"): (200, None),
+    ("GET", "/pair/pair.js"): (200, None),
+    ("GET", "/pair/pair.css"): (200, None),
     ("GET", "/favicon.ico"): (404, {"detail"}),
     ("GET", "/manifest.webmanifest"): (200, None),
 }
@@ -330,7 +330,7 @@ def test_a_token_that_an_app_put_into_the_path_comes_behind_the_mark_again(
 def test_an_unpaired_browser_is_redirected_to_the_pairing_page(lan: VirtualServer) -> None:
     answer = httpx.get(lan.address, headers={"accept": "text/html"})
     assert (answer.status_code, answer.headers["location"]) == (303, "/pair")
-    for path in ("/pair", "/js/pair.js", "/css/pair.css", "/healthz"):
+    for path in ("/pair", "/pair/pair.js", "/pair/pair.css", "/healthz"):
         assert httpx.get(lan.address + path).status_code == 200
 
 

@@ -178,8 +178,8 @@ def test_a_robot_with_another_camera_says_so() -> None:
     [
         ("/eye", True),
         ("/ws/eye", True),
-        ("/js/eye.js", True),
-        ("/css/eye.css", True),
+        ("/eye/eye.js", True),
+        ("/eye/eye.css", True),
         ("/api/unpair", True),
         ("/healthz", True),
         ("/", False),

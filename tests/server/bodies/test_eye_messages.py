@@ -88,6 +88,6 @@ def test_before_the_first_answer_nothing_is_known_and_answers_from_the_future_do
 
 
 def test_what_the_eye_is_told_is_in_the_reference() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "reference" / "protocol.md").read_text()
+    page = (Path(__file__).parents[3] / "docs/howto/phone-eye.md").read_text("utf-8")
     text = page[page.index("## `/ws/eye`") :]
     assert [name for name in _STATE_FIELDS if f"`{name}`" not in text] == []

@@ -16,8 +16,8 @@ export function offerChallenge(page) {
   let before = null;
   const step = (/** @type {string} */ label) => ({ label, act: () => { location.hash = 'challenge'; } });
   const look = async () => {
-    const { readiness, screen, session, link } = page.store.state;
-    if (link !== 'open' || screen !== 'drive' || session || document.hidden || readiness?.stage !== 'ready' && !before) return;
+    const { readiness, screen, lead, link } = page.store.state;
+    if (link !== 'open' || screen !== 'drive' || lead || document.hidden || readiness?.stage !== 'ready' && !before) return;
     const now = await ask('GET', 'api/challenge').catch(() => null);
     if (!now?.can_measure) return;
     const count = before && now.tries.length > before.tries.length ? now.tries.length : 0;

@@ -5,10 +5,11 @@ import { append, h, icon, say, svg } from '../dom.js';
 import { mood } from '../mood.js';
 import { percent, t } from '../i18n.js';
 import { makeStop } from '../stop.js';
-import { minutes } from './teach-panel.js';
+import { partScreens } from '../parts.js';
+import { sentence } from './teach-panel.js';
 
-/** Studies are in the menu only for those who take part in one; the challenge comes when the robot is ready. */
-const SCREENS = ['drive', 'gallery', 'teaching', 'challenge', 'study', 'home', 'settings'];
+const SCREENS = ['drive', 'gallery', 'teaching'];
+const LAST_SCREENS = ['home', 'settings'];
 const LOW_BATTERY = 0.2;
 /** @type {Record<string, string>} */
 const MOUTHS = { listening: 'M57 49h10', sure: 'M50 46q12 9 24 0', unsure: 'M49 50q6-8 12 0t13 0', proud: 'M46 43q16 21 32 0z' };
@@ -32,7 +33,7 @@ export class AppBar extends HTMLElement {
     this.menu = this.makeMenu();
     append(this, [this.back, this.plate, h('div', { class: 'name' }, this.heading, this.detail),
       ...stop, this.button, this.menu]);
-    page.store.watch(['robot', 'link', 'readiness', 'screen', 'delayMs', 'pictureAgeMs', 'robotName', 'session'], (state) => this.render(state));
+    page.store.watch(['robot', 'link', 'readiness', 'screen', 'delayMs', 'pictureAgeMs', 'robotName', 'lead'], (state) => this.render(state));
     addEventListener('keydown', (event) => event.key === 'Escape' && this.toggle(false));
     addEventListener('pointerdown', (event) => {
       if (event.target instanceof Node && !this.contains(event.target)) this.toggle(false);
@@ -40,7 +41,7 @@ export class AppBar extends HTMLElement {
   }
 
   makeMenu() {
-    this.links = SCREENS.map((screen) =>
+    this.links = [...SCREENS, ...Object.keys(partScreens()), ...LAST_SCREENS].map((screen) =>
       h('a', { href: `#${screen}`, onclick: () => this.toggle(false) }, t(`screen.${screen}`)));
     return h('nav', { id: 'menu', hidden: true, 'aria-label': t('menu') }, ...this.links, this.figures);
   }
@@ -70,14 +71,14 @@ export class AppBar extends HTMLElement {
     }
     if (this.menu?.hidden) return;
     say(/** @type {Element} */ (this.figures), this.list(state).join('\n'));
-    const isReady = state.readiness?.stage === 'ready' && !state.session;
-    for (const link of this.links ?? []) link.hidden = (link.hash === '#study' && !state.session) || (link.hash === '#challenge' && !isReady);
+    const added = partScreens();
+    for (const link of this.links ?? []) link.hidden = added[link.hash.slice(1)]?.isOffered(state) === false;
   }
 
   /** @param {import('../store.js').PageState} state */
-  describe({ robot, link, session }) {
+  describe({ robot, link, lead }) {
     if (link !== 'open' || !robot) return t(link === 'lost' ? 'searching' : 'connecting');
-    if (session?.mode) return t(`session.now_${session.kind}`, { left: minutes(session.left_s), n: session.position, of: session.of });
+    if (lead?.told) return sentence(lead.told);
     return robot.battery !== null && robot.battery < LOW_BATTERY ? `${t('figure.battery')} ${percent(robot.battery)}` : '';
   }
 

@@ -45,7 +45,7 @@ export class ModeBar extends HTMLElement {
         button.tabIndex = isOn || (!mode && button === buttons[0]) ? 0 : -1;
       }
     });
-    page.store.watch(['robot', 'link', 'readiness', 'hint', 'notice', 'session'], (state) => {
+    page.store.watch(['robot', 'link', 'readiness', 'hint', 'notice', 'lead'], (state) => {
       const wanted = modeToPress(state);
       for (const button of buttons) button.classList.toggle('lit', button.dataset.mode === wanted);
     });

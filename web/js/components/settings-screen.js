@@ -5,6 +5,7 @@ import { append, fill, h, svg } from '../dom.js';
 import { LANGUAGES, chooseLanguage, has, language, percent, t } from '../i18n.js';
 import { Tilt, hasTilt } from '../inputs/tilt.js';
 import { bounds, room } from './from-above.js';
+import { partScreens } from '../parts.js';
 import { Screen, segments } from './screen.js';
 import { byPlace, declare } from '../moves.js';
 
@@ -125,7 +126,8 @@ export class SettingsScreen extends Screen {
       h('label', { class: 'choice' }, sound, h('span', {}, t('settings.sound'))),
       h('label', { class: 'choice' }, h('span', {}, t('settings.language')), languages),
       hints), group(t('settings.keys'), t('settings.keys_hint'), ...this.pads()),
-      group(t('settings.studies'), t('settings.studies_hint'), h('a', { class: 'button', href: '#study' }, t('screen.study'))));
+      ...Object.entries(partScreens()).flatMap(([name, { settings }]) => settings
+        ? [group(t(settings.title), t(settings.hint), h('a', { class: 'button', href: `#${name}` }, t(`screen.${name}`)))] : []));
   }
 
   /** Directions of game pads are shown anew at the next touch. */

@@ -29,9 +29,9 @@ export class TeachPanel extends HTMLElement {
       h('span', { class: 'big' }, this.agreement, this.agreementWord), chart,
       h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught'))));
     append(this, [this.summary, h('div', { class: 'says' }, this.advice, this.notice)]);
-    page.store.watch(['robot', 'link', 'way', 'isWatching', 'session', 'readiness', 'setback', 'hint', 'notice', 'toast', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
-    // Who takes part in a study is not told how well it goes.
-    page.store.watch(['agreement', 'session'], (state) => this.curve?.setAttribute('points', points(state.session ? [] : state.agreement)));
+    page.store.watch(['robot', 'link', 'way', 'isWatching', 'lead', 'readiness', 'setback', 'hint', 'notice', 'toast', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
+    // A pilot who is led is not told how well it goes.
+    page.store.watch(['agreement', 'lead'], (state) => this.curve?.setAttribute('points', points(state.lead ? [] : state.agreement)));
   }
 
   /** @param {import('../store.js').PageState} state */
@@ -40,23 +40,18 @@ export class TeachPanel extends HTMLElement {
     this.summary?.classList.toggle('early', !robot?.lessons);
     if (robot) {
       const { agreement, agreement_frames: frames } = robot;
-      say(/** @type {Node} */ (this.agreement), agreement === null || frames < FEWEST || state.session ? '–' : percent(agreement));
+      say(/** @type {Node} */ (this.agreement), agreement === null || frames < FEWEST || state.lead ? '–' : percent(agreement));
       say(/** @type {Node} */ (this.lessons), count(robot.lessons));
     }
     const isNoticed = this.renderNotice(state);
     // One thing at a time; and what was said is kept, so that nothing is read out twice.
     const told = whatToSay(state);
-    const text = isNoticed || !told ? '' : this.sentence(told);
+    const text = isNoticed || !told ? '' : sentence(told);
     // A clock is not read out each second.
     const live = told?.left_s === undefined ? 'polite' : 'off';
     if (this.advice?.getAttribute('aria-live') !== live) this.advice?.setAttribute('aria-live', live);
     say(/** @type {Node} */ (this.advice), text);
     this.celebrate(told?.key === 'advice.can' && !isNoticed, state.readiness?.stage !== 'ready');
-  }
-
-  /** @param {import('../advice.js').Told} told */
-  sentence({ key, move, left_s: s, ...values }) {
-    return t(key, { moves: move ? t(`moves.${move}`) : '', ...(s === undefined ? {} : { left: minutes(s) }), ...values });
   }
 
   /**
@@ -102,6 +97,11 @@ export class TeachPanel extends HTMLElement {
     if (hadFocus && !notice.contains(document.activeElement)) /** @type {HTMLElement | null} */ (document.querySelector('mode-bar [tabindex="0"]'))?.focus();
     return Boolean(text);
   }
+}
+
+/** @param {import('../advice.js').Told} told */
+export function sentence({ key, move, left_s: s, ...values }) {
+  return t(key, { moves: move ? t(`moves.${move}`) : '', ...(s === undefined ? {} : { left: minutes(s) }), ...values });
 }
 
 /** @param {number} seconds */

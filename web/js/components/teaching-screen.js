@@ -47,7 +47,7 @@ export class TeachingScreen extends Screen {
       ask('GET', 'api/teaching').catch(() => null), askReadiness(true), ask('GET', 'api/teaching/alike').catch(() => null)]);
     if (!this.isConnected) return;
     if (!teaching || !readiness) this.drawn = undefined; // lost on the way: asked for again
-    if (teaching && !this.page?.store.state.session) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
+    if (teaching && !this.page?.store.state.lead) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
     if (word) this.drawAlike(word);
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
   }

@@ -8,6 +8,7 @@ import { append, fill, h } from '../dom.js';
 import { language, t } from '../i18n.js';
 import { inWords, questionForm } from './questions.js';
 import { drawOutcome } from './result.js';
+import { learnSession, refreshSession } from './session.js';
 
 const OWN = 'plan';
 
@@ -22,11 +23,11 @@ export class StudyScreen extends Screen {
 
   async build() {
     append(this, [this.refusal, this.body]);
-    await this.page?.refreshSession(); // a page that was just loaded does not know of it yet
+    if (this.page) await refreshSession(this.page); // a page that was just loaded does not know of it yet
     if (!this.isConnected) return undefined;
     /** @type {Promise<void> | undefined} */
     let shown;
-    this.watch(['session'], ({ session }) => { shown = this.show(session); });
+    this.watch(['lead'], ({ lead }) => { shown = this.show(lead?.own); });
     return shown;
   }
 
@@ -72,7 +73,7 @@ export class StudyScreen extends Screen {
   /** Do something to the session, and show it. @param {string} method @param {string} path @param {any} [body] */
   async step(method, path, body) {
     const answer = await this.act(() => ask(method, path, body));
-    if (answer) await this.page?.learnSession(Promise.resolve(answer)); // which shows it
+    if (answer && this.page) await learnSession(this.page, Promise.resolve(answer)); // which shows it
     return answer;
   }
 
@@ -212,7 +213,7 @@ export class StudyScreen extends Screen {
     const heading = h('h2', {}, t('study.part', { n: session.position, of: session.of }));
     if (session.step === 'consent') return [this.consent(session), this.forResearcher(session)];
     if (session.step === 'questions') {
-      return [heading, questionForm(session.questions, session.answers, (send) => this.act(send), (answer) => this.page?.learnSession(Promise.resolve(answer))), this.forResearcher(session)];
+      return [heading, questionForm(session.questions, session.answers, (send) => this.act(send), (answer) => this.page && learnSession(this.page, Promise.resolve(answer))), this.forResearcher(session)];
     }
     if (session.step === 'done') {
       return [h('p', { class: 'lead' }, t('study.thanks')),

@@ -22,11 +22,11 @@ export function encodeEyeFrame(seq, takenMs, covered, jpeg) {
 
 /** Events: `hello`, `state`, `closed` (`detail`: the code), `lost`. */
 export class EyeLink extends EventTarget {
-  /** @param {string} url @param {Partial<import('./connection.js').Environment>} [environment] */
+  /** @param {string} url @param {Partial<import('../js/connection.js').Environment>} [environment] */
   constructor(url, environment = {}) {
     super();
     this.url = url;
-    /** @type {import('./connection.js').Environment} */
+    /** @type {import('../js/connection.js').Environment} */
     this.env = {
       WebSocket: globalThis.WebSocket,
       nowMs: () => performance.now(),

@@ -5,8 +5,42 @@
 /** How long a sentence stands before the page behind it opens. */
 const READ_MS = 6000;
 
-/** @type {Record<string, Record<string, string>>} in each language; put in by the server */
-const WORDS = {/* pair. */};
+/** @type {Record<string, Record<string, string>>} in each language */
+const WORDS = {
+  en: {
+    title: 'Let this browser in',
+    ask: 'Type the token that the robot’s terminal shows.',
+    token: 'Token',
+    pair: 'Pair',
+    wait: 'One moment …',
+    wrong: 'This token is wrong or already used. The terminal shows the newest one.',
+    not_kept: 'Paired, but the robot’s disk does not take it: after a restart of the robot, pair again.',
+    later: 'Too many wrong tokens. Wait a minute, then try again.',
+    away: 'The robot does not answer. Is the phone on the same network?',
+  },
+  es: {
+    title: 'Dar acceso a este navegador',
+    ask: 'Escribe el código que muestra el terminal del robot.',
+    token: 'Código',
+    pair: 'Vincular',
+    wait: 'Un momento…',
+    wrong: 'Este código es incorrecto o ya se ha usado. El terminal muestra el más reciente.',
+    not_kept: 'Emparejado, pero el disco del robot no lo guarda: si el robot se reinicia, empareja de nuevo.',
+    later: 'Demasiados códigos erróneos. Espera un minuto y vuelve a intentarlo.',
+    away: 'El robot no responde. ¿Está el teléfono en la misma red?',
+  },
+  zh: {
+    title: '允许此浏览器进入',
+    ask: '请输入机器人终端上显示的配对码。',
+    token: '配对码',
+    pair: '配对',
+    wait: '请稍候……',
+    wrong: '配对码不正确或已被使用。终端上显示的是最新的配对码。',
+    not_kept: '已配对，但机器人的磁盘无法写入：机器人重启后请重新配对。',
+    later: '错误次数过多。请等一分钟后再试。',
+    away: '机器人没有回应。手机是否在同一网络中？',
+  },
+};
 
 const form = /** @type {HTMLFormElement} */ (document.querySelector('#pair'));
 const field = /** @type {HTMLInputElement} */ (document.querySelector('#token'));

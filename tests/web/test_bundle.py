@@ -1,4 +1,4 @@
-"""The page's modules become few files that mean the same and may be kept for ever."""
+"""In a wheel the page's modules are few files that mean the same and may be cached indefinitely."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import asyncio
 import base64
 import gzip
 import hashlib
+import json
 import re
 import shutil
 from pathlib import Path
@@ -14,22 +15,28 @@ import httpx
 import pytest
 from starlette.exceptions import HTTPException
 
-from server.hosting.joined_page import JoinError, join_page, shrink
 from server.hosting.static_files import PageFiles
-from tests.server.live_robot import WEB
+from tests.joined_page import WEB, joined_page
+from web.bundle import JoinError, bundle, shrink
+
+HASHED = re.compile(r"(?:js|css)/[0-9a-f]{10}-[\w-]+\.\w+")
 
 
 @pytest.fixture
 def web(tmp_path: Path) -> Path:
     """A copy of the page, to be changed."""
-    return shutil.copytree(WEB, tmp_path / "web")
+    return shutil.copytree(WEB, tmp_path / "web", ignore=shutil.ignore_patterns("__pycache__"))
 
 
-def change(web: Path, name: str, text: str) -> None:
-    path = web / "js" / name
-    path.write_text(path.read_text() + text)
-    with (web / "js" / "more.js").open("a") as file:  # a clock of a second tells no change
-        file.write("// changed\n")
+def joined(web: Path) -> Path:
+    shutil.rmtree(web.parent / "joined", ignore_errors=True)
+    bundle(web, web.parent / "joined")
+    return web.parent / "joined"
+
+
+def files(page: Path) -> dict[str, bytes]:
+    names = (path.relative_to(page).as_posix() for path in page.rglob("*"))
+    return {name: (page / name).read_bytes() for name in names if HASHED.fullmatch(name)}
 
 
 def name_of(address: str) -> str:
@@ -37,18 +44,20 @@ def name_of(address: str) -> str:
 
 
 def test_each_module_is_in_one_file_and_each_file_is_named_by_its_content() -> None:
-    page = join_page(WEB)
-    modules = [m.split("'")[1] for text in page.files.values() for m in given(text.decode())]
+    page = files(joined_page())
+    modules = [m.split("'")[1] for text in page.values() for m in given(text.decode())]
     assert {"js/main.js", "js/stop.js", "js/components/home-screen.js"} < set(modules)
     shared = {"js/painter.js", "js/picture.js", "js/protocol.js"}  # drawn by a worker, or without
     assert {m for m in modules if modules.count(m) > 1} == shared
-    for address, data in page.files.items():
+    for address, data in page.items():
         assert address.split("/")[1].startswith(hashlib.sha256(data).hexdigest()[:10] + "-")
-    asked = set(re.findall(r"(?:js|css)/[0-9a-f]{10}-[\w-]+\.\w+", page.html.decode()))
-    for text in page.files.values():
+    asked = set(HASHED.findall((joined_page() / "index.html").read_text("utf-8")))
+    for text in page.values():
         beside = re.findall(r"(?:js|\.)(/[0-9a-f]{10}-[\w-]+\.js)", text.decode())
         asked |= {f"js{name}" for name in beside}
-    assert asked == set(page.files), "what is asked for is there, and nothing else"
+    assert asked == set(page), "what is asked for is there, and nothing else"
+    cached = json.loads((joined_page() / "shell.json").read_text("utf-8"))
+    assert {name for name in page if "-apart-" not in name} < set(cached)
 
 
 def given(text: str) -> list[str]:
@@ -56,22 +65,23 @@ def given(text: str) -> list[str]:
 
 
 def test_only_what_changes_gets_another_name(web: Path) -> None:
-    before = set(join_page(web).files)
-    change(web, "components/home-screen.js", "const unused = 1;\n")
-    changed = before ^ set(join_page(web).files)
+    before = set(files(joined(web)))
+    path = web / "js/components/home-screen.js"
+    path.write_text(path.read_text() + "const unused = 1;\n")
+    changed = before ^ set(files(joined(web)))
     assert {name_of(address) for address in changed} == {"screens.js", "drive.js"}
     assert len(changed) == 4
 
 
-def test_a_new_language_is_one_file_and_may_be_half_done(web: Path) -> None:
-    messages = web / "js" / "messages"
-    few = "export default {\n  emergency_stop: 'HALT',\n  'pair.title': 'Einlass',\n};\n"
-    (messages / "de.js").write_text(few)
-    page = join_page(web)
-    assert '"de": {"emergency_stop": "HALT"}' in page.html.decode()
-    assert '"de": {"title": "Einlass"}' in page.pair.decode()
-    [address] = [address for address in page.files if name_of(address) == "de.js"]
-    assert f'"de": "{address}"' in page.html.decode()
+def test_a_language_is_one_file_with_the_sentences_of_the_extensions(web: Path) -> None:
+    few = "export default {\n  emergency_stop: 'HALT',\n};\n"
+    (web / "js/messages/de.js").write_text(few)
+    page = joined(web)
+    languages = {name_of(name): (name, data) for name, data in files(page).items()}
+    assert languages["de.js"][1].decode() == "export default {\nemergency_stop: 'HALT',\n};\n"
+    assert f'"de": "{languages["de.js"][0]}"' in (page / "index.html").read_text("utf-8")
+    spanish = languages["es.js"][1].decode()
+    assert "'screen.study'" in spanish and "'screen.home'" in spanish
 
 
 @pytest.mark.parametrize(
@@ -81,7 +91,7 @@ def test_what_cannot_be_joined_is_refused_by_name(web: Path, line: str) -> None:
     path = web / "js" / "store.js"
     path.write_text(line + path.read_text())
     with pytest.raises(JoinError, match=r"store\.js|misspelt\.js"):
-        join_page(web)
+        joined(web)
 
 
 @pytest.mark.parametrize(
@@ -98,12 +108,9 @@ def test_comments_go_and_texts_stay(source: str, left: str) -> None:
     assert shrink(source) == left
 
 
-_FILES = PageFiles(WEB)
-
-
-def get(path: str, **headers: str) -> httpx.Response:
+def get(path: str, folder: Path | None = None, **headers: str) -> httpx.Response:
     async def ask() -> httpx.Response:
-        transport = httpx.ASGITransport(app=_FILES)
+        transport = httpx.ASGITransport(app=PageFiles(folder or joined_page()))
         async with httpx.AsyncClient(transport=transport, base_url="http://page") as client:
             named = {name.replace("_", "-"): value for name, value in headers.items()}
             return await client.get(path, headers=named)
@@ -113,8 +120,7 @@ def get(path: str, **headers: str) -> httpx.Response:
 
 def test_joined_files_are_kept_for_ever_and_the_document_is_asked_for_again() -> None:
     document = get("/")
-    assert document.headers["cache-control"] == "no-cache"
-    for address in join_page(WEB).files:
+    for address in files(joined_page()):
         file = get(address)
         assert "immutable" in file.headers["cache-control"]
         assert file.headers["content-encoding"] == "gzip"
@@ -130,9 +136,12 @@ def test_joined_files_are_kept_for_ever_and_the_document_is_asked_for_again() ->
     assert refused.value.status_code == 404
 
 
-def test_scripts_in_the_document_are_allowed_by_hash_even_if_it_has_not_changed() -> None:
-    document = get("/")
-    again = get("/", if_none_match=document.headers["etag"])
+@pytest.mark.parametrize("folder", [WEB, None], ids=["clone", "wheel"])
+def test_scripts_in_the_document_are_allowed_by_hash_even_if_it_has_not_changed(
+    folder: Path | None,
+) -> None:
+    document = get("/", folder)
+    again = get("/", folder, if_none_match=document.headers["etag"])
     assert again.status_code == 304
     for answer in (document, again):
         policy = answer.headers["content-security-policy"]
@@ -144,11 +153,18 @@ def test_scripts_in_the_document_are_allowed_by_hash_even_if_it_has_not_changed(
 
 
 def test_the_first_visit_is_small() -> None:
-    page = join_page(WEB)
-    first = [data for address, data in page.files.items() if name_of(address) in FIRST]
-    sizes = [len(gzip.compress(data, 9)) for data in (page.html, *first)]
+    page = files(joined_page())
+    first = [data for address, data in page.items() if name_of(address) in FIRST]
+    html = (joined_page() / "index.html").read_bytes()
+    sizes = [len(gzip.compress(data, 9)) for data in (html, *first)]
     assert len(sizes) == 1 + len(FIRST)
     assert sum(sizes) < 60_000
 
 
 FIRST = {"page.css", "drive.js", "en.js", "video-worker.js"}
+
+
+def test_a_clone_serves_the_modules_as_they_are_written() -> None:
+    assert "'js/main.js'" in get("/", WEB).text
+    assert get("/js/main.js", WEB).text == (WEB / "js/main.js").read_text("utf-8")
+    assert "immutable" not in get("/js/main.js", WEB).headers.get("cache-control", "")

@@ -1,6 +1,6 @@
-"""Joins the page's modules and styles, so that a first visit takes few requests.
+"""Joins the page's modules and styles when a wheel is built: a first visit then takes few requests.
 
-No build tool is needed. Modules stay plain ES modules, as they are tested and edited. The modules
+From a clone the modules are served as they are written. The modules
 of the drive screen become one file, those of the other screens a second, and each further folder
 and each worker gets its own. Each file's name begins with a hash of its content, so a browser may
 cache it indefinitely. Comments and indentation are removed.
@@ -15,9 +15,8 @@ import hashlib
 import json
 import posixpath
 import re
-from base64 import b64encode
-from dataclasses import dataclass
-from functools import cache, lru_cache
+import shutil
+from functools import cache
 from pathlib import Path
 
 ENTRY = "js/main.js"
@@ -36,78 +35,40 @@ _EXPORT = re.compile(r"^export (default|(?:async )?function|class|const) ?(\w*)"
 _DYNAMIC = re.compile(r"\bimport\(([^()]*)\)")
 _WORKER = re.compile(r"new Worker\('([^']+)', \{ type: 'module' \}\)")
 _CSS_COMMENT = re.compile(r"/\*.*?\*/", re.S)
-_SENTENCE = re.compile(r"^  '?([\w.]+)'?: '((?:[^'\\]|\\.)*)',$", re.M)
+_SENTENCE = re.compile(r"^  \S+: '(?:[^'\\]|\\.)*',\n", re.M)
 
 
 class JoinError(ValueError):
     """A module has a form that cannot be joined."""
 
 
-@dataclass(frozen=True, slots=True)
-class JoinedPage:
-    """The page as sent to browsers.
+def bundle(folder: Path, target: Path) -> None:
+    """Write the page of a folder to another, joined; what is not joined is copied.
 
-    Attributes:
-        html: The document. Its inline script and style are allowed by `inline`, their hashes.
-        files: The content of each joined file, by its address below the page's own.
-        pair: The script and sentences of a page that may load nothing else.
-        shell: The addresses that the service worker caches after the first visit.
+    The file `shell.json` lists what the service worker caches after the first visit.
     """
-
-    html: bytes
-    inline: tuple[str, ...]
-    files: dict[str, bytes]
-    pair: bytes
-    shell: list[str]
-
-
-def join_page(folder: Path) -> JoinedPage:
-    """Return the page of a folder; it is joined again when a file has changed."""
-    sources = [path for path in sorted(folder.rglob("*")) if path.is_file()]
-    newest = max(path.stat().st_mtime_ns for path in sources)
-    icons = (path.relative_to(folder).as_posix() for path in sources if path.suffix in _ICONS)
-    return _join(folder, (newest, len(sources)), tuple(icons))
-
-
-@lru_cache(maxsize=4)
-def _join(folder: Path, _version: tuple[int, int], icons: tuple[str, ...]) -> JoinedPage:
+    shutil.copytree(folder, target, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
     joiner = _Joiner(folder)
     style = "\n".join((folder / "css" / name).read_text("utf-8") for name in STYLES)
     style = _INDENT.sub("", _CSS_COMMENT.sub("", style)).strip() + "\n"
-    first: dict[str, dict[str, str]] = {}
-    pair: dict[str, dict[str, str]] = {}
-    languages: dict[str, str] = {}
-    for path in sorted((folder / "js" / "messages").glob("*.js")):
-        text, code = path.read_text("utf-8"), path.stem
-        languages[code] = joiner.add(f"js/{path.name}", shrink(text))
-        said = {key: words.replace("\\'", "'") for key, words in _SENTENCE.findall(text)}
-        stop = {"emergency_stop": said.get("emergency_stop", "STOP")}
-        first[code], pair[code] = _part(said, "first.") | stop, _part(said, "pair.")
+    languages = {
+        path.stem: joiner.add(f"js/{path.name}", joiner.messages(path.name))
+        for path in sorted((folder / "js/messages").glob("*.js"))
+    }
     html = (folder / "index.html").read_text("utf-8")
     for place, put in {
         "'css/page.css'": f"'{joiner.add('css/page.css', style)}'",
         f"'{ENTRY}'": f"'{joiner.entry(languages)}'",
-        "{/* words */}": _literal(first),
         "{/* messages */}": json.dumps(languages),
     }.items():
         html = html.replace(place, put)
-    inline = tuple(
-        f"'sha256-{b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-        for text in re.findall(r"<(?:script|style)>(.*?)</(?:script|style)>", html, re.S)
-    )
-    script = (folder / "js" / "pair.js").read_text("utf-8")
-    script = script.replace("{/* pair. */}", _literal(pair))
-    shell = ["./", *(name for name in joiner.files if _APART not in name), *icons]
-    return JoinedPage(html.encode(), inline, joiner.files, script.encode(), shell)
-
-
-def _part(said: dict[str, str], prefix: str) -> dict[str, str]:
-    """Return the sentences whose keys have this prefix, by the rest of the key."""
-    return {key.removeprefix(prefix): text for key, text in said.items() if key.startswith(prefix)}
-
-
-def _literal(words: dict[str, dict[str, str]]) -> str:
-    return json.dumps(words, ensure_ascii=False).replace("<", "\\u003c")
+    (target / "index.html").write_text(html, "utf-8")
+    for name, data in joiner.files.items():
+        (target / name).write_bytes(data)
+    icons = sorted(path for path in folder.rglob("*") if path.suffix in _ICONS)
+    shell = ["./", *(name for name in joiner.files if _APART not in name)]
+    shell += [path.relative_to(folder).as_posix() for path in icons]
+    (target / "shell.json").write_text(json.dumps(shell), "utf-8")
 
 
 def shrink(source: str) -> str:
@@ -128,10 +89,25 @@ class _Joiner:
         self.files[address] = data
         return address
 
+    def messages(self, name: str) -> str:
+        """Return a language's sentences: the core's, and those of the extensions."""
+        texts = [
+            (self._folder / "js/messages" / name).read_text("utf-8"),
+            *(
+                path.read_text("utf-8")
+                for path in sorted((self._folder / "js").glob(f"*/messages/{name}"))
+            ),
+        ]
+        sentences = "".join(line for text in texts for line in _SENTENCE.findall(text))
+        return shrink(f"export default {{\n{sentences}}};\n")
+
     def entry(self, languages: dict[str, str]) -> str:
         """Join all modules; return the address of the first file."""
         known = self._closure([ENTRY])
-        addresses = {f"js/messages/{code}.js": [_beside(at)] for code, at in languages.items()}
+        addresses = {
+            path.relative_to(self._folder).as_posix(): [_beside(languages[path.stem])]
+            for path in sorted((self._folder / "js").rglob("messages/*.js"))
+        }
         start, chunks = self._text(known), list[str]()
         for room in sorted(path for path in (self._folder / "js").iterdir() if path.is_dir()):
             below = [f"js/{room.name}/{path.name}" for path in sorted(room.glob("*.js"))]

@@ -1,10 +1,10 @@
 // The page of the phone that is the robot's eye: rear camera, screen stays on, a big STOP.
 
-import { askToStop, askWhy, socketBase } from './api.js';
-import { WakeLock } from './device.js';
+import { askToStop, askWhy, socketBase } from '../js/api.js';
+import { WakeLock } from '../js/device.js';
 import { EyeLink } from './eye-link.js';
 import { Packer } from './eye-picture.js';
-import { has, loadLanguage, t } from './i18n.js';
+import { has, loadLanguage, t } from '../js/i18n.js';
 
 const LATE_MS = 1000; // a stamp that claims to be older is not believed
 const HAS_PICTURE = 2; // of a video's `readyState`
@@ -17,14 +17,14 @@ const figures = /** @type {HTMLElement} */ (find('figures'));
 const begin = /** @type {HTMLButtonElement} */ (find('begin'));
 const stop = /** @type {HTMLButtonElement} */ (find('stop'));
 
-await loadLanguage();
+await loadLanguage([(code) => import(`./messages/${code}.js`)]);
 document.title = t('eye.title');
 begin.textContent = t('eye.begin');
 stop.textContent = t('emergency_stop');
 
 const link = new EyeLink(`${socketBase()}/ws/eye`);
 const wakeLock = new WakeLock();
-const worker = 'OffscreenCanvas' in window ? new Worker('js/eye-worker.js', { type: 'module' }) : null;
+const worker = 'OffscreenCanvas' in window ? new Worker('eye/eye-worker.js', { type: 'module' }) : null;
 const makePacker = () => new Packer((width, height) => Object.assign(document.createElement('canvas'), { width, height }));
 let packer = worker ? null : makePacker();
 let wanted = { width: 320, height: 240, rate_hz: 15 };

@@ -1,0 +1,22 @@
+"""The page as a wheel has it: made once for a run of tests."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+import tempfile
+from functools import cache
+from pathlib import Path
+
+from web.bundle import bundle
+
+WEB = Path(__file__).resolve().parents[1] / "web"
+
+
+@cache
+def joined_page() -> Path:
+    """Return the folder of the joined page."""
+    folder = Path(tempfile.mkdtemp(prefix="drivelesson-page-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    bundle(WEB, folder / "web")
+    return folder / "web"

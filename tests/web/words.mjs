@@ -1,0 +1,16 @@
+// All sentences of the page and its extensions, by language.
+import { readdirSync } from 'node:fs';
+
+const web = new URL('../../web/', import.meta.url);
+const folders = (below) => readdirSync(new URL(below, web), { withFileTypes: true }).flatMap((entry) => {
+  if (!entry.isDirectory()) return [];
+  return entry.name === 'messages' ? [`${below}messages/`] : folders(`${below}${entry.name}/`);
+});
+/** The folders of sentences, the core's first. */
+export const FOLDERS = ['js/messages/', ...folders('').filter((folder) => folder !== 'js/messages/')];
+
+/** @param {string} code @returns {Promise<Record<string, string>[]>} by folder */
+export const wordsByFolder = (code) => Promise.all(FOLDERS.map(async (folder) => (await import(new URL(`${folder}${code}.js`, web))).default));
+
+/** @param {string} code @returns {Promise<Record<string, string>>} */
+export const wordsOf = async (code) => Object.assign({}, ...(await wordsByFolder(code)));

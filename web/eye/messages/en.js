@@ -1,0 +1,15 @@
+// What the page of the robot's eye says.
+export default {
+  'eye.title': 'The robot’s eye',
+  'eye.begin': 'Use this camera',
+  'eye.insecure': 'A phone gives a page its camera only over https: start the robot with --tls.',
+  'eye.none': 'No camera was found on this device. Open this page on one that has a camera.',
+  'eye.in_use': 'Another program uses the camera. Close it, then try again.',
+  'eye.refused': 'The camera was refused or is in use. Allow it, then try again.',
+  'eye.stands': 'I can see. The robot is standing still.',
+  'eye.drives': 'I can see. The robot is driving!',
+  'eye.another': 'Another phone is the eye now. Reload this page to take over.',
+  'eye.viewer': 'This browser may only watch. Scan the code for the robot’s eye.',
+  'eye.other_camera': 'The robot uses another camera: start it with --camera phone.',
+  'eye.rate': '{n} pictures per second',
+};

@@ -1,0 +1,15 @@
+// What the page of the robot's eye says.
+export default {
+  'eye.title': 'El ojo del robot',
+  'eye.begin': 'Usar esta cámara',
+  'eye.insecure': 'El teléfono solo da su cámara por https: arranca el robot con --tls.',
+  'eye.none': 'Este dispositivo no tiene cámara. Abre esta página en uno que la tenga.',
+  'eye.in_use': 'Otro programa usa la cámara. Ciérralo e inténtalo de nuevo.',
+  'eye.refused': 'La cámara fue denegada o está ocupada. Permítela e inténtalo de nuevo.',
+  'eye.stands': 'Veo. El robot está quieto.',
+  'eye.drives': 'Veo. ¡El robot está en marcha!',
+  'eye.another': 'Ahora otro teléfono es el ojo. Recarga la página para volver a serlo.',
+  'eye.viewer': 'Este navegador solo puede mirar. Escanea el código del ojo del robot.',
+  'eye.other_camera': 'El robot usa otra cámara: arráncalo con --camera phone.',
+  'eye.rate': '{n} imágenes por segundo',
+};

@@ -1,0 +1,52 @@
+// The session that is on, as the page knows it: its `lead` (web/js/store.js).
+
+import { ask, inOrder } from '../api.js';
+
+const EVERY_MS = 1000;
+
+/**
+ * A session; who may drive gets more of it: docs/reference/http.md.
+ * @typedef {{step: string, position: number, of: number, kind: string | null, mode: string | null, left_s: number}} Session
+ */
+
+/** @param {Session | null} session @returns {import('../store.js').Lead | null} */
+export function leadOf(session) {
+  if (!session) return null;
+  const { step, kind, mode, left_s, position: n, of } = session;
+  const isOver = step === 'questions';
+  return {
+    isOver,
+    ask: (robot) => {
+      if (isOver) return { key: 'session.questions', step: '#study', level: 'info' };
+      return !mode || robot.mode === mode ? null : { key: `session.next_${kind}`, level: 'info' };
+    },
+    told: mode ? { key: `session.now_${kind}`, left_s, n, of } : null,
+    own: session,
+  };
+}
+
+const newest = inOrder();
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let timer;
+
+/** @param {import('../page.js').Page} page */
+export function followSession(page) {
+  page.connection.addEventListener('words', (event) => {
+    const { type, name } = /** @type {CustomEvent} */ (event).detail;
+    if (type === 'hello' || (type === 'event' && name === 'session')) refreshSession(page);
+  });
+}
+
+/** Fetch the session; while something is to be driven in it, again every second. @param {import('../page.js').Page} page */
+export async function refreshSession(page) {
+  clearTimeout(timer);
+  const session = await learnSession(page, ask('GET', 'api/session'));
+  if (session?.mode) timer = setTimeout(() => refreshSession(page), EVERY_MS);
+}
+
+/** Take in where the session stands. @param {import('../page.js').Page} page @param {Promise<any>} question  whose answer tells it */
+export async function learnSession(page, question) {
+  const answer = await newest(question);
+  if (answer) page.store.set({ lead: leadOf(answer.session) });
+  return page.store.state.lead?.own;
+}
