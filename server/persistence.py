@@ -51,6 +51,9 @@ class PersistencePart(StartStop):
     def keep_run(self) -> None:
         """Keep the present run, even if it is empty."""
 
+    def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
+        """Add a result to the present run; on the loop's thread."""
+
 
 class Persistence(StartStop):
     """Starts and stops autosave and the extensions' parts, unless the storage has a `fault`.
@@ -110,6 +113,11 @@ class Persistence(StartStop):
         """Have every part keep the present run, even if it is empty."""
         for part in self._parts.values():
             part.keep_run()
+
+    def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
+        """Have every part add a result of the kind `of` to the run; on the loop's thread."""
+        for part in self._parts.values():
+            part.write_result(of, fields)
 
     def start(self) -> None:
         """Lock the folder, recover from a power cut, and start saving.

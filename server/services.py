@@ -62,6 +62,15 @@ class Services:
         for extension in self.extensions.values():
             extension.note_carried()
 
+    def shown(self) -> dict[str, Any]:
+        """Return what the pilots of this robot chose to show outside, by name."""
+        parts = self.extensions.values()
+        return {name: value for part in parts for name, value in part.shown().items()}
+
+    def show(self) -> None:
+        """Tell all clients what is shown now; on any thread."""
+        self.hub.announce("shown", shown=self.shown())
+
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> tuple[_T, bool]:
         """Have the loop make a change; return its result, and whether the change is saved.
 
@@ -101,6 +110,10 @@ class Extension(StartStop):
     def greet(self) -> list[str]:
         """Return lines for the person who starts the robot."""
         return []
+
+    def shown(self) -> Mapping[str, Any]:
+        """Return what its pilots chose to show outside, by name; `Services.show` tells of news."""
+        return {}
 
     def start(self) -> None:
         """Begin; may wait for the loop and the disk."""

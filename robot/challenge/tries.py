@@ -49,6 +49,8 @@ class Challenge:
         self.best_m: float | None = None
         self.tries: tuple[Try, ...] = ()
         self.is_armed = False
+        self.is_shown = False
+        """True while the pilots show their best try on the board of their class."""
         self._score: Score | None = None
         self._seconds = self._pushed_s = 0.0
         self._last_s: float | None = None
@@ -87,7 +89,7 @@ class Challenge:
         self._last_s = tick.now_s
         if any(isinstance(event, Replaced) for event in tick.history_events):
             self.cancel()  # another model is another robot
-            self.tries, self.best_m = (), None
+            self.tries, self.best_m, self.is_shown = (), None, False
         is_alone = tick.decision.driven_by is DrivenBy.ROBOT
         if self.is_armed and is_alone and tick.sensors.pose is not None:
             self.is_armed, self._score = False, Score()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from pathlib import Path
 
 from robot.driver import describe, to_text
@@ -12,7 +13,7 @@ from robot.recordings.editing import moments
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
 
-TABLE, MOVES = "frames.csv", "moves.json"
+TABLE, MOVES, RESULTS = "frames.csv", "moves.json", "results.json"
 METADATA = "metadata.csv"
 """The file in which Hugging Face's `imagefolder` looks for the labels."""
 COLUMNS = (
@@ -26,10 +27,13 @@ def write_folder(episode: Episode, notes: Notes, folder: Path) -> int:
 
     `metadata.csv` repeats the labels under the names that Hugging Face's `imagefolder` looks for.
     `moves.json` has the driver's declared moves, so that its own labels are recognised.
+    `results.json` has what extensions measured, if they did.
     """
     folder.mkdir(parents=True)
     declared = describe(episode.moves, episode.declared_moves)
     (folder / MOVES).write_text(to_text(declared), encoding="utf-8")
+    if episode.results:
+        (folder / RESULTS).write_text(json.dumps(episode.results, indent=1), encoding="utf-8")
     rows = 0
     with (
         (folder / TABLE).open("x", encoding="utf-8", newline="") as file,

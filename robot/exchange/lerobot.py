@@ -55,6 +55,8 @@ _AS_LEROBOT: dict[str, Any] = {"codec": AV1, "crf": 30, "preset": "12"}
 """Encoder settings of LeRobot 0.6: only films of one codec merge, as their bytes are copied."""
 _STEERED = ("steering.pos", "throttle.vel")
 """Names of the action's elements in the package for LeRobot (docs/examples/lerobot)."""
+RESULTS = "meta/drivelesson_results.json"
+"""What extensions measured while the robot drove, by recording; only if they did."""
 FPS = 20
 """Default pictures a second of a dataset; sets of one robot merge only at one rate."""
 SENSORS = "sensors"
@@ -140,6 +142,9 @@ def write_lerobot(
     }
     for name, value in {"info": info, "stats": _stats(columns, seen)}.items():
         (folder / f"meta/{name}.json").write_text(json.dumps(value, indent=4), encoding="utf-8")
+    results = [{"episode": e.id, **result} for e, _ in episodes for result in e.results]
+    if results:  # in a file of its own: LeRobot checks the fields of info.json
+        (folder / RESULTS).write_text(json.dumps(results, indent=4), encoding="utf-8")
     (folder / "README.md").write_text(_CARD, encoding="utf-8")
     return len(parts)
 

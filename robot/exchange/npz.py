@@ -87,12 +87,14 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
         steered = dict(
             zip(_STEERED, (np.array(shares, np.float32) for shares in points), strict=True)
         )
+        about = {"source": "drivelesson", "episode": episode.id}
+        found = {"results": episode.results} if episode.results else {}
         columns: dict[str, NDArray[Any]] = {
             **({} if np.isnan([*steered.values()]).all() else steered),
             "offsets": np.array(ends, np.int64),
             "labels": np.array(labels, np.uint8),
             "t": np.array(make_timeline(times_s).times_s, np.float32),
-            "meta": np.array(json.dumps({"source": "drivelesson", "episode": episode.id})),
+            "meta": np.array(json.dumps({**about, **found})),
         }
         _write_npz(path, columns, pictures, ends[-1])
     return len(labels)

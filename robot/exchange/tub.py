@@ -26,6 +26,7 @@ from robot.exchange.steering import Said, done_at, point_said, read_meant, read_
 from robot.exchange.tub_records import (
     IMAGE,
     MOVES,
+    RESULTS,
     Record,
     own_name,
     read_first,
@@ -246,7 +247,11 @@ def _write_catalogs(folder: Path, records: Iterable[str], episode: Episode, seen
         [
             list(inputs),
             list(inputs.values()),
-            {"drivelesson_episode": episode.id, MOVES: moves},
+            {
+                "drivelesson_episode": episode.id,
+                MOVES: moves,
+                **({RESULTS: episode.results} if episode.results else {}),
+            },
             {"created_at": created_s, "sessions": sessions},
             catalogs,
         ],

@@ -17,7 +17,7 @@ from robot.exchange.drive import ImportReport
 from robot.exchange.files import parse, read_text
 
 IMAGE = "cam/image_array"
-MOVES = "drivelesson_moves"
+MOVES, RESULTS = "drivelesson_moves", "drivelesson_results"
 """Key of the moves in a manifest of this program, by which damaged labels are recognised."""
 _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()

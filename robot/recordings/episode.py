@@ -3,6 +3,7 @@ when they are asked for."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,6 +29,8 @@ from robot.store.models.model import Model, decode_model
 from robot.types import Action, Frame
 
 _CHUNKS_KEPT = 4
+_MOST_RESULTS = 1000
+"""Number of results that are kept of a recording, the latest."""
 _LATEST_S = 2.5e11  # the year 9892: later ones have no date
 _READ = set(Topic) - {Topic.POSE}  # which the sensors have, too
 
@@ -36,6 +39,8 @@ _READ = set(Topic) - {Topic.POSE}  # which the sensors have, too
 class Episode:
     """The content of a recording. Times are seconds of the run's clock.
 
+    `results` are what extensions measured: `of` names the kind, `at_s` is its time from the start.
+
     `on_read` is called for each picture that is read, for a command's progress display.
     """
 
@@ -43,6 +48,7 @@ class Episode:
     run: dict[str, str] = field(default_factory=dict)
     frames: FrameTable = field(default_factory=FrameTable)
     events: LessonTable = field(default_factory=LessonTable)
+    results: list[Fields] = field(default_factory=list)
     span: Span = field(default_factory=Span)
     channels: Mapping[int, MessageChannel] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
@@ -179,6 +185,18 @@ def _take_block(episode: Episode, block: Block) -> None:
     times_s = ((lessons["log_ns"].astype("<i8") - episode.origin_ns) / 1e9).tolist()
     episode.span.add(block, _READ - {Topic.CAMERA})
     episode.events.add(times_s, block.texts(lessons))
+    results = block.of(Topic.RESULT)
+    stamps_ns = results["log_ns"].astype("<i8").tolist()
+    for stamp_ns, fields in zip(stamps_ns, read_fields(block.texts(results)), strict=True):
+        at_s = (stamp_ns - episode.origin_ns) / 1e9 - episode.start_s
+        plain = {name: value for name, value in fields.items() if _is_plain(value)}
+        episode.results.append({**plain, "at_s": round(at_s, 3)})
+    del episode.results[:-_MOST_RESULTS]
+
+
+def _is_plain(value: object) -> bool:
+    """True for what every export can write: a text, a truth value or a finite number."""
+    return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
 
 
 def check_run(values: dict[str, str]) -> dict[str, str]:

@@ -27,6 +27,7 @@ class Topic(StrEnum):
     POSE = "/pose"
     MODE = "/mode"
     LESSON = "/lesson"
+    RESULT = "/result"
 
 
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
@@ -120,6 +121,7 @@ SCHEMAS: dict[Topic, Fields] = {
         value={},
         frames={"type": "array", "items": _COUNT},
     ),
+    Topic.RESULT: _schema("drivelesson.Result", {"of": _TEXT}),
     Topic.POSE: _schema(
         "foxglove.PoseInFrame",
         {

@@ -23,6 +23,7 @@ from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
 from robot.recordings.ending import end_cut_recordings
 from robot.recordings.marks import FrameMarks
 from robot.recordings.messages import (
+    Fields,
     Topic,
     describe_command,
     describe_prediction,
@@ -131,6 +132,12 @@ class Recorder:
             self._remember(tick.frame)
         self._mode = mode
         self._end_if_due(tick, events)
+
+    def write_result(self, of: str, fields: Fields) -> None:
+        """Add what an extension measured to the present recording; without one, drop it."""
+        if self._is_open:
+            now_s = self._loop.clock.now_s()
+            self.queue.write_message(Topic.RESULT, now_s, {"of": of, **fields})
 
     def keep(self) -> None:
         """Keep the present recording in any case."""

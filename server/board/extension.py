@@ -72,7 +72,7 @@ async def join(request: Request, body: ClassJoin) -> dict[str, str]:
 
 @router.get("", dependencies=[ONLY_TEACHER])
 async def describe_class(request: Request) -> dict[str, Any]:
-    """Return name, colour, locks and the model in use."""
+    """Return name, colour, locks, the model in use, and what the pilots chose to show."""
     services = services_of(request)
     identity, persistence = services.identity.now, services.persistence
     return {
@@ -80,6 +80,7 @@ async def describe_class(request: Request) -> dict[str, Any]:
         "colour": identity.colour,
         "locks": sorted(_classroom(request).locks),
         "model": persistence.autosave.name if persistence is not None else None,
+        "shown": services.shown(),
         "needs_pairing": not services.gateway.admits_all,
     }
 

@@ -89,6 +89,7 @@ class RobotLink:
             "colour": self.about.get("colour"),
             "locks": self.about.get("locks", []),
             "model": self.about.get("model"),
+            "shown": self.about.get("shown", {}),
             **{name: self.state.get(name) for name in _FIELDS},
         }
 
@@ -192,6 +193,8 @@ class RobotLink:
         if name == "renamed":
             self.about["colour"] = event.get("colour")
             self.name = str(event.get("robot", self.name))
+        elif name == "shown":
+            self.about["shown"] = event.get("shown", {})
         elif name == "locked":
             self.about["locks"] = event.get("locks", [])
         elif name in ("model_saved", "model_loaded"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from fastapi import APIRouter
@@ -11,6 +11,7 @@ from starlette.requests import HTTPConnection
 
 from robot.challenge.tries import TRIES, TRY_S, Challenge
 from robot.control.state import Tick
+from robot.devices.raw_value import RawValue, must_be
 from server.routes.answers import Route
 from server.services import Extension, Services, services_of
 
@@ -21,7 +22,7 @@ class ChallengeExtension(Extension):
     """Counts the tries of one robot."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
-        self._loop = services.robot.loop
+        self._services, self._loop = services, services.robot.loop
         self.challenge = Challenge()
         self._unsubscribe: Callable[[], None] = lambda: None
 
@@ -38,8 +39,21 @@ class ChallengeExtension(Extension):
     def note_carried(self) -> None:
         self.challenge.cancel()
 
+    def shown(self) -> Mapping[str, Any]:
+        challenge = self.challenge
+        if not challenge.is_shown or challenge.best_m is None:
+            return {}
+        return {"challenge": {"best_m": challenge.best_m, "tries": len(challenge.tries)}}
+
     def _note(self, tick: Tick) -> None:
-        self.challenge.note(tick)
+        before = self.shown()
+        done = self.challenge.note(tick)
+        persistence = self._services.persistence
+        if done is not None and persistence is not None:
+            number, best_m = len(self.challenge.tries), self.challenge.best_m
+            persistence.write_result("challenge", {"try": number, **asdict(done), "best_m": best_m})
+        if self.shown() != before:
+            self._services.show()
 
 
 @dataclass
@@ -64,6 +78,13 @@ class ChallengeAnswer:
     tries_of: int
     try_s: float
     best_m: float | None
+    is_shown: bool
+
+
+class ChallengeShown(RawValue):
+    """Whether the pilots show their best try on the board of their class."""
+
+    is_shown: bool = must_be("true or false")
 
 
 @router.get("")
@@ -88,6 +109,20 @@ async def delete_try(connection: HTTPConnection) -> ChallengeAnswer:
     return _answer(connection)
 
 
+@router.put("")
+async def put_challenge(connection: HTTPConnection, body: ChallengeShown) -> ChallengeAnswer:
+    """Show the best try on the board of the class, or show it no longer."""
+    services = services_of(connection)
+    challenge = services.extension(ChallengeExtension).challenge
+
+    def choose() -> None:
+        challenge.is_shown = body.is_shown
+
+    await services.on_loop(choose)
+    services.show()
+    return _answer(connection)
+
+
 def _answer(connection: HTTPConnection) -> ChallengeAnswer:
     services = services_of(connection)
     challenge = services.extension(ChallengeExtension).challenge
@@ -101,4 +136,5 @@ def _answer(connection: HTTPConnection) -> ChallengeAnswer:
         tries_of=TRIES,
         try_s=TRY_S,
         best_m=challenge.best_m,
+        is_shown=challenge.is_shown,
     )

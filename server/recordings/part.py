@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from robot.devices.rig import Rig
 from robot.driver import describe
 from robot.recordings.folder import NAME
@@ -46,3 +49,6 @@ class Recordings(PersistencePart):
 
     def keep_run(self) -> None:
         self.recorder.keep()
+
+    def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
+        self.recorder.write_result(of, dict(fields))

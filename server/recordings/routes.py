@@ -117,6 +117,7 @@ class EpisodeDetails(EpisodeAnswer):
     declared_moves: list[dict[str, Any]]
     first_frame: int | None
     last_frame: int | None
+    results: list[dict[str, Any]]
     edit_list: Sequence[EditAnswer]
     redoable: int
 
@@ -183,6 +184,7 @@ def show_episode(request: Request, episode_id: str, store: EpisodeStore = STORE)
         declared_moves=[move.describe() for move in declared],
         first_frame=ids[0] if ids else None,
         last_frame=ids[-1] if ids else None,
+        results=episode.results,
         **_edits(notes),
         redoable=len(notes.undone),
     )

@@ -2,7 +2,7 @@
 
 import { decode } from '../js/picture.js';
 import { h, icon, say } from '../js/dom.js';
-import { percent, t } from '../js/i18n.js';
+import { language, percent, t } from '../js/i18n.js';
 
 /** @typedef {import('./class-link.js').Robot} Robot */
 
@@ -108,11 +108,15 @@ export class Card {
 /** Where a robot's newest code is drawn. @param {Robot} robot */
 export const codeOf = (robot) => `api/robots/${robot.number}/qr.svg?${robot.invitations}`;
 
+/** @param {Record<string, string | number>} values */
+const plain = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value.toLocaleString(language)]));
+
 /** @param {Robot} robot @returns {string[]} */
 function figures(robot) {
   const found = [];
   if (robot.agreement !== null) found.push(t('board.agrees', { share: percent(robot.agreement) }));
   else if (robot.lessons === 0) found.push(t('board.untaught'));
+  for (const [what, values] of Object.entries(robot.shown ?? {})) found.push(t(`board.shown.${what}`, plain(values)));
   if (robot.battery !== null) found.push(t('board.battery', { share: percent(robot.battery) }));
   const isHere = /^https?:\/\/(127\.|localhost|\[::1\])/.test(robot.address);
   if (robot.busy || (isHere && robot.link && robot.link !== 'good')) found.push(t('board.busy'));

@@ -20,6 +20,7 @@ const ALL = 'all';
  * @property {string | null} colour
  * @property {string[]} locks
  * @property {string | null} model
+ * @property {Record<string, Record<string, string | number>>} shown  what its pilots chose to show here
  * @property {import('../js/protocol.js').Mode | null} mode
  * @property {'nobody' | 'pilot' | 'robot' | null} driven_by
  * @property {boolean | null} emergency

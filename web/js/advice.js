@@ -129,7 +129,7 @@ function wheelElsewhere(page) {
   return { key: 'wheel_taken', step: 'take', level: 'info' };
 }
 
-/** @typedef {{key: string, move?: string, left?: number, left_s?: number, have?: number, need?: number, n?: number, of?: number}} Told */
+/** @typedef {{key: string, move?: string, left?: number, left_s?: number, have?: number, need?: number, n?: number, of?: number, metres?: string}} Told */
 
 /**
  * What is said while nothing is urgent: how far a lead is, why a countdown has gone back, or what would
@@ -137,9 +137,10 @@ function wheelElsewhere(page) {
  * @param {PageState} page
  * @returns {Told | null}
  */
-export function whatToSay({ robot, lead, readiness, setback }) {
+export function whatToSay({ robot, lead, readiness, setback, told }) {
   if (!robot) return null;
   if (lead?.told) return lead.told;
+  if (told) return told;
   if (setback && robot.mode === 'autonomous') return { key: `setback.${setback}` };
   return teachingAdvice(robot, readiness);
 }

@@ -35,6 +35,7 @@
  * @property {Lead | null} lead
  * @property {import('./readiness.js').Readiness | null} readiness  null before it was asked for
  * @property {string | null} setback  why there is more left to drive alone than a moment ago
+ * @property {import('./advice.js').Told | null} told  what an extension says in place of the advice
  * @property {boolean} isLocal  the page is on the robot's own computer: no link could be slow
  * @property {boolean} hasKeys  a mouse, and so a keyboard
  * @property {string | null} hint  which of the first visit's hints is shown
@@ -67,6 +68,7 @@ export const initialState = () => ({
   lead: null,
   readiness: null,
   setback: null,
+  told: null,
   isLocal: false,
   hasKeys: false,
   hint: null,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from pathlib import Path
 
 import av
@@ -19,16 +20,19 @@ from robot.exchange.film import to_jpeg, write_film, write_look
 from robot.exchange.folder import write_folder
 from robot.exchange.lerobot import CAMERA, write_lerobot
 from robot.exchange.npz import write_npz
+from robot.exchange.own import copy_recording
 from robot.exchange.reading import Reading
 from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.policy.image import to_rgb
 from robot.policy.registry import make_policy
-from robot.recordings.edits import Edit, Notes
+from robot.recordings.editing import write_edited
+from robot.recordings.edits import Edit, Notes, trim
 from robot.recordings.episode import Episode, open_episode, taught_frames
 from robot.recordings.teaching import learn_again
 from robot.simulator.camera import SimCamera
-from robot.types import Encoding, Frame
+from robot.types import Action, Encoding, Frame, Mode
+from tests.robot.recordings.drives import RecordedBench
 
 from .sim_drive import drive_in_simulator
 
@@ -254,3 +258,33 @@ def test_poses_are_drawn_by_foxglove(episode: Episode) -> None:
     assert turn["z"] ** 2 + turn["w"] ** 2 == pytest.approx(1.0)
     stamp = drawn["timestamp"]
     assert stamp["sec"] * 10**9 + stamp["nsec"] == message.log_time
+
+
+def test_what_was_measured_stays_with_every_copy_and_export(tmp_path: Path) -> None:
+    robot = RecordedBench(tmp_path)
+    robot.recorder.write_result("lost", {})  # there is no recording yet
+    robot.start(Mode.TRAIN, 0)
+    for scene in range(30):
+        robot.step(scene, Action.FORWARD)
+        if scene == 20:
+            robot.recorder.write_result("race", {"metres": 1.5, "not": math.nan, "who": [1]})
+    [path] = robot.finish()
+    episode = open_episode(path)
+    [result] = episode.results
+    assert result.pop("at_s") == pytest.approx(20 / 30 * episode.duration_s, abs=0.2)
+    assert result == {"of": "race", "metres": 1.5}
+    with (tmp_path / "edited.mcap").open("wb") as file:
+        write_edited(episode, Notes(edits=(trim(episode.frames, 10, 29),)), file)
+    copy_recording(path, tmp_path / "copy.mcap", ImportReport())
+    for name in ("edited", "copy"):
+        assert [one["metres"] for one in open_episode(tmp_path / f"{name}.mcap").results] == [1.5]
+    write_tub(episode, Notes(), tmp_path / "tub")
+    write_folder(episode, Notes(), tmp_path / "folder")
+    write_lerobot([(episode, Notes())], tmp_path / "set")
+    write_npz(episode, Notes(), tmp_path / "one.npz")
+    tub = json.loads((tmp_path / "tub/manifest.json").read_text().splitlines()[2])
+    assert tub["drivelesson_results"] == episode.results
+    assert json.loads((tmp_path / "folder/results.json").read_text()) == episode.results
+    [row] = json.loads((tmp_path / "set/meta/drivelesson_results.json").read_text())
+    assert row == {"episode": episode.id, **episode.results[0]}
+    assert json.loads(str(np.load(tmp_path / "one.npz")["meta"]))["results"] == episode.results

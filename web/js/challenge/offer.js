@@ -1,9 +1,9 @@
-// Offers the challenge once the robot is ready, and says how a try went. A robot without this extension
-// answers nothing here, and then nothing is offered.
+// Offers the challenge once the robot is ready, says how a try stands, and how it went. A robot without
+// this extension answers nothing here, and then nothing is offered.
 
 import { ask } from '../api.js';
 import { t } from '../i18n.js';
-import { tellTry } from './results.js';
+import { tellNow, tellTry } from './results.js';
 
 const LOOK_MS = 1500;
 
@@ -14,15 +14,22 @@ export function offerChallenge(page) {
   let isOffered = false;
   /** @type {Challenge | null} */
   let before = null;
-  const step = (/** @type {string} */ label) => ({ label, act: () => { location.hash = 'challenge'; } });
+  let said = '';
+  const open = () => { location.hash = 'challenge'; };
+  const armNext = () => ask('POST', 'api/challenge/try').then(look, open);
+  /** @param {string} label @param {() => void} act */
+  const step = (label, act) => ({ label, act });
   const look = async () => {
     const { readiness, screen, lead, link } = page.store.state;
     if (link !== 'open' || screen !== 'drive' || lead || document.hidden || readiness?.stage !== 'ready' && !before) return;
-    const now = await ask('GET', 'api/challenge').catch(() => null);
+    const now = /** @type {Challenge | null} */ (await ask('GET', 'api/challenge').catch(() => null));
+    page.store.set({ told: now && tellNow(now) });
     if (!now?.can_measure) return;
     const count = before && now.tries.length > before.tries.length ? now.tries.length : 0;
-    if (count) page.toast(tellTry(now.tries[count - 1], count, now.tries_of), step(t('screen.challenge')), Infinity);
-    else if (!isOffered && !now.is_armed && !now.is_on && !now.tries.length && readiness?.stage === 'ready') page.toast(t('challenge.offer'), step(t('challenge.open')), Infinity);
+    const next = count < now.tries_of ? step(t('challenge.next'), armNext) : step(t('screen.challenge'), open);
+    if (now.is_on && page.store.state.toast?.text === said) page.store.set({ toast: null });
+    if (count) page.toast((said = tellTry(now.tries[count - 1], count, now.tries_of)), next, Infinity);
+    else if (!isOffered && !now.is_armed && !now.is_on && !now.tries.length && readiness?.stage === 'ready') page.toast((said = t('challenge.offer')), step(t('challenge.open'), open), Infinity);
     isOffered = true;
     before = now;
   };

@@ -29,7 +29,7 @@ export class TeachPanel extends HTMLElement {
       h('span', { class: 'big' }, this.agreement, this.agreementWord), chart,
       h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught'))));
     append(this, [this.summary, h('div', { class: 'says' }, this.advice, this.notice)]);
-    page.store.watch(['robot', 'link', 'way', 'isWatching', 'lead', 'readiness', 'setback', 'hint', 'notice', 'toast', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
+    page.store.watch(['robot', 'link', 'way', 'isWatching', 'lead', 'readiness', 'setback', 'told', 'hint', 'notice', 'toast', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
     // A pilot who is led is not told how well it goes.
     page.store.watch(['agreement', 'lead'], (state) => this.curve?.setAttribute('points', points(state.lead ? [] : state.agreement)));
   }
