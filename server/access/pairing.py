@@ -15,7 +15,7 @@ import re
 import secrets
 import unicodedata
 from collections import OrderedDict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -62,6 +62,10 @@ class _Kind(NamedTuple):
     """True if paired by a class's board, False if by the terminal."""
     owner: bool = False
     """True for the first pilot that the terminal paired."""
+
+
+Sessions = Mapping[str, _Kind]
+"""Sessions by the hash of their secret."""
 
 
 def cookie_name(config: NetworkConfig) -> str:
@@ -159,6 +163,20 @@ class Pairing:
             self._sessions.move_to_end(name)
             self._save()
         return Session(kind.role, name)
+
+    def sign_out_invited(self) -> Sessions:
+        """End the sessions that a class's board has opened; return them for `sign_in`."""
+        ended = {name: kind for name, kind in self._sessions.items() if kind.invited}
+        for name in ended:
+            del self._sessions[name]
+        self._unused -= ended.keys()
+        self._save()
+        return ended
+
+    def sign_in(self, sessions: Sessions) -> None:
+        """Let sessions that were ended go on."""
+        self._sessions = OrderedDict({**sessions, **self._sessions})
+        self._save()
 
     def is_owner(self, name: str) -> bool:
         """True if this is the first pilot that the terminal paired."""

@@ -8,7 +8,7 @@ import struct
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import Any, Literal
 
 from fastapi import FastAPI, HTTPException, Request, WebSocket
 from fastapi.responses import FileResponse, JSONResponse, Response
@@ -17,6 +17,7 @@ from robot.clock import Clock
 from robot.devices.raw_value import RawValue, must_be, text, whole
 from robot.errors import NotFoundError, RobotError
 from server.board.board import Board, BoardViewer
+from server.board.class_models import ClassModels, ClassOrder
 from server.board.model_copy import copy_model
 from server.config import Config
 from server.gateway.gateway import STOP_PATH, gateway_type
@@ -51,6 +52,12 @@ class ModelCopies(RawValue):
     """The robots that get the model."""
 
     to: list[int] = must_be("a list of robots' numbers")
+
+
+class OrderBody(RawValue):
+    """An order to all robots."""
+
+    order: Literal["keep", "reset", "hand_over"] = must_be("keep, reset or hand_over")
 
 
 _ALL = StopOrder()
@@ -132,6 +139,23 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
             await robot.ask("PUT", "/api/class/locks", {"locks": body.locks})
         await robot.refresh()
         return robot.describe()
+
+    models = ClassModels(lambda: list(board.robots.values()), clock)
+
+    @app.get("/api/models")
+    async def last_order() -> dict[str, Any]:
+        """Return the last order to all robots that can be undone."""
+        return models.describe()
+
+    @app.post("/api/models")
+    async def order(body: OrderBody) -> dict[str, Any]:
+        """Have all robots keep their models, start empty ones, or change hands."""
+        return await models.give(ClassOrder(body.order))
+
+    @app.post("/api/models/undo")
+    async def undo() -> dict[str, Any]:
+        """Undo the last order to all robots."""
+        return await models.undo()
 
     @app.post("/api/robots/{number}/copy-model")
     async def take_model(number: int, body: ModelCopies) -> dict[str, Any]:

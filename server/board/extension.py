@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import secrets
 import ssl
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,16 +13,20 @@ from typing import Any
 from fastapi import APIRouter, Depends, HTTPException, Request
 
 from robot.devices.raw_value import RawValue, must_be, text
-from server.access.pairing import Pairing
+from robot.errors import NotFoundError
+from server.access.gateway import NetworkGateway
+from server.access.pairing import Pairing, Sessions
 from server.board.class_key import endpoint, read_class_key
 from server.board.classroom import LOCKS, TEACHER, Classroom
 from server.gateway.guard import role_of
 from server.gateway.roles import Refusal, Role, Session
 from server.routes.answers import Route
-from server.routes.bodies import Short, do
+from server.routes.bodies import Key, Short, do
 from server.services import Extension, Services, services_of
 
 router = APIRouter(prefix="/api/class", route_class=Route)
+_SIGNED_OUT = 10
+"""Number of times that phones were signed out and can be signed in again."""
 
 
 def _require_teacher(request: Request) -> None:
@@ -105,6 +110,32 @@ async def invite(request: Request) -> dict[str, Any]:
     return {"token": token, "valid_s": valid_s}
 
 
+@router.delete("/phones", dependencies=[ONLY_TEACHER])
+async def sign_out(request: Request) -> dict[str, Any]:
+    """Sign out all phones that paired by this class's codes; `undo` lets them go on."""
+    services = services_of(request)
+    pairing = _pairing(services)
+    ended = pairing.sign_out_invited() if pairing is not None else {}
+    key = services.extension(ClassroomExtension).keep_signed_out(ended)
+    if isinstance(services.gateway, NetworkGateway):
+        sockets = services.gateway.admission.sockets
+        for place in sockets:
+            if place.person in ended:
+                sockets.end(place)
+    return {"undo": key, "phones": len(ended)}
+
+
+@router.post("/phones", dependencies=[ONLY_TEACHER])
+async def sign_in(request: Request, body: Key) -> dict[str, Any]:
+    """Let the phones go on that were signed out."""
+    services = services_of(request)
+    sessions = services.extension(ClassroomExtension).take_signed_out(body.undo)
+    pairing = _pairing(services)
+    if pairing is not None:
+        pairing.sign_in(sessions)
+    return {"phones": len(sessions)}
+
+
 def _pairing(services: Services) -> Pairing | None:
     return getattr(services.gateway, "pairing", None)
 
@@ -143,11 +174,24 @@ class ClassroomExtension(Extension):
         if file is not None:
             self.classroom = Classroom(read_class_key(file), services.config.data / "class.json")
         self._services = services
+        self._signed_out: dict[str, Sessions] = {}
         if self.classroom is None:
             return
         services.gateway.credentials.append(self._recognise)
         services.gateway.checks.append(self._check)
         services.gateway.kept.add(TEACHER.value)
+
+    def keep_signed_out(self, sessions: Sessions) -> str:
+        """Keep sessions that were ended, the last few times; return their key."""
+        key = secrets.token_hex(8)
+        self._signed_out = dict([*self._signed_out.items(), (key, sessions)][-_SIGNED_OUT:])
+        return key
+
+    def take_signed_out(self, key: str) -> Sessions:
+        """Return the sessions of a key, once; NotFoundError if there are none."""
+        if key not in self._signed_out:
+            raise NotFoundError("these phones were signed in again, or too long ago signed out")
+        return self._signed_out.pop(key)
 
     def start(self) -> None:
         """Have the class's code pair pilots, now that the gateway is open."""

@@ -21,7 +21,7 @@ async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[st
         One sentence for each robot that failed, which also says what has not changed.
     """
     try:
-        name = _name_in(await source.ask("POST", "/api/models/save", {}))
+        name = name_in(await source.ask("POST", "/api/models/save", {}))
         data = (await source.ask("GET", f"/api/models/{quote(name, safe='')}/file")).body
     except RobotError as error:
         return [f"{source.name} gave no model: {error}"]
@@ -32,7 +32,7 @@ async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[st
 async def _give(target: RobotLink, name: str, data: bytes) -> str | None:
     so_far = "did not take it, nothing changed"
     try:
-        kept = _name_in(await target.ask("PUT", f"/api/models/{quote(name, safe='')}/file", data))
+        kept = name_in(await target.ask("PUT", f"/api/models/{quote(name, safe='')}/file", data))
         so_far = f"has it as {kept} and goes on with its own"
         await target.ask("POST", f"/api/models/{quote(kept, safe='')}/load", {})
     except RobotError as error:
@@ -42,7 +42,8 @@ async def _give(target: RobotLink, name: str, data: bytes) -> str | None:
     return None
 
 
-def _name_in(answer: HttpAnswer) -> str:
+def name_in(answer: HttpAnswer) -> str:
+    """Return the model's name in a robot's answer; UnreachableError if it is not there."""
     name = answer.json().get("name")
     if not isinstance(name, str):
         raise UnreachableError("its answer makes no sense")

@@ -9,7 +9,7 @@ import asyncio
 import contextlib
 import itertools
 import random
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Self, TypeVar
 from urllib.parse import urlsplit
@@ -52,6 +52,7 @@ class VirtualServer:
         rig: Rig | None = None,
         persistence: Persistence | None = None,
         name: str = "robot",
+        options: Mapping[str, Any] | None = None,
     ) -> None:
         if rig is None:
             clock = VirtualClock(100.0)
@@ -68,6 +69,7 @@ class VirtualServer:
             name="bench",
             persistence=persistence,
             gateway=NetworkGateway(config, rig.clock, pairing),
+            options=options,
         )
         self.hub = self.services.hub
         self.app = create_app(self.services)

@@ -6,8 +6,10 @@ import { LANGUAGES, chooseLanguage, language, t } from '../js/i18n.js';
 import { codeOf } from './card.js';
 
 /** @typedef {import('./class-link.js').Robot} Robot */
+/** @typedef {{number: number, name: string, did: string, model: string, detail: string}} Outcome */
 
 const COLOURS = ['grey', 'green', 'purple', 'pink', 'brown', 'teal'];
+const ORDERS = ['keep', 'reset', 'hand_over'];
 const LOCKS = ['settings', 'models', 'gallery', 'recordings'];
 
 export class Panel {
@@ -81,8 +83,33 @@ export class Panel {
     return [
       h('p', {}, t('board.all_hint')),
       this.locks(this.robots),
+      this.lessonEnd(),
       h('div', { class: 'row' }, choice),
     ];
+  }
+
+  /** Keep, reset or hand over all robots in one press; what each did is listed and can be undone. */
+  lessonEnd() {
+    const list = h('ul', { class: 'outcomes', role: 'status' });
+    const undo = h('button', { type: 'button', disabled: true, onclick: () => give('api/models/undo') }, t('board.end.undo'));
+    /** @param {{order: string | null, robots: Outcome[]}} told */
+    const show = ({ order, robots }) => {
+      undo.disabled = order === null || order === 'undo';
+      const bad = robots.filter(({ did }) => did === 'away' || did === 'failed');
+      const good = robots.filter((one) => !bad.includes(one));
+      fill(list, ...[...bad, ...good].map((one) => h('li', { 'data-did': one.did }, t(`board.end.did.${one.did}`, { ...one }), ...(one.detail ? [h('small', {}, ` ${one.detail}`)] : []))));
+    };
+    /** @param {string} path @param {object} [words] */
+    const give = (path, words = {}) => this.attempt(async () => {
+      const told = await ask('POST', path, words);
+      show(told);
+      if (path.endsWith('undo')) undo.disabled = (await ask('GET', 'api/models')).order === null;
+    });
+    ask('GET', 'api/models').then(show, () => {});
+    const rows = ORDERS.map((order) => h('div', { class: 'row order' },
+      h('button', { type: 'button', 'data-order': order, onclick: () => give('api/models', { order }) }, t(`board.end.${order}`)),
+      h('span', {}, t(`board.end.${order}_hint`))));
+    return h('fieldset', {}, h('legend', {}, t('board.end')), ...rows, undo, list);
   }
 
   /** What is locked on all of these robots; each keeps what else is locked on it now. @param {() => Robot[]} those */

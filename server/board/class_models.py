@@ -1,0 +1,222 @@
+"""Keeps, resets or hands over the models of all robots of a class at once, and undoes it.
+
+Every robot is asked at the same time, and nothing is lost: a robot saves its model before it starts
+another one. What was done to a robot is noted step by step, so that an order that failed halfway
+can be undone as well.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from datetime import datetime
+from enum import StrEnum
+from typing import Any
+from urllib.parse import quote
+
+from robot.clock import Clock
+from robot.errors import UNREADABLE, NotFoundError, RobotError
+from server.board.model_copy import name_in
+from server.board.robot_link import RobotLink
+from server.board.stopping import Stopping
+from server.board.teacher_session import Status
+from server.board.transport import UnreachableError, within
+
+PATIENCE_S = 20.0
+"""How long one robot may take for an order, in seconds: it saves and loads a model."""
+_STOP_S, _LOOK_S = 3.0, 0.05
+_MOST_UNDONE = 10
+_LONGEST_NAME = 40
+Undo = Callable[[], Awaitable[None]]
+
+
+class ClassOrder(StrEnum):
+    """What all robots are to do."""
+
+    KEEP = "keep"
+    """Keep a dated copy of the model in use, and go on."""
+    RESET = "reset"
+    """Save the model in use, and start an empty one."""
+    HAND_OVER = "hand_over"
+    """Do the same, and sign out the phones of this class."""
+    LOAD = "load"
+    """Save the model in use, and load a given one."""
+
+
+@dataclass(slots=True)
+class RobotOutcome:
+    """What became of one robot.
+
+    Attributes:
+        did: The order that was done, `undone`, `away` or `failed`.
+        model: The model that was kept or put aside.
+        detail: What went wrong, in English.
+    """
+
+    number: int
+    name: str
+    did: str
+    model: str = ""
+    detail: str = ""
+
+
+@dataclass(slots=True)
+class _Done:
+    """An order, and for each robot the steps that undo it, the first step last."""
+
+    order: ClassOrder
+    steps: dict[int, list[Undo]] = field(default_factory=dict)
+    outcomes: list[RobotOutcome] = field(default_factory=list)
+
+
+class ClassModels:
+    """Gives orders to all robots of a board.
+
+    Args:
+        robots: Returns the robots that there are now.
+    """
+
+    def __init__(self, robots: Callable[[], Sequence[RobotLink]], clock: Clock) -> None:
+        self._robots, self._clock = robots, clock
+        self._done: list[_Done] = []
+        self._lock = asyncio.Lock()
+
+    def describe(self) -> dict[str, Any]:
+        """Return the last order that can be undone, and what became of each robot."""
+        last = self._done[-1] if self._done else None
+        return {
+            "order": last and last.order.value,
+            "robots": [_described(one) for one in last.outcomes] if last else [],
+        }
+
+    async def give(self, order: ClassOrder, data: bytes = b"", name: str = "") -> dict[str, Any]:
+        """Give an order to all robots; `data` is the model to load, and `name` its name."""
+        async with self._lock:
+            done = _Done(order)
+            each = (
+                self._try(robot, done, self._run(order, data, name)) for robot in self._robots()
+            )
+            done.outcomes = list(await asyncio.gather(*each))
+            if any(done.steps.values()):
+                self._done = [*self._done, done][-_MOST_UNDONE:]
+            return {"order": order.value, "robots": [_described(one) for one in done.outcomes]}
+
+    async def undo(self) -> dict[str, Any]:
+        """Undo the last order; robots that do not answer can be asked again."""
+        async with self._lock:
+            if not self._done:
+                raise NotFoundError("there is nothing to undo")
+            last = self._done[-1]
+            waiting = [robot for robot in self._robots() if last.steps.get(robot.number)]
+            tried = [self._try(robot, last, self._undo) for robot in waiting]
+            outcomes = list(await asyncio.gather(*tried))
+            if not any(last.steps.values()):
+                self._done.pop()
+            return {"order": "undo", "robots": [_described(one) for one in outcomes]}
+
+    async def _try(
+        self,
+        robot: RobotLink,
+        done: _Done,
+        act: Callable[[RobotLink, _Done], Awaitable[RobotOutcome]],
+    ) -> RobotOutcome:
+        if robot.status is not Status.THERE:
+            return RobotOutcome(robot.number, robot.name, "away", detail=robot.detail)
+        try:
+            async with within(PATIENCE_S):
+                return await act(robot, done)
+        except UnreachableError as error:
+            return RobotOutcome(robot.number, robot.name, "away", detail=str(error))
+        except RobotError as error:
+            return RobotOutcome(robot.number, robot.name, "failed", detail=str(error))
+        except UNREADABLE as error:
+            detail = f"its answer makes no sense: {error!r}"[:300]
+            return RobotOutcome(robot.number, robot.name, "failed", detail=detail)
+        finally:
+            with suppress(RobotError, *UNREADABLE):
+                async with within():
+                    await robot.refresh()
+
+    def _run(
+        self, order: ClassOrder, data: bytes, name: str
+    ) -> Callable[[RobotLink, _Done], Awaitable[RobotOutcome]]:
+        async def act(robot: RobotLink, done: _Done) -> RobotOutcome:
+            steps = done.steps.setdefault(robot.number, [])
+            if order is ClassOrder.KEEP:
+                return await self._keep(robot, steps)
+            await self._stop(robot)
+            before = name_in(await robot.ask("POST", "/api/models/save", {}))
+            if order is ClassOrder.LOAD:
+                put = await robot.ask("PUT", f"{_model(name)}/file", data)
+                new = name_in(put)
+                await robot.ask("POST", f"{_model(new)}/load", {})
+            else:
+                new = name_in(await robot.ask("POST", "/api/models", {}))
+            lessons = await _lessons(robot, new)
+
+            async def go_back() -> None:
+                await robot.ask("POST", f"{_model(before)}/load", {})
+                if await _lessons(robot, new) == lessons:  # nobody has taught it since
+                    await robot.ask("DELETE", _model(new))
+
+            steps.append(go_back)
+            if order is ClassOrder.HAND_OVER:
+                signed_out = (await robot.ask("DELETE", "/api/class/phones")).json()
+
+                async def sign_in() -> None:
+                    await robot.ask("POST", "/api/class/phones", {"undo": signed_out.get("undo")})
+
+                steps.append(sign_in)
+            return RobotOutcome(robot.number, robot.name, order.value, model=before)
+
+        return act
+
+    async def _keep(self, robot: RobotLink, steps: list[Undo]) -> RobotOutcome:
+        name = name_in(await robot.ask("POST", "/api/models/save", {}))
+        now = datetime.fromtimestamp(self._clock.wall_s())
+        wanted = {"name": f"{name[:_LONGEST_NAME]} {now:%Y-%m-%d %H.%M}"}
+        copy = name_in(await robot.ask("POST", f"{_model(name)}/copy", wanted))
+
+        async def remove() -> None:
+            await robot.ask("DELETE", _model(copy))
+
+        steps.append(remove)
+        return RobotOutcome(robot.number, robot.name, ClassOrder.KEEP.value, model=copy)
+
+    async def _undo(self, robot: RobotLink, done: _Done) -> RobotOutcome:
+        steps = done.steps[robot.number]
+        if done.order is not ClassOrder.KEEP:
+            await self._stop(robot)
+        while steps:
+            await steps[-1]()
+            steps.pop()
+        return RobotOutcome(robot.number, robot.name, "undone")
+
+    async def _stop(self, robot: RobotLink) -> None:
+        """Stop a robot that is not stopped; the teacher's STOP holds until it is released."""
+        if robot.state.get("mode") == "stopped":
+            return
+        robot.stop.press()
+        until_s = self._clock.now_s() + _STOP_S
+        while robot.stop.stage is not Stopping.STOPPED:
+            if self._clock.now_s() > until_s:
+                raise UnreachableError("it did not stop, so nothing was changed")
+            await self._clock.pause(_LOOK_S)
+
+
+def _model(name: str) -> str:
+    return f"/api/models/{quote(name, safe='')}"
+
+
+async def _lessons(robot: RobotLink, name: str) -> int | None:
+    """Return the number of examples of a model; None if it is gone."""
+    for model in (await robot.ask("GET", "/api/models")).json().get("models", []):
+        if isinstance(model, dict) and model.get("name") == name:
+            return int(model["lessons"]) if isinstance(model.get("lessons"), int) else None
+    return None
+
+
+def _described(outcome: RobotOutcome) -> dict[str, Any]:
+    return {name: getattr(outcome, name) for name in ("number", "name", "did", "model", "detail")}

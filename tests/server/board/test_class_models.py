@@ -1,0 +1,164 @@
+"""All robots of a class keep, reset or hand over their models in one press, and back again."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.errors import NotFoundError
+from robot.types import Action, Example, Mode
+from server.access.pairing import Paired, Pairing
+from server.board.class_models import ClassModels, ClassOrder
+from server.board.classroom import Classroom
+from server.board.robot_link import RobotLink
+from server.board.teacher_session import Status, TeacherSession
+from server.board.transport import RobotAddress
+from server.config import Config
+from tests.server.virtual_server import WEB, VirtualServer
+
+from .classroom_world import KEY, VirtualNetwork
+
+
+class _Elsewhere:
+    """A robot that does not answer as ours do."""
+
+    def __init__(self, port: int, fault: str) -> None:
+        self.port, self.fault = port, fault
+
+
+class _Class:
+    """One real robot, one that has just gone, one that refuses, and one that is away."""
+
+    def __init__(self, data: Path) -> None:
+        self.pairing = Pairing(10)
+        self.pairing.standing_code = KEY.code
+        config, options = Config(port=0, web=WEB, data=data), {"classroom": Classroom(KEY)}
+        self.server = VirtualServer(config, self.pairing, data, name="R1", options=options)
+        self.links: list[RobotLink] = []
+
+    def meet(self) -> ClassModels:
+        server = self.server
+        others = [_Elsewhere(1, "gone"), _Elsewhere(2, "refuses"), _Elsewhere(3, "gone")]
+        pupils = {one.port: one for one in (server, *others)}
+        server.fault = "none"  # type: ignore[attr-defined]
+        network: Any = VirtualNetwork(pupils, server.dice)
+
+        async def join() -> ClassModels:
+            for number, port in enumerate(pupils, 1):
+                session = TeacherSession(RobotAddress("127.0.0.1", port), KEY, network)
+                news = (lambda *_: None, lambda *_: None, asyncio.Event())
+                link = RobotLink(number, session, server.clock, *news)
+                link.name, link.status, link.state = f"R{number}", Status.THERE, {"mode": "stopped"}
+                if port == server.port:
+                    await session.join()
+                else:
+                    session.place, session._secret = await network.locate(link.address), "s"
+                self.links.append(link)
+            self.links[-1].status = Status.AWAY
+            return ClassModels(lambda: self.links, server.clock)
+
+        return server.run(join())
+
+    def teach(self, lessons: int) -> None:
+        loop, camera = self.server.rig.loop, self.server.camera
+        self.server.wait_until(lambda: camera.latest() is not None)
+
+        def teach() -> None:
+            frame = camera.latest()
+            assert frame is not None
+            x = loop.history.policy.extract(frame)
+            for i in range(lessons):
+                example = Example(frame_id=i, label=Action.LEFT, is_intervention=False)
+                loop.history.teach(example, x + i, i * 0.05)
+
+        self.server.ask_loop(teach)
+
+    @property
+    def lessons(self) -> int:
+        return self.server.ask_loop(lambda: self.server.rig.loop.history.n_examples)
+
+    def names(self) -> list[str]:
+        return sorted(self.server.persistence.models.names())
+
+    def give(self, models: ClassModels, order: ClassOrder, *more: Any) -> list[dict[str, Any]]:
+        robots: list[dict[str, Any]] = self.server.run(models.give(order, *more))["robots"]
+        return robots
+
+    def undo(self, models: ClassModels) -> list[dict[str, Any]]:
+        robots: list[dict[str, Any]] = self.server.run(models.undo())["robots"]
+        return robots
+
+    def phone(self) -> str:
+        paired = self.pairing.redeem(KEY.code, self.server.clock.now_s())
+        assert isinstance(paired, Paired)
+        return paired.secret
+
+
+@pytest.mark.parametrize(
+    "order", [ClassOrder.KEEP, ClassOrder.RESET, ClassOrder.HAND_OVER, ClassOrder.LOAD]
+)
+def test_each_robot_is_named_with_what_it_did_and_it_can_be_undone(
+    order: ClassOrder, tmp_path: Path
+) -> None:
+    group = _Class(tmp_path)
+    with group.server:
+        models, phone = group.meet(), group.phone()
+        group.teach(12)
+        group.server.persistence.autosave.save()
+        given = group.server.persistence.models.read_file("R1") if order is ClassOrder.LOAD else b""
+        ours, gone, odd, away = group.give(models, order, given, "left turns")
+        assert (ours["name"], ours["did"]) == ("R1", order.value) and ours["model"]
+        assert [one["did"] for one in (gone, odd, away)] == ["away", "failed", "away"]
+        assert gone["name"] == "R2" and "refused" in gone["detail"]
+        assert models.describe() == {"order": order.value, "robots": [ours, gone, odd, away]}
+        assert group.lessons == (0 if order in (ClassOrder.RESET, ClassOrder.HAND_OVER) else 12)
+        assert len(group.names()) == 2 and "R1" in group.names(), "nothing is lost"
+        is_signed_out = group.pairing.find(phone) is None
+        assert is_signed_out is (order is ClassOrder.HAND_OVER)
+        [back] = group.undo(models)
+        assert (back["number"], back["did"]) == (1, "undone")
+        assert group.lessons == 12 and group.names() == ["R1"]
+        assert group.pairing.find(phone) is not None
+        assert models.describe() == {"order": None, "robots": []}
+        with pytest.raises(NotFoundError):
+            group.undo(models)
+
+
+def test_what_was_taught_since_survives_an_undo_and_who_was_away_can_be_asked_again(
+    tmp_path: Path,
+) -> None:
+    group = _Class(tmp_path)
+    with group.server:
+        models = group.meet()
+        group.teach(12)
+        group.give(models, ClassOrder.RESET)
+        group.teach(3)
+        group.server.fault = "gone"  # type: ignore[attr-defined]
+        assert [one["did"] for one in group.undo(models)] == ["away"]
+        group.server.fault = "none"  # type: ignore[attr-defined]
+        assert [one["did"] for one in group.undo(models)] == ["undone"]
+        assert group.lessons == 12 and len(group.names()) == 2
+
+
+def test_a_robot_that_drives_is_stopped_first_and_one_that_does_not_stop_is_left_alone(
+    tmp_path: Path,
+) -> None:
+    group = _Class(tmp_path)
+    with group.server:
+        models = group.meet()
+        group.teach(12)
+        [link, *_] = group.links
+        link.state, press = {"mode": "train"}, link.stop.press
+        link.stop.press = lambda: None  # type: ignore[method-assign]
+        outcome, *_ = group.give(models, ClassOrder.RESET)
+        assert outcome["did"] == "away" and "did not stop" in outcome["detail"]
+        assert group.lessons == 12
+        link.stop.press = press  # type: ignore[method-assign]
+        group.server.set_mode(Mode.TRAIN)
+        outcome, *_ = group.give(models, ClassOrder.RESET)
+        assert outcome["did"] == "reset" and group.lessons == 0
+        assert group.server.rig.loop.state.emergency, "the teacher releases it"
+        link.stop.close()
