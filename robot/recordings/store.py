@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
-from robot.errors import ConfigurationError, NotFoundError, told_as
+from robot.errors import ConfigurationError, NotFoundError, RecordingError, told_as
 from robot.recordings.editing import write_edited
 from robot.recordings.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.recordings.episode import Episode, open_episode
 from robot.recordings.folder import NAME
 from robot.recordings.reader import has_end
+from robot.recordings.reading import being_read
 from robot.recordings.summary import EpisodeSummary, read_summary
 from robot.store.folder import Storage, check_name, free_name, paths_in, size_of, whole_file
 from robot.store.lock import FolderLock
@@ -25,6 +26,16 @@ _OPEN_EPISODES, _DESCRIBED = 2, 2**16
 """Sizes of the caches: of open recordings, and of their entries in the list."""
 _READ_WHOLE_BYTES = 2 * 2**20
 """Size, in bytes, above which only the beginning of a recording in progress is read."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Deleted:
+    """The outcome of a deletion: the deleted episodes, the key that restores them all, and why
+    others were kept."""
+
+    ids: tuple[str, ...]
+    key: str | None
+    kept: Mapping[str, str]
 
 
 class EpisodeStore:
@@ -57,8 +68,7 @@ class EpisodeStore:
         for path in self._paths():
             with contextlib.suppress(OSError):  # it is gone
                 found.append(self._describe(path))
-        # A copy made by a file synchroniser has a longer name, and is listed after its original.
-        return sorted(found, key=lambda s: (-s.started_at_s, len(s.id), s.id))
+        return sorted(found, key=lambda s: (-s.started_at_s, s.is_copy, len(s.id), s.id))
 
     def summary(self, episode_id: str) -> EpisodeSummary:
         """Describe one episode; raises OSError if it is gone."""
@@ -117,17 +127,41 @@ class EpisodeStore:
             write_notes(path, notes)
             return notes
 
-    def delete(self, episode_id: str) -> str:
-        """Move an episode to the trash; return the key for `restore`."""
+    def delete(self, *episode_ids: str) -> Deleted:
+        """Move episodes to the trash together, except those that cannot be deleted now.
+
+        ConfigurationError if it is only one, and that cannot be deleted.
+        """
+        wanted = list(dict.fromkeys(episode_ids))
+        paths: dict[str, Path] = {}
+        kept: dict[str, str] = {}
+        for episode_id in wanted:
+            try:
+                paths[episode_id] = self._deletable(episode_id)
+            except (ConfigurationError, NotFoundError, RecordingError) as error:
+                if len(wanted) == 1:
+                    raise
+                kept[episode_id] = str(error)
+        files = [file for path in paths.values() for file in (path, notes_path(path))]
+        key = self._storage.discard(*files) if files else None
+        return Deleted(ids=tuple(paths), key=key, kept=kept)
+
+    def _deletable(self, episode_id: str) -> Path:
         path = self._idle_path(episode_id)
         if read_notes(path).is_protected:
             raise ConfigurationError("this recording is protected; remove the protection first")
-        return self._storage.discard(path, notes_path(path))
+        return path
 
-    def restore(self, key: str) -> str:
-        """Restore a deleted episode; return its name, a new one if the old one is in use."""
+    def restore(self, key: str) -> list[str]:
+        """Restore the episodes that were deleted together; return their names, new ones where the
+        old ones are in use."""
         with self._lock:
             return self._storage.restore(key, self._storage.folder(NAME), ".mcap")
+
+    def trash(self) -> list[str]:
+        """Return the keys of the deleted episodes, in the order of deletion."""
+        trash = self._storage.trash
+        return [key for key in self._storage.deleted() if any((trash / key).glob("*.mcap"))]
 
     def compact(self, episode_id: str) -> str:
         """Apply the edits to the recording; the returned key restores the original."""
@@ -205,6 +239,10 @@ class EpisodeStore:
         if episode_id == self._recording():
             raise ConfigurationError("this episode is being recorded; stop the robot and wait")
         path = self.path(episode_id)
+        if path.name in being_read(path.parent):
+            raise ConfigurationError(
+                "this recording is being downloaded, exported or taught again; wait for its end"
+            )
         if self._is_recorder or has_end(path):
             return path
         unfinished = told_as(ConfigurationError, "this episode is not finished", ConfigurationError)

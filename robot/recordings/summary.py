@@ -6,6 +6,7 @@ import contextlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from robot.recordings.episode import open_episode, seconds_in, taught_frames
 from robot.recordings.messages import RUN, SUMMARY
 from robot.recordings.reader import Metadata, read_metadata, scan
 from robot.recordings.writer import describe_content
+from robot.store.folder import fold
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +41,15 @@ class EpisodeSummary:
     source: str = ""
     is_readable: bool = True
     damage: str | None = None
+    is_copy: bool = False
+    """True if its file was recorded under another name, as a synchroniser's conflict copy was."""
+
+    def matches(self, text: str) -> bool:
+        """True if each word of a text occurs in its name, title, date, labels, robot or learner."""
+        began = datetime.fromtimestamp(self.started_at_s).isoformat(" ", "seconds")
+        about = (self.id, self.title, began, *self.taught, self.robot, self.learner, self.source)
+        haystack = fold(" ".join(about))
+        return all(word in haystack for word in fold(text).split())
 
 
 def read_summary(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
@@ -63,6 +74,7 @@ def read_summary(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
         title=notes.title,
         is_protected=notes.is_protected,
         edits=len(notes.edits),
+        is_copy=facts.pop("episode", "") not in ("", path.stem),
         **facts,
     )
 
@@ -88,6 +100,7 @@ def _read_ends(path: Path) -> dict[str, Any]:
 
 def _facts(run: Mapping[str, str], content: Mapping[str, str]) -> dict[str, Any]:
     return {
+        "episode": run.get("episode", ""),
         "started_at_s": seconds_in(run.get("started_at_s", "0")),
         "robot": run.get("robot", ""),
         "learner": run.get("learner", ""),

@@ -16,6 +16,7 @@ import unicodedata
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain, count
 from pathlib import Path
 from threading import get_native_id
 from typing import BinaryIO
@@ -33,7 +34,8 @@ Drivelesson stores here what robots were taught.
 
 models/     one folder a model, versions as NumPy .npz files (no pickles): open with numpy.load
 exports/    files exported for other programs
-trash/      deleted files; move them back, or delete them for good
+trash/      deleted files; move them back, or delete them for good. They go by themselves
+            after {days} days
 {folders}
 All files can be copied and moved while the program does not run.{secrets}
 """
@@ -41,6 +43,10 @@ FOLDERS = "drivelesson.folders"
 """Group of the entry points for the extensions' own folders in the data folder, each a
 `FolderKind`."""
 
+TRASH_DAYS = 30
+"""Time after which what was deleted leaves the trash for good, in days: a month of lessons in which
+a class notices that something is missing."""
+_DAY_NS = 86_400 * 10**9
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
 """Most characters of a name (`check_name`), and of the ending added to it in its folder."""
@@ -91,7 +97,7 @@ def _readme() -> str:
     lines = [f"{kind.name + '/':12}{kind.about}\n" for kind in kinds if kind.about]
     secrets = ", ".join(secret for kind in kinds for secret in kind.secrets)
     keep = f" These are\nsecret, do not share them: {secrets}." if secrets else ""
-    return _README.format(folders="".join(lines), secrets=keep)
+    return _README.format(folders="".join(lines), secrets=keep, days=TRASH_DAYS)
 
 
 def default_root() -> Path:
@@ -138,6 +144,14 @@ def free_name(wanted: str, taken: set[str]) -> str:
         candidate = wanted[: _LONGEST_NAME - len(ending)].rstrip() + ending
         number += 1
     return candidate
+
+
+def free_path(folder: Path, stem: str, ending: str) -> Path:
+    """Return the first of `stem`, `stem-2` and so on that is not taken in a folder."""
+    names = chain([stem], (f"{stem}-{again}" for again in count(2)))
+    return next(
+        path for path in (folder / f"{name}{ending}" for name in names) if not path.exists()
+    )
 
 
 def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:
@@ -336,10 +350,11 @@ class Storage:
         return found
 
     def sweep(self) -> None:
-        """Remove what is `half_done`."""
+        """Remove what is `half_done`, and what has been in the trash for `TRASH_DAYS`."""
         for path in self.half_done():
             with contextlib.suppress(OSError):
                 path.unlink()
+        self.empty_trash(older_than_days=TRASH_DAYS)
 
     def usage(self) -> dict[str, int]:
         """Return the bytes of each folder and of the trash, and of the disk's `free` space."""
@@ -349,25 +364,37 @@ class Storage:
         return {**sizes, "free": free}
 
     def discard(self, *paths: Path) -> str:
-        """Move files or folders to the trash together; return the key for `restore`."""
+        """Move files or folders to the trash together, or none of them (OSError).
+
+        Returns the key for `restore`. What was deleted `TRASH_DAYS` ago is deleted for good.
+        """
+        self.empty_trash(older_than_days=TRASH_DAYS)
         after = int(max(self.deleted(), default="0")) + 1  # the clock may have been set back
         key = f"{max(after, time.time_ns()):020d}"
         place = self.trash / key
         place.mkdir()
-        for path in paths:
-            if path.exists():
-                move(path, place / path.name)
+        moved: list[Path] = []
+        try:
+            for path in paths:
+                if path.exists():
+                    move(path, place / path.name)
+                    moved.append(path)
+        except OSError:
+            for path in moved:
+                move(place / path.name, path)
+            shutil.rmtree(place, ignore_errors=True)
+            raise
         return key
 
     def deleted(self) -> list[str]:
         """Return the keys of the items in the trash, in the order of deletion."""
         return [path.name for path in paths_in(self.trash) if _KEY.fullmatch(path.name)]
 
-    def restore(self, key: str, folder: Path, ending: str = "") -> str:
-        """Move a deleted file with this ending back, or a folder; return its name without it.
+    def restore(self, key: str, folder: Path, ending: str = "") -> list[str]:
+        """Move the files with this ending back that were deleted together, or a folder.
 
-        It gets a new name if the old one is in use. Raises NotFoundError if it was restored or
-        emptied, or belongs elsewhere.
+        Returns their names without the ending: new ones where the old ones are in use. Raises
+        NotFoundError if they were restored or emptied, or belong elsewhere.
         """
         place = self.trash / key
         if not _KEY.fullmatch(key) or not place.is_dir():
@@ -377,22 +404,37 @@ class Storage:
         ]
         if not found:
             raise NotFoundError(f"that does not belong to the {folder.name}")
-        old = found[0].name.removesuffix(ending)
-        new = free_name(old, {path.name.removesuffix(ending) for path in paths_in(folder)})
+        taken = {path.name.removesuffix(ending) for path in paths_in(folder)}
+        names: dict[str, str] = {}
+        for old in (path.name.removesuffix(ending) for path in found):
+            names[old] = free_name(old, taken)
+            taken.add(names[old])
         for path in paths_in(place):
-            move(path, folder / path.name.replace(old, new, 1))
+            owners = [old for old in names if path.name == old or path.name.startswith(f"{old}.")]
+            old = max(owners, key=len, default="")
+            move(path, folder / (names.get(old, "") + path.name[len(old) :]))
         shutil.rmtree(place, ignore_errors=True)
-        return new
+        return list(names.values())
 
     def _ours_in_trash(self) -> list[Path]:
         """List deleted items and unpacked imports; folders of other programs are left alone."""
         found = paths_in(self.trash)
         return [p for p in found if _KEY.fullmatch(p.name) or p.name.startswith(SCRATCH)]
 
-    def empty_trash(self) -> int:
-        """Empty the trash for good; return the number of bytes freed."""
+    def trash_bytes(self) -> int:
+        """Return what emptying the trash would free."""
+        return sum(map(_size, self._ours_in_trash()))
+
+    def empty_trash(self, older_than_days: float = 0.0) -> int:
+        """Delete for good what is in the trash, or what is older; return the bytes freed."""
+        places = self._ours_in_trash()
+        if older_than_days:
+            latest = f"{max(0, time.time_ns() - round(older_than_days * _DAY_NS)):020d}"
+            places = [p for p in places if _KEY.fullmatch(p.name) and p.name < latest]
+            if not places:
+                return 0
         size = _size(self.trash)
-        for place in self._ours_in_trash():
+        for place in places:
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
                     FolderLock(place).start()  # refuses while an import unpacks there

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import itertools
 import re
 import shutil
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.columns import NAMES as MEANINGS
@@ -24,10 +24,12 @@ from robot.exchange.sources import Source, find_drives, unpacked
 from robot.exchange.timeline import make_timeline
 from robot.exchange.tub import write_tub
 from robot.recordings.editing import EpisodeFrame, moments
+from robot.recordings.reading import reading
 from robot.recordings.store import EpisodeStore
-from robot.store.folder import Storage, check_name
+from robot.recordings.teaching import EditedEpisode
+from robot.store.folder import Storage, check_name, free_path
 from server.cli.parser import progress, whole
-from server.recordings.selection import EPISODE_HELP, EpisodeVerb, find_episodes
+from server.recordings.selection import EPISODE_HELP, EpisodeVerb, find_paths, open_all
 
 EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "tub": (write_tub, "records", ("taught_only",)),
@@ -148,19 +150,27 @@ def _tidy(name: str) -> str:
 
 
 def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    episodes = find_episodes(store, args.episodes)
-    if len(episodes) > 1 and args.form != "lerobot":
+    paths = find_paths(store, args.episodes)
+    if len(paths) > 1 and args.form != "lerobot":
         raise ConfigurationError(f"--as {args.form} takes one episode at a time")
-    write, what, takes = EXPORTS[args.form]
+    _, _, takes = EXPORTS[args.form]
     options = {n: value for n in FLAGS if (value := getattr(args, n)) not in (None, "")}
     if strange := [FLAGS[name] for name in options if name not in takes]:
         raise ConfigurationError(f"--as {args.form} takes no {', '.join(strange)}; leave it out")
-    out = args.out or _free_path(storage.exports, episodes[0][0].id, args.form)
+    out = args.out or _default_path(storage.exports, paths[0].stem, args.form)
     if args.form == "film":
         check_suffix(out)
     if out.exists():
         raise ConfigurationError(f"{out} exists already; choose another with --out")
-    given = [episodes] if args.form == "lerobot" else episodes[0]
+    with reading(paths):
+        _export(args.form, open_all(paths), out, options, args.fps)
+
+
+def _export(
+    form: str, episodes: list[EditedEpisode], out: Path, options: dict[str, Any], fps: int | None
+) -> None:
+    write, what, _ = EXPORTS[form]
+    given = [episodes] if form == "lerobot" else episodes[0]
     total = sum(len(episode.frames) for episode, _ in episodes)
     refusing = told_as(ConfigurationError, f"cannot write {out}")
     showing = progress(total, "picture", "episodes", "episodes")
@@ -171,14 +181,14 @@ def export_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Stor
         bar.update(total - bar.n)  # what was left out is done, too
     print(f"{out}: {made} {what}")
     sizes = set[tuple[int, int]]().union(*(episode.frames.sizes for episode, _ in episodes))
-    if len(sizes) > 1 and args.form in ("film", "lerobot"):
+    if len(sizes) > 1 and form in ("film", "lerobot"):
         print(f"  pictures of {len(sizes)} sizes were scaled to that of the first")
-    for episode, notes in episodes if args.form in TIMED else ():
-        times_s = [m.at_s for m in moments(episode, notes) if TIMED[args.form](m)]
+    for episode, notes in episodes if form in TIMED else ():
+        times_s = [m.at_s for m in moments(episode, notes) if TIMED[form](m)]
         line = make_timeline(times_s)
         if line.remark:
             print(f"  {episode.id}: {line.remark}")
-        if args.form == "lerobot" and line.fps != (rate := args.fps or FPS):
+        if form == "lerobot" and line.fps != (rate := fps or FPS):
             print(f"  {episode.id}: {line.fps} pictures a second became {rate}; --fps says another")
 
 
@@ -195,12 +205,9 @@ def _beside(path: Path) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _free_path(folder: Path, episode_id: str, form: str) -> Path:
+def _default_path(folder: Path, episode_id: str, form: str) -> Path:
     ending = {"film": ".mp4", "npz": ".npz"}.get(form, "")
-    stem = re.sub(r"\s+", "-", f"{episode_id}-{form}")
-    names = itertools.chain([stem], (f"{stem}-{again}" for again in itertools.count(2)))
-    paths = (folder / f"{name}{ending}" for name in names)
-    return next(path for path in paths if not path.exists())
+    return free_path(folder, re.sub(r"\s+", "-", f"{episode_id}-{form}"), ending)
 
 
 EXPORT = EpisodeVerb("write episodes for other programs", configure_export, export_episodes)

@@ -3,30 +3,50 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 from robot.entry_points import points
-from robot.errors import ConfigurationError
+from robot.errors import ConfigurationError, told_as
+from robot.recordings.archive import zip_recordings
 from robot.recordings.editing import EpisodeFrame, edit_of, labels, sample
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
 from robot.recordings.folder import NAME
+from robot.recordings.reading import reading
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import EpisodeSummary
-from robot.store.folder import Storage, default_root, size_of
+from robot.store.folder import (
+    TRASH_DAYS,
+    Storage,
+    default_root,
+    free_path,
+    size_of,
+    whole_file,
+)
 from server.cli.parser import number
-from server.recordings.selection import EPISODE_HELP, EpisodeVerb, add_data, find_episodes, find_id
+from server.recordings.selection import (
+    EPISODE_HELP,
+    EpisodeVerb,
+    add_data,
+    add_several,
+    find_episodes,
+    find_id,
+    find_ids,
+)
 
 _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": "."}
 _AXIS = 96
 _RANGED = {
     "trim": "keep only a range; `undo` takes it back",
-    "delete": "delete a range, or without --from and --to all of it",
+    "delete": "delete a range, or without --from and --to all of it, or of several",
     "relabel": "give a range another label; `undo` takes it back",
 }
+_SEARCH_HELP = "those with these words in name, title, date, labels, robot or learner"
 VERBS = "drivelesson.episode-commands"
 """Entry points of further verbs: each an `EpisodeVerb`."""
 
@@ -42,10 +62,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         add_data(made)
         return made
 
-    add("list", list_episodes, "list all episodes, the newest first", of_one=False)
+    listed = add("list", list_episodes, "list all episodes, the newest first", of_one=False)
+    listed.add_argument("--search", metavar="TEXT", help=_SEARCH_HELP)
     add("show", show, "show one along its time: labels, and what the robot said")
     for verb, text in _RANGED.items():
-        ranged = add(verb, edit, text)
+        ranged = add(verb, edit, text, of_one=verb != "delete")
+        if verb == "delete":
+            add_several(ranged)
         for flag, dest in (("--from", "first_s"), ("--to", "last_s")):
             text = "seconds from the start"
             ranged.add_argument(flag, dest=dest, type=number(least=0), metavar="S", help=text)
@@ -53,7 +76,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
             text = "name of a move, such as left"
             ranged.add_argument("--label", required=True, metavar="MOVE", help=text)
     add("undo", undo, "take the last edit back")
-    restore = add("restore", restore_episode, "bring a deleted episode back", of_one=False)
+    zipped = add("zip", write_zip, "write several into one zip file, with edits", of_one=False)
+    add_several(zipped)
+    zipped.add_argument("--out", type=Path, metavar="FILE", help="new file (default: in exports/)")
+    text = "delete them once the zip file is complete; `restore` brings them back"
+    zipped.add_argument("--delete", action="store_true", help=text)
+    restore = add("restore", restore_episode, "bring back what was deleted", of_one=False)
     restore.add_argument("key", nargs="?", metavar="WORD", help="as `delete` printed it")
     add("compact", compact, "work the edits into the recording")
     add("title", set_title, "give one a title").add_argument("title")
@@ -64,7 +92,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         added.configure(add(point.name, added.run, added.help, of_one=False))
     budget = add("budget", show_budget, "what is kept, and what could go", of_one=False)
     budget.add_argument("--gigabytes", type=number(least=0), help="space for episodes")
-    add("empty-trash", empty_trash, "delete for good what was deleted", of_one=False)
+    text = f"delete for good what was deleted; after {TRASH_DAYS} days it goes by itself"
+    add("empty-trash", empty_trash, text, of_one=False)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -92,6 +121,8 @@ def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storag
     if not summaries:
         print(f"no episodes in {storage.folder(NAME)}")
         return
+    if args.search:
+        summaries = [one for one in summaries if one.matches(args.search)]
     print(f"{'episode':27} {'began':16} {'length':>8} {'frames':>6} {'taught':>6} {'MB':>7}  notes")
     for summary in summaries:
         began = "unknown"
@@ -101,6 +132,19 @@ def list_episodes(args: argparse.Namespace, store: EpisodeStore, storage: Storag
             f"{summary.id:27} {began:16} {summary.duration_s:7.1f}s {summary.frames:6} "
             f"{sum(summary.taught.values()):6} {summary.bytes / 1e6:7.1f}  {_remarks(summary)}"
         )
+    taught = sum(sum(one.taught.values()) for one in summaries)
+    print(
+        f"{_count(len(summaries)):27} {'':16} {sum(one.duration_s for one in summaries):7.1f}s "
+        f"{sum(one.frames for one in summaries):6} {taught:6} {_megabytes(summaries):7.1f}"
+    )
+
+
+def _count(number: int) -> str:
+    return f"{number} episode{'s' * (number != 1)}"
+
+
+def _megabytes(summaries: Iterable[EpisodeSummary]) -> float:
+    return sum(one.bytes for one in summaries) / 1e6
 
 
 def _print_half_done(storage: Storage) -> None:
@@ -154,16 +198,51 @@ def _letter(move: str | None) -> str:
 # Editing -----------------------------------------------------------------------------------------
 
 
-def edit(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    episode_id = find_id(store, args.episode)
-    if args.verb == "delete" and args.first_s is None and args.last_s is None:
-        key = store.delete(episode_id)
-        print(f"{episode_id} is in the trash; back with: drivelesson episodes restore {key}")
-        return
+def edit(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
+    if args.verb == "delete":
+        episode_ids = find_ids(store, args)
+        if args.first_s is None and args.last_s is None:
+            return _delete(store, episode_ids)
+        if len(episode_ids) != 1:
+            raise ConfigurationError("--from and --to are for one episode")
+        [episode_id] = episode_ids
+    else:
+        episode_id = find_id(store, args.episode)
     episode = store.open(episode_id)
     label = args.label if args.verb == "relabel" else None
     change = edit_of(args.verb, _range(args, episode), episode, label)
     _print_edits(store.edit(episode_id, change))
+    return 0
+
+
+def _delete(store: EpisodeStore, episode_ids: Sequence[str]) -> int:
+    """Delete several; the exit status is 1 if some were kept."""
+    chosen = {one.id: one for one in store.summaries()}
+    gone = store.delete(*episode_ids)
+    for episode_id, why in gone.kept.items():
+        print(f"{episode_id} was kept: {why}", file=sys.stderr)
+    if gone.key is not None:
+        size = _megabytes(chosen[one] for one in gone.ids if one in chosen)
+        what = gone.ids[0] if len(gone.ids) == 1 else _count(len(gone.ids))
+        print(
+            f"{what} ({size:.1f} MB) moved to the trash for {TRASH_DAYS} days; "
+            f"back with: drivelesson episodes restore {gone.key}"
+        )
+    return 1 if gone.kept else 0
+
+
+def write_zip(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
+    out = args.out or free_path(storage.exports, "recordings", ".zip")
+    if out.exists():
+        raise ConfigurationError(f"{out} exists already; choose another with --out")
+    episode_ids = find_ids(store, args)
+    paths = [store.path(episode_id) for episode_id in episode_ids]
+    refusing = told_as(ConfigurationError, f"cannot write {out}")
+    with refusing, reading(paths), whole_file(out) as file:
+        for block in zip_recordings(paths):
+            file.write(block)
+    print(f"{out}: {_count(len(paths))}, {size_of(out) / 1e6:.1f} MB")
+    return _delete(store, episode_ids) if args.delete else 0
 
 
 def undo(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
@@ -179,9 +258,9 @@ def _edits(count: int) -> str:
 
 
 def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Restore a deleted episode; without a key, the one deleted last."""
-    keys = [key for key in storage.deleted() if any((storage.trash / key).glob("*.mcap"))]
-    print(f"{store.restore(args.key or max(keys, default=''))} is back")
+    """Restore deleted episodes; without a key, those deleted last."""
+    for episode_id in store.restore(args.key or max(store.trash(), default="")):
+        print(f"{episode_id} is back")
 
 
 def compact(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:

@@ -14,6 +14,7 @@ from robot.policy.policy import Policy
 from robot.policy.registry import make_policy
 from robot.recordings.comparison import Comparison, compare
 from robot.recordings.edits import Notes
+from robot.recordings.reading import reading
 from robot.recordings.store import EpisodeStore
 from robot.recordings.teaching import EditedEpisode, Report, count_steps, learn_again, plan
 from robot.store.models.model import Model, take_model
@@ -84,9 +85,10 @@ class _Run:
     def work(self) -> None:
         """Compare, then train on everything; on a thread of its own."""
         try:
-            self._comparison = compare(self._episodes, self._new_policy, self._step)
-            policy = self._new_policy()
-            self._report = learn_again(policy, self._episodes, on_step=self._step)
+            with reading([episode.path for episode, _ in self._episodes]):
+                self._comparison = compare(self._episodes, self._new_policy, self._step)
+                policy = self._new_policy()
+                self._report = learn_again(policy, self._episodes, on_step=self._step)
             taught = Counter(self._report.taught)
             self.model = take_model(policy, taught, saved_at_s=self._clock.wall_s())
         except Exception as error:  # its learner may be anybody's

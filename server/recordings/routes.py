@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import AsyncIterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
-from fastapi import APIRouter, Depends, Request, Response
-from starlette.responses import FileResponse
+from fastapi import APIRouter, Depends, Query, Request, Response
+from starlette.concurrency import iterate_in_threadpool
+from starlette.responses import FileResponse, StreamingResponse
 
 from robot.devices.png import encode_png
 from robot.devices.raw_value import RawValue, must_be, text
 from robot.driver import describe as describe_moves
+from robot.errors import NotFoundError
 from robot.policy.image import to_rgb
+from robot.recordings.archive import zip_recordings
 from robot.recordings.editing import edit_of, sample
 from robot.recordings.edits import Notes
-from robot.recordings.store import EpisodeStore
+from robot.recordings.reading import reading
+from robot.recordings.store import Deleted, EpisodeStore
 from robot.recordings.summary import EpisodeSummary
+from robot.store.folder import TRASH_DAYS
 from robot.types import Encoding
 from server.recordings.extension import episodes_of
 from server.recordings.part import Recordings
@@ -53,6 +59,12 @@ class EpisodeEdit(RawValue):
     label: str | None = text(None)
 
 
+class EpisodeChoice(RawValue):
+    """Several episodes."""
+
+    episodes: list[str] = must_be("a list of episodes' ids")
+
+
 class EpisodeSplit(RawValue):
     """The first frame of the second part."""
 
@@ -85,7 +97,9 @@ class EpisodeAnswer:
 class EpisodeList:
     """All episodes, the newest first, and the state of the recording.
 
-    `offered` are those that could be deleted if they are too much for the disk.
+    `offered` are those that could be deleted if they are too much for the disk. `undo` is the key
+    of the episodes deleted last, and `trash_bytes` what emptying the trash would free, which
+    happens by itself after so many `days`.
     """
 
     recording: str | None
@@ -93,6 +107,28 @@ class EpisodeList:
     dropped_frames: int
     episodes: list[EpisodeAnswer]
     offered: list[str]
+    trash_bytes: int
+    undo: str | None
+    days: int
+
+
+@dataclass
+class DeletedEpisodes:
+    """The deleted episodes, and the key that restores them together within so many `days`; and why
+    others were kept, by id."""
+
+    undo: str | None
+    deleted: list[str]
+    kept: dict[str, str]
+    days: int
+
+
+@dataclass
+class RestoredEpisodes:
+    """The names of the restored episodes; `id` is the first."""
+
+    id: str
+    ids: list[str]
 
 
 @dataclass
@@ -135,6 +171,7 @@ async def _store_of(request: Request) -> EpisodeStore:
 
 
 STORE: Any = Depends(_store_of)
+CHOSEN: Any = Query([])
 
 
 def _describe(summary: EpisodeSummary, recording: str | None = None) -> EpisodeAnswer:
@@ -159,15 +196,51 @@ def list_episodes(request: Request) -> Response:
         dropped_frames=recorder.lost["frames"],
         episodes=[_describe(one, recorder.episode_id) for one in part.episodes.summaries()],
         offered=[one.id for one in part.episodes.offered()],
+        trash_bytes=persistence_of(request).storage.trash_bytes(),
+        undo=max(part.episodes.trash(), default=None),
+        days=TRASH_DAYS,
     )
     # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.
     return Response(json.dumps(found, default=vars, allow_nan=False), media_type="application/json")
 
 
 @router.post("/episodes/restore")
-def restore_episode(body: Key, store: EpisodeStore = STORE) -> dict[str, str]:
-    """Restore a deleted episode."""
-    return {"id": store.restore(body.undo)}
+def restore_episodes(body: Key, store: EpisodeStore = STORE) -> RestoredEpisodes:
+    """Restore the episodes that were deleted together."""
+    ids = store.restore(body.undo)
+    return RestoredEpisodes(id=ids[0], ids=ids)
+
+
+@router.post("/episodes/delete")
+def delete_episodes(body: EpisodeChoice, store: EpisodeStore = STORE) -> DeletedEpisodes:
+    """Move several episodes to the trash together, except those that cannot be deleted now."""
+    return _deleted(store.delete(*body.episodes))
+
+
+@router.get("/episodes.zip", **media("application/zip"))
+def download_episodes(episode: list[str] = CHOSEN, store: EpisodeStore = STORE) -> Response:
+    """Download several recordings, or all, with their edits, as one zip file."""
+    paths = [store.path(one) for one in dict.fromkeys(episode or store.ids())]
+    if not paths:
+        raise NotFoundError("nothing is recorded yet")
+    headers = {"content-disposition": 'attachment; filename="recordings.zip"'}
+    return StreamingResponse(_sent(paths), media_type="application/zip", headers=headers)
+
+
+async def _sent(paths: Sequence[Path]) -> AsyncIterator[bytes]:
+    """Yield a zip file; what is in it cannot be deleted until it is sent, or nobody waits for it.
+
+    The disk is read on other threads.
+    """
+    with reading(paths):
+        async for block in iterate_in_threadpool(zip_recordings(paths)):
+            yield block
+
+
+@router.delete("/trash")
+def empty_trash(request: Request) -> dict[str, int]:
+    """Delete for good what was deleted."""
+    return {"freed_bytes": persistence_of(request).storage.empty_trash()}
 
 
 @router.get("/episodes/{episode_id}")
@@ -278,9 +351,15 @@ def compact_episode(episode_id: str, store: EpisodeStore = STORE) -> dict[str, s
 
 
 @router.delete("/episodes/{episode_id}")
-def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> dict[str, str]:
+def delete_episode(episode_id: str, store: EpisodeStore = STORE) -> DeletedEpisodes:
     """Move an episode to the trash; `undo` is the key that restores it."""
-    return {"undo": store.delete(episode_id)}
+    return _deleted(store.delete(episode_id))
+
+
+def _deleted(gone: Deleted) -> DeletedEpisodes:
+    return DeletedEpisodes(
+        undo=gone.key, deleted=list(gone.ids), kept=dict(gone.kept), days=TRASH_DAYS
+    )
 
 
 def _edits(notes: Notes) -> Edits:

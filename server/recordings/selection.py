@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from robot.errors import NotFoundError
+from robot.errors import ConfigurationError, NotFoundError
 from robot.recordings.edits import read_notes
 from robot.recordings.episode import open_episode
 from robot.recordings.store import EpisodeStore
@@ -44,6 +44,28 @@ def find_id(store: EpisodeStore, name: str) -> str:
     return found[0]
 
 
+def add_several(parser: argparse.ArgumentParser) -> None:
+    """Declare how several episodes are chosen; `find_ids` finds them."""
+    parser.add_argument("episodes", nargs="*", metavar="EPISODE", help=EPISODE_HELP)
+    parser.add_argument("--search", metavar="TEXT", help="all with these words, as `list` finds")
+    parser.add_argument("--all", action="store_true", help="all episodes")
+
+
+def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
+    """Return the ids of the episodes that were named, searched for, or of all."""
+    if sum(map(bool, (args.episodes, args.search, args.all))) > 1:
+        raise ConfigurationError("give names of episodes, --search or --all, not two of them")
+    if args.episodes:
+        return list(dict.fromkeys(find_id(store, name) for name in args.episodes))
+    if not args.all and not args.search:
+        raise ConfigurationError("name at least one episode, or give --search or --all")
+    found = [one.id for one in store.summaries() if args.all or one.matches(args.search)]
+    if not found:
+        what = "nothing is recorded yet" if args.all else f"no episode has {args.search!r}"
+        raise NotFoundError(what)
+    return found
+
+
 def find_path(store: EpisodeStore, name: str) -> Path:
     """Return the file of this name, or that of an episode."""
     path = Path(name)
@@ -51,7 +73,17 @@ def find_path(store: EpisodeStore, name: str) -> Path:
     return path if is_file else store.path(find_id(store, name))
 
 
+def find_paths(store: EpisodeStore, names: list[str]) -> list[Path]:
+    """Return the files of episodes by name or by file, in the order given, without duplicates."""
+    paths = {path.resolve(): path for path in (find_path(store, name) for name in names)}
+    return list(paths.values())
+
+
+def open_all(paths: Iterable[Path]) -> list[EditedEpisode]:
+    """Open recordings with their edits."""
+    return [(open_episode(path), read_notes(path)) for path in paths]
+
+
 def find_episodes(store: EpisodeStore, names: list[str]) -> list[EditedEpisode]:
     """Open episodes by name or by file, in the order given, without duplicates."""
-    paths = {path.resolve(): path for path in (find_path(store, name) for name in names)}
-    return [(open_episode(path), read_notes(path)) for path in paths.values()]
+    return open_all(find_paths(store, names))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import time
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -249,10 +251,9 @@ def test_two_recordings_are_taught_together(rovers_phone: Any, shelf: World) -> 
     world, phone = shelf, rovers_phone
     put_recording(world)
     phone.evaluate("location.hash = 'home'")
-    phone.get_by_label("Teach again from").nth(1).wait_for()
-    for tick in phone.get_by_label("Teach again from").all():
-        tick.check()
-    phone.get_by_role("button", name="Teach again from the 2 ticked").tap()
+    phone.locator("article >> nth=1").wait_for()
+    phone.get_by_label("Select all").check()
+    phone.get_by_role("button", name="Teach again from the 2 selected").tap()
     phone.get_by_text("Taught again from").wait_for(timeout=150_000)
     shown = phone.locator("h3", has_text="Taught again").inner_text()
     assert shown == f"Taught again from {2 * FILMED} examples"
@@ -281,3 +282,45 @@ def test_teaching_again_is_followed_though_an_answer_is_lost(
     rovers_phone.locator("home-screen progress").wait_for(state="detached")
     rovers_phone.unroute("**/api/retraining")
     assert asked == ["GET"] * 3
+
+
+def test_forty_recordings_are_home_in_one_zip_and_gone_in_four_touches(
+    rovers_phone: Any, shelf: World, tmp_path: Path
+) -> None:
+    store, phone = shelf.persistence.part(Recordings).episodes, rovers_phone
+    [first] = store.ids()
+    path = store.path(first)
+    for n in range(39):
+        shutil.copy(path, path.with_stem(f"{'hall' if n % 3 else 'yard'} {n}"))
+    before = {file.name: file.read_bytes() for file in path.parent.glob("*.mcap")}
+    phone.evaluate("location.hash = 'drive'")
+    phone.evaluate("location.hash = 'home'")  # the first touch
+    phone.locator("article >> nth=39").wait_for()
+    phone.get_by_label("Select all").tap()
+    phone.get_by_text("40 selected").wait_for()
+    with phone.expect_download() as fetched:
+        phone.get_by_role("link", name="Download 40").tap()
+    fetched.value.save_as(tmp_path / "home.zip")
+    with zipfile.ZipFile(tmp_path / "home.zip") as archive:
+        assert {name: archive.read(name) for name in archive.namelist()} == before
+    phone.get_by_role("button", name="Delete 40").tap()
+    phone.locator("toast-bar", has_text="You can restore them for 30 days").wait_for()
+    assert store.ids() == []
+    phone.get_by_role("button", name="Undo").tap()
+    phone.locator("toast-bar", has_text="Restored: 40.").wait_for()
+    assert {file.name: file.read_bytes() for file in path.parent.glob("*.mcap")} == before
+    phone.get_by_label("Find recordings").fill("YARD simulation")
+    phone.get_by_text("13 recordings").wait_for()
+    phone.get_by_label("Select all").tap()
+    phone.get_by_text("13 selected").wait_for()
+    assert phone.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    settle(phone)
+    phone.get_by_role("button", name="Delete 13").tap()
+    phone.get_by_role("button", name="Restore the last deleted").wait_for()
+    phone.get_by_label("Find recordings").fill("")
+    phone.get_by_text("27 recordings").wait_for()
+    settle(phone)
+    phone.get_by_role("button", name="Empty the trash").tap()
+    phone.get_by_role("button", name="Delete for good").tap()
+    phone.get_by_role("button", name="Empty the trash").wait_for(state="detached")
+    assert shelf.persistence.storage.trash_bytes() == 0 and len(store.ids()) == 27

@@ -205,7 +205,9 @@ def ask(
             "node": str(images(server.rig.loop.history.policy)[0].node_id),
             "episode": driven,
             "model_key": trashed[0] if trashed else "",
-            "episode_key": episodes.delete(driven) if "{episode_key}" in str(body) else "",
+            "episode_key": episodes.delete(driven).key or ""
+            if "{episode_key}" in str(body)
+            else "",
             "token": pairing.tokens[Role.PILOT],
         }
         disk = DiskThatFails(root, first, for_ever=for_ever)

@@ -335,7 +335,7 @@ def test_what_other_programs_keep_is_neither_moved_listed_nor_deleted(
             recorded = persistence.part(Recordings).episodes.ids()
             assert all(name.startswith("2023-") for name in recorded)
             persistence.part(Recordings).episodes.restore(
-                persistence.part(Recordings).episodes.delete(recorded[0])
+                persistence.part(Recordings).episodes.delete(recorded[0]).key or ""
             )
             persistence.storage.empty_trash()
         assert system.moved == []

@@ -272,7 +272,8 @@ class ModelStore:
 
     def restore(self, key: str) -> str:
         """Restore a deleted model; return its name, a new one if the old one is in use."""
-        return self._storage.restore(key, self._storage.models)
+        [name] = self._storage.restore(key, self._storage.models)
+        return name
 
     def _check(self, name: str) -> str:
         if name not in self.names():

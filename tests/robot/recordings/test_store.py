@@ -147,7 +147,7 @@ def test_compacting_works_the_edits_in_and_teaches_the_same(store: EpisodeStore)
     assert same_nodes(after.get_state(), before.get_state())
     assert len(store.open(episode_id).frames) == len(ids) - 9
 
-    assert store.restore(undo) == f"{episode_id} (2)"
+    assert store.restore(undo) == [f"{episode_id} (2)"]
     assert len(store.notes(f"{episode_id} (2)").edits) == 2
     assert len(store.open(f"{episode_id} (2)").frames) == len(ids)
 
@@ -177,9 +177,9 @@ def test_a_compact_recording_knows_what_corrected_the_robot(storage: Storage) ->
 def test_delete_and_restore_take_the_edits_along(store: EpisodeStore) -> None:
     [episode_id] = store.ids()
     store.set_title(episode_id, "kept")
-    undo = store.delete(episode_id)
+    undo = store.delete(episode_id).key or ""
     assert store.ids() == []
-    assert store.restore(undo) == episode_id
+    assert store.restore(undo) == [episode_id]
     assert store.summary(episode_id).title == "kept"
     with pytest.raises(NotFoundError):
         store.restore(undo)

@@ -6,6 +6,7 @@ import errno
 import os
 import shutil
 import unicodedata
+import zipfile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -89,9 +90,8 @@ def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
     path = EpisodeStore(Storage(data)).path(episode_id)
     for name in ("first", "second"):
         shutil.copy(path, path.with_stem(name))
-    now_ns = iter((18 * 10**17, 17 * 10**17))
-    monkeypatch.setattr("time.time_ns", lambda: next(now_ns))
-    for name in ("first", "second"):
+    for name, now_ns in (("first", 18 * 10**17), ("second", 17 * 10**17)):
+        monkeypatch.setattr("time.time_ns", lambda now_ns=now_ns: now_ns)
         say(f"episodes delete {name}", capsys)
     by_hand = data / "trash/old drives"
     by_hand.mkdir()
@@ -99,6 +99,43 @@ def test_the_one_deleted_last_is_restored_whatever_the_clock_says(
     assert say("episodes restore", capsys) == "second is back\n"
     assert say("episodes restore", capsys) == "first is back\n"
     assert "no longer in the trash" in say("episodes restore", capsys, status=2)
+
+
+def test_forty_are_home_in_one_zip_and_gone_by_one_command(
+    episode_id: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, home = EpisodeStore(Storage(data)).path(episode_id), tmp_path / "home.zip"
+    for n in range(39):
+        shutil.copy(path, path.with_stem(f"{'hall' if n % 3 else 'yard'} {n}"))
+    say("episodes title last First", capsys)
+    before = {file.name: file.read_bytes() for file in path.parent.iterdir()}
+    assert "\n40 episodes " in say("episodes list", capsys)
+    listed = say("episodes list --search YARD", capsys)
+    assert "\n13 episodes " in listed and "hall" not in listed
+    said = say(f"episodes zip --all --out {home} --delete", capsys)
+    assert "40 episodes" in said and "30 days" in said
+    with zipfile.ZipFile(home) as archive:
+        assert {name: archive.read(name) for name in archive.namelist()} == before
+    assert EpisodeStore(Storage(data)).ids() == []
+    assert say("episodes restore", capsys).count(" is back") == 40
+    assert {file.name: file.read_bytes() for file in path.parent.iterdir()} == before
+    say("episodes protect last", capsys)
+    assert "40 episodes" not in say("episodes delete --all", capsys, status=1)
+    assert EpisodeStore(Storage(data)).ids() == [episode_id]
+    say(f"episodes import {home}", capsys)
+    titles = sorted(one.title for one in EpisodeStore(Storage(data)).summaries())
+    assert titles == [""] * 39 + ["First"] * 2
+
+
+def test_an_export_under_a_wrong_name_is_refused_before_anything_is_read(
+    episode_id: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("it was read")
+
+    monkeypatch.setattr("server.recordings.selection.open_episode", refuse)
+    for words in ("--as film --out cinema", "--as npz --fps 3", "--as tub --out ."):
+        assert say(f"episodes export last {words}", capsys, status=2)
 
 
 def test_the_budget_offers_and_deletes_nothing(
@@ -117,6 +154,9 @@ def test_the_budget_offers_and_deletes_nothing(
     [
         ("episodes show nobody", "no episode of this name"),
         ("episodes trim last --from 90 --to 91", "no pictures between"),
+        ("episodes delete", "name at least one episode"),
+        ("episodes delete last --all", "not two of them"),
+        ("episodes zip --search kitchen", "no episode has 'kitchen'"),
         ("episodes restore 17", "no longer in the trash"),
         ("episodes list --data /proc/x", "cannot be used"),
     ],

@@ -13,10 +13,14 @@ import { Screen, contentOf } from './screen.js';
 
 export class HomeScreen extends Screen {
   again = h('div', { class: 'stack' });
-  offer = h('div', { class: 'row' });
+  finder = h('input', { type: 'search', 'aria-label': t('episodes.find'), placeholder: t('episodes.find') });
+  chosen = h('div', { class: 'row' });
+  offer = h('div', { class: 'stack' }, this.finder, this.chosen);
+  /** @type {{episode: any, card: HTMLElement, isOn: boolean}[]} the recordings and what shows them; `isOn` of the one being made */
+  shelf = [];
   /** How often recordings were listed: of two lists that are under way only the newer is shown. */
   listing = 0;
-  /** @type {Set<string>} recordings to teach again from */
+  /** @type {Set<string>} recordings to fetch, delete or teach again from */
   ticked = new Set();
 
   build() {
