@@ -167,9 +167,15 @@ class ControlLoop:
             self._link.note_lateness(late_s, is_to_blame=is_to_blame)
 
     def command(self, command: PilotCommand) -> None:
-        """Queue a pilot command, and wake the loop if it changes what is held."""
+        """Queue a pilot command, and wake the loop if it changes what is held.
+
+        With a slow camera each command wakes a robot that may move: few ticks would publish few
+        states, and the pilot's next command could only prove an older one.
+        """
         held = command.held, command.point
-        is_news, self._asked = held != self._asked, held
+        is_slow = self._timing.state.period_s > self.config.longest_wait_s
+        is_news = held != self._asked or (is_slow and self._gate.mode is not Mode.STOPPED)
+        self._asked = held
         self.submit(lambda: self._note(command), is_news=is_news)
 
     def set_mode(

@@ -35,11 +35,6 @@ def test_another_place_is_chosen_on_the_page(chromium: Any, tmp_path: Path) -> N
                 choice = page.get_by_label(words["settings.world"], exact=True)
                 choice.select_option(words.get(f"world.{place}", place))
                 wait_until(lambda place=place: simulation.world.name == place, f"it is in {place}")
-                frame = world.rig.loop.state.frame_id or 0
-                wait_until(
-                    lambda frame=frame: (world.rig.loop.state.frame_id or 0) > frame + 1, "it sees"
-                )
-                show(page, "settings")
                 shown = choice.input_value
                 wait_until(lambda shown=shown, place=place: shown() == place, "it is chosen")
                 drawn = page.locator("settings-screen .thing").count()
@@ -48,6 +43,10 @@ def test_another_place_is_chosen_on_the_page(chromium: Any, tmp_path: Path) -> N
                 assert abs(world.pose.x_m - start.x_m) <= simulation.world.start_spread_m + 0.01
                 # Its map on the drive screen is that of the place.
                 show(page, "drive")
+                frame = world.rig.loop.state.frame_id or 0
+                wait_until(
+                    lambda frame=frame: (world.rig.loop.state.frame_id or 0) > frame + 1, "it sees"
+                )
                 page.wait_for_function(
                     "n => document.querySelectorAll('drive-map .thing').length === n", arg=drawn
                 )
