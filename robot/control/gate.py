@@ -76,6 +76,19 @@ class Gate:
         """The move that the pilot holds at present."""
         return self._command.held if self._command else None
 
+    @property
+    def silent_at_s(self) -> float:
+        """The time at which the pilot counts as silent, unless heard again; infinite when stopped.
+
+        A robot that drives by itself needs supervision only, which may come a little later.
+        """
+        if self.mode is Mode.STOPPED:
+            return math.inf
+        supervised_s = self._proven_s + self.config.supervision_timeout_s
+        if self.mode is Mode.AUTONOMOUS and self.held is None:
+            return supervised_s
+        return min(supervised_s, self._heard_s + self.config.pilot_timeout_s)
+
     def is_fresh(self, proven_s: float, now_s: float) -> bool:
         """True if a message that was sent at `proven_s` or later may still move the robot."""
         return now_s - proven_s <= self.config.command_timeout_s
@@ -177,11 +190,7 @@ class Gate:
         return self._robot_drives(prediction)
 
     def _doubt(self, now_s: float, camera_fault: bool, may_use_picture: bool) -> StopReason | None:
-        is_supervised_only = self.mode is Mode.AUTONOMOUS and self.held is None
-        is_silent = now_s - self._proven_s > self.config.supervision_timeout_s or (
-            not is_supervised_only and now_s - self._heard_s > self.config.pilot_timeout_s
-        )
-        if is_silent:
+        if now_s > self.silent_at_s:
             return StopReason.LINK_SLOW if self._has_refused else StopReason.PILOT_SILENT
         if camera_fault:
             return StopReason.CAMERA_FAULT

@@ -26,6 +26,7 @@ from robot.control.mailbox import Mailbox
 from robot.control.online_learning import OnlineLearning
 from robot.control.state import Tick, sum_up
 from robot.control.steady_fault import SteadyFault
+from robot.control.watchdog import Watchdog
 from robot.driver import BodyButton, Driver
 from robot.errors import CameraError, DriveError, PluginErrors
 from robot.policy.policy import Policy
@@ -80,6 +81,8 @@ class ControlLoop:
         history: Its training history; use it only through `submit`.
         submit: Queues a function to run between two ticks; see `Mailbox.put`.
         state: The newest tick, for any thread; a frozen value that never changes under the reader.
+        watchdog: Stops the body at the pilot's deadline; a rig runs its thread. Every caller of
+            the body holds `watchdog.body`.
         wake: Set when there is a reason for a tick: a frame, a command, a request.
         speed_share: Share of full speed that a person allows, in (0, 1].
         error: The last error of the loop.
@@ -97,6 +100,7 @@ class ControlLoop:
         self.clock = clock
         self.learning = OnlineLearning(policy, clock, driver.declared_moves)
         self._body = PluginErrors("robot", driver.name, DriveError, self._stop_body)
+        self.watchdog = Watchdog(self._stop_body, clock)
         self.history = self.learning.history
         self.speed_share = 1.0
         self.error: Exception | None = None
@@ -270,7 +274,7 @@ class ControlLoop:
     def _heed_button(self) -> None:
         """Obey a button on the robot: every button stops it, and the start button starts it."""
         try:
-            with self._body.named("take_button"):
+            with self.watchdog.body, self._body.named("take_button"):
                 button = self._driver.take_button()
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
@@ -333,7 +337,7 @@ class ControlLoop:
 
     def _sense(self, now_s: float) -> Sensors:
         try:
-            with self._body.named("sense"):
+            with self.watchdog.body, self._body.named("sense"):
                 sensors = self._driver.sense()
             return self._dead_reckoning.locate(sensors, self.state, now_s)
         except DriveError as error:
@@ -357,13 +361,17 @@ class ControlLoop:
     def _drive(self, decision: Decision, started_s: float) -> tuple[Decision, Action]:
         """Send the decision to the motors; return it and the action sent, or that the robot stands.
 
-        The process may also be held up within a tick: an outdated decision is not sent.
+        The process may also be held up within a tick: an outdated decision is not sent, nor one of
+        a pilot who has become silent since.
         """
+        is_move = decision.action is not Action.STOP and not self._camera.world_waits
+        until_s = self._gate.silent_at_s if is_move else math.inf
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):
-                scale = decision.speed_scale
-                with self._body.named("drive"):
-                    sent = self._driver.drive(decision.action, decision.point, speed_scale=scale)
+                with self.watchdog.order(until_s) as is_on_time, self._body.named("drive"):
+                    decision = decision if is_on_time else self._gate.stand()
+                    action, point, scale = decision.action, decision.point, decision.speed_scale
+                    sent = self._driver.drive(action, point, speed_scale=scale)
                 if not self._is_held_up(self.clock.now_s() - started_s):
                     return decision, sent
         except DriveError as error:
@@ -375,7 +383,7 @@ class ControlLoop:
         try:
             before, self.state = self.state, self._sum_up(tick, self.state)
             if tick.decision.mode is not before.decision.mode:
-                with self._body.named("show"):
+                with self.watchdog.body, self._body.named("show"):
                     self._driver.show(tick.decision.mode)
             for listener in self._listeners:
                 listener(self.state)
@@ -438,7 +446,7 @@ class ControlLoop:
 
     def _latch_emergency(self) -> None:
         self._gate.latch_emergency()
-        with self._body.named("stop"):
+        with self.watchdog.body, self._body.named("stop"):
             self._driver.stop()
 
     def _forget_drive(self) -> None:
@@ -453,8 +461,8 @@ class ControlLoop:
         self._fault = fault
 
     def _stop_body(self) -> None:
-        with contextlib.suppress(Exception):  # a body that is out of reach ends its move itself
-            self._driver.stop()
+        with self.watchdog.body, contextlib.suppress(Exception):
+            self._driver.stop()  # a body that is out of reach ends its move itself
 
     def _break_down(self, error: Exception) -> None:
         before, fault = self._fault, f"Something went wrong inside: {error}"

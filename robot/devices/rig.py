@@ -60,6 +60,7 @@ class Rig(StartStop):
             raise
         if self._thread is None:
             self._ending.clear()
+            self.loop.watchdog.start()
             self._thread = self.clock.start_thread(self._run, "control-loop")
 
     def stop(self) -> None:
@@ -70,6 +71,7 @@ class Rig(StartStop):
             self.loop.wake.set()
             self._thread.join(timeout=5.0)
             self._thread = None
+            self.loop.watchdog.stop()
         try:
             with self._eye.named("stop"):
                 self.camera.stop()
@@ -86,7 +88,8 @@ class Rig(StartStop):
 
     def _advise(self, tick: Tick) -> None:
         if tick.frame is not None and tick.prediction is not None:
-            self.driver.advise(tick.prediction)
+            with self.loop.watchdog.body:
+                self.driver.advise(tick.prediction)
 
 
 def build_rig(

@@ -1,0 +1,73 @@
+"""The dead man's switch on a thread of its own: the body stops on time although the loop is late.
+
+The loop decides in its ticks, and a tick may be late: a busy computer, a slow learner, a picture
+that takes long to read. So each order to the body has a deadline, the time at which the pilot
+counts as silent. Unless the loop has moved the deadline by then, this thread stops the body. It
+waits for no tick, no picture, no network and no event loop; behind it is the body's own
+`robot.driver.ACTION_TIMEOUT_S`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+from collections.abc import Callable, Iterator
+
+from robot.clock import Clock, Worker
+from robot.types import StartStop
+
+
+class Watchdog(StartStop):
+    """Lets an order pass before its deadline, and stops the body at it.
+
+    Args:
+        stop: Stops the body; must not raise.
+
+    Attributes:
+        body: Held by each caller of the body, since a driver serves one thread at a time. A driver
+            that hangs holds up this thread as well; then the body's own time limit counts.
+    """
+
+    def __init__(self, stop: Callable[[], None], clock: Clock) -> None:
+        self._stop, self._clock = stop, clock
+        self.body = clock.lock()
+        self._due_s = self._wakes_s = math.inf
+        self._sooner = threading.Event()
+        self._is_ending = False
+        self._thread: Worker | None = None
+
+    @contextlib.contextmanager
+    def order(self, until_s: float) -> Iterator[bool]:
+        """Hold the body for one order that counts until `until_s`; False if that time has passed.
+
+        Infinite: the order needs no deadline, because the robot stands.
+        """
+        with self.body:
+            is_on_time = self._clock.now_s() < until_s
+            self._due_s = until_s if is_on_time else math.inf
+            if self._due_s < self._wakes_s:
+                self._sooner.set()
+            yield is_on_time
+
+    def start(self) -> None:
+        if self._thread is None:
+            self._is_ending = False
+            self._thread = self._clock.start_thread(self._run, "watchdog")
+
+    def stop(self) -> None:
+        self._is_ending = True
+        self._sooner.set()
+        if self._thread is not None:
+            self._thread.join(timeout=5.0)
+            self._thread = None
+
+    def _run(self) -> None:
+        while not self._is_ending:
+            with self.body:
+                if self._clock.now_s() >= self._due_s:
+                    self._due_s = math.inf
+                    self._stop()
+                self._wakes_s, left_s = self._due_s, self._due_s - self._clock.now_s()
+            self._clock.wait(self._sooner, None if math.isinf(left_s) else max(left_s, 0.0))
+            self._sooner.clear()

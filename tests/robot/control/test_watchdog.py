@@ -1,0 +1,112 @@
+"""The dead man's switch on a thread of its own: it is on time although the loop is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from robot.devices.rig import Rig
+from robot.driver import ACTION_TIMEOUT_S
+from robot.policy.registry import make_policy
+from robot.testing import FakeCamera, FakeDriver, VirtualClock
+from robot.types import Action, Mode, PilotCommand
+from tests.kit.sizes import crossed
+
+
+class Driven:
+    """A rig in virtual time, and a pilot who holds a move ten times a second until it vanishes."""
+
+    def __init__(self, mode: Mode, held: Action | None) -> None:
+        self.clock = VirtualClock(100.0)
+        self.body = FakeDriver(clock=self.clock)
+        camera = FakeCamera(self.clock)
+        self.rig = Rig(self.body, camera, make_policy("published-8"), self.clock)
+        self.loop, self.mode, self.held = self.rig.loop, mode, held
+        self.said_s = 0.0
+
+    def drive(self) -> None:
+        """Teach to go forward, and then drive in the mode."""
+        self.clock.sleep(0.2)
+        for mode, held in ((Mode.TRAIN, Action.FORWARD), (self.mode, self.held)):
+            assert self.clock.result(self.loop.set_mode(mode), 1.0)
+            self.say(held, beats=10)
+        assert self.body.now is Action.FORWARD
+
+    def say(self, held: Action | None, beats: int) -> None:
+        for _ in range(beats):
+            self.said_s = self.clock.now_s()
+            self.loop.command(
+                PilotCommand(
+                    held=held,
+                    frame_id=self.loop.state.frame_id,
+                    seq=1,
+                    received_s=self.said_s,
+                )
+            )
+            self.clock.sleep(0.1)
+
+    def moves_until(self, for_s: float = 3.0) -> float:
+        """Let time pass; return how long after the pilot's last message a wheel turned last."""
+        last_s = 0.0
+        end_s = self.clock.now_s() + for_s
+        while self.clock.now_s() < end_s:
+            if self.body.now is not Action.STOP:
+                last_s = self.clock.now_s() - self.said_s
+            self.clock.sleep(0.005)
+        return last_s
+
+
+@pytest.fixture(params=["train", "autonomous", "hand in autonomous"])
+def driven(request: pytest.FixtureRequest) -> Iterator[Driven]:
+    mode = Mode.TRAIN if request.param == "train" else Mode.AUTONOMOUS
+    one = Driven(mode, None if request.param == "autonomous" else Action.FORWARD)
+    with one.rig:
+        one.drive()
+        yield one
+
+
+@crossed(
+    where=["propose", "listener", "sense"],
+    held_up_s=[0.1, 0.15, 0.29, 2.0],
+    silent_s=[0.0, 0.05, 0.18],
+)
+def test_the_body_stands_on_time_though_the_loop_is_held_up(
+    driven: Driven, where: str, held_up_s: float, silent_s: float
+) -> None:
+    driven.clock.sleep(silent_s)
+    policy: Any = driven.loop.history.policy
+    is_held_up = False
+
+    def hold_up(*_: Any) -> None:
+        nonlocal is_held_up
+        if not is_held_up:
+            is_held_up = True
+            driven.clock.sleep(held_up_s)
+
+    def before(owner: Any, name: str) -> None:
+        original = getattr(owner, name)
+
+        def late(*args: Any, **named: Any) -> Any:
+            hold_up()
+            return original(*args, **named)
+
+        setattr(owner, name, late)
+
+    if where == "listener":
+        driven.loop.subscribe(hold_up)
+    else:
+        before(policy if where == "propose" else driven.body, where)
+    limit_s = 0.46 if where != "sense" else 0.3 + ACTION_TIMEOUT_S  # the body ends it itself
+    assert driven.moves_until() <= limit_s
+    assert driven.loop.state.decision.mode is Mode.STOPPED
+
+
+def test_a_pilot_who_is_heard_drives_on_though_ticks_are_late(driven: Driven) -> None:
+    driven.loop.subscribe(lambda tick: driven.clock.sleep(0.08))
+    before = len([one for one in driven.body.changes if one[1] is Action.STOP])
+    driven.say(driven.held, beats=30)
+    assert driven.body.now is Action.FORWARD
+    assert len([one for one in driven.body.changes if one[1] is Action.STOP]) == before
+    assert not driven.loop.state.stops
