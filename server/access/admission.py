@@ -33,7 +33,7 @@ _READ_S = 0.25
 _ANSWER_S = 2.0
 """How long a new connection waits for a running request when no other can be evicted, in s."""
 _LOG_S = 60.0
-"""Minimum time between log lines about a session that opens too many connections, in seconds."""
+"""Minimum time between log lines about one person who asks too often, in seconds."""
 _SELDOM_S = 1.0
 """Longest usual gap between calls of `expire`, in seconds; a longer one means a busy computer."""
 
@@ -63,6 +63,10 @@ class Slot:
     unread: Callable[[], int] = lambda: 0
     """Returns how many bytes were sent that the client has not read, as far as known."""
 
+    def gives_way(self, before_s: float) -> bool:
+        """True if it is idle, or its request was read at `before_s` or earlier."""
+        return self.idle_s < math.inf or self.used_s <= before_s
+
     def rank(self) -> tuple[float, ...]:
         """Return the eviction order: idle connections first, websockets last."""
         return self.idle_s, self.used_s == math.inf, self.came_s, self.used_s
@@ -89,11 +93,14 @@ class ConnectionLimiter:
 
         A request that was read less than `answer_s` ago is not cut short for the newcomer.
         """
-        own = self._of.get(session.name, [])
-        if not session.is_crowd and len(own) >= self._each:
+        before_s = now_s - answer_s if answer_s else math.inf
+        if self.is_at_limit(session):
+            own = self._of[session.name]
+            if not any(one.gives_way(before_s) for one in own):
+                return None
             self._evict(own)
         elif self.is_full:
-            giving = self._giving(session.name, now_s - answer_s if answer_s else math.inf)
+            giving = self._giving(session.name, before_s)
             if not giving:
                 return None
             self._evict(giving)
@@ -111,6 +118,10 @@ class ConnectionLimiter:
             self.taken -= 1
             if not own:
                 del self._of[place.person]
+
+    def is_at_limit(self, session: Session) -> bool:
+        """True if a person's next connection can only take the place of one of its own."""
+        return not session.is_crowd and len(self._of.get(session.name, ())) >= self._each
 
     @property
     def is_full(self) -> bool:
@@ -143,7 +154,7 @@ class ConnectionLimiter:
             # The newcomer must not have more than the other has left, or both would take turns.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
             return (has_more or self._keeps(newcomer)) and any(
-                one.idle_s < math.inf or one.used_s <= before_s for one in places
+                one.gives_way(before_s) for one in places
             )
 
         return max(filter(gives, yielding), key=len, default=[])
@@ -221,7 +232,7 @@ class AdmissionControl:
         name = f"admission {session.name}"
         if self._paces.allows(name, now_s, per_second=each / 2, burst=each):
             return True
-        if self._paces.allows(f"log {name}", now_s, per_second=1 / _LOG_S, burst=1):
+        if self.may_log(session.name, "connections", now_s):
             log.warning(
                 "refused reason=connections: one session may open %d connections at once and %d a "
                 "second; reuse connections, or wait for Retry-After",
@@ -230,30 +241,47 @@ class AdmissionControl:
             )
         return False
 
-    def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> None:
-        """Record a complete request; one of a session admits the connection. A socket `lasts`."""
+    def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> bool:
+        """Record a complete request; one of a session admits the connection. A socket `lasts`.
+
+        False if the session has all its connections busy with requests: this one is to be answered
+        429. A socket takes the place of the least recently used.
+        """
         place = self.connections.get(peer)
         if place is None:
-            return
+            return True
         place.used_s, place.idle_s = now_s, math.inf
+        is_refused = False
         if session is not None and place.person != session.name:
             self.admitted.give_back(place)
             take = partial(self.admitted.take, session, now_s, place.close)
+            is_at_limit = self.admitted.is_at_limit(session)
             admitted = take(answer_s=self.limits.idle_s)
-            if admitted is None and lasts and self.keeps(session.name):
+            if admitted is None and lasts and (is_at_limit or self.keeps(session.name)):
                 admitted = take()
             if admitted is None and not place.is_taken:  # whose place it had
                 place.close()
-                return
+                return True
             if admitted is not None:
                 self.pending.give_back(place)
                 admitted.unread = place.unread
                 self.connections[peer] = place = admitted
             else:  # nobody can give way: the connection is answered all the same
-                place.is_known = True
+                place.is_known, is_refused = True, is_at_limit
+                if is_refused:
+                    place.idle_s = now_s  # it gives way before all that are to be answered
         place.came_s = self._read_until_s + _ANSWER_S * place.is_known
         if lasts:
             place.used_s = math.inf
+        return not is_refused
+
+    def may_log(self, person: str, reason: str, now_s: float) -> bool:
+        """False if this was asked of this person and reason within the last minute."""
+        return self._paces.allows(f"{reason} {person}", now_s, per_second=1 / _LOG_S, burst=1)
+
+    def is_idle(self, peer: Peer) -> bool:
+        """True if a connection's last request has been answered."""
+        return peer in self.connections and self.connections[peer].idle_s < math.inf
 
     def answered(self, peer: Peer, now_s: float) -> None:
         """Record that a request was answered: its connection is idle and can be evicted."""
@@ -285,5 +313,5 @@ class AdmissionControl:
         return self._paces.allows(session.name, now_s, per_second=share * rate, burst=share * burst)
 
     def _close(self, peer: Peer, close: Callable[[], None]) -> None:
-        self.connections.pop(peer, None)
         close()
+        self.connections.pop(peer, None)

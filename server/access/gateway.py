@@ -30,7 +30,7 @@ from server.access.config import (
     PublicAddress,
     read_networks,
 )
-from server.access.listener import AdmissionListener, connection_capacity
+from server.access.listener import TOO_MANY_CONNECTIONS, AdmissionListener, connection_capacity
 from server.access.pairing import Pairing, cookie_name
 from server.access.player_key import PlayerKey
 from server.access.proxies import PEER, Proxies
@@ -302,11 +302,13 @@ class NetworkGateway(Gateway):
     def may_ask(self, person: Session) -> bool:
         return self.admission.may_ask(person, self.clock.now_s())
 
-    def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> None:
+    def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> Refusal | None:
         peer, line = _peer(scope), session
         if PEER in scope:  # a proxy's connections may each carry many people's requests
             line = Session(Role.VIEWER, f"proxy {peer[0]}", is_crowd=True)
-        self.admission.asked(peer, line, self.clock.now_s(), lasts=lasts)
+        if self.admission.asked(peer, line, self.clock.now_s(), lasts=lasts):
+            return None
+        return Refusal(429, "connections", TOO_MANY_CONNECTIONS)
 
     def note_answered(self, scope: Scope) -> None:
         self.admission.answered(_peer(scope), self.clock.now_s())

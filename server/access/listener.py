@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import os
 import socket
 import struct
@@ -35,7 +36,8 @@ STOP = b"POST /api/stop "
 _RESET = struct.pack("ii", 1, 0)
 _UNREAD_PARTS = 16
 """Maximum number of 4 KB parts that are read of a refused request."""
-_BODY = b'{"error": "connections", "detail": "Too many connections; reuse them, or wait a second."}'
+TOO_MANY_CONNECTIONS = "Too many connections; reuse them, or wait a second."
+_BODY = json.dumps({"error": "connections", "detail": TOO_MANY_CONNECTIONS}).encode()
 _TOO_MANY = (
     b"HTTP/1.1 429 Too Many Requests\r\nContent-Type: application/json\r\nRetry-After: 1\r\n"
     b"Cache-Control: no-store\r\nConnection: close\r\nContent-Length: %d\r\n\r\n%s"
@@ -179,10 +181,14 @@ class _Connection(socket.socket):
         return super().recv_into(buffer, min(size or len(buffer), _HEAD), flags)
 
     def abort(self) -> None:
-        """Reset the connection so that both sides notice; its owner then closes it."""
-        self.admission = None  # its place is given back
+        """End the connection so that both sides notice; its owner then closes it.
+
+        It is reset, unless it is idle: then its last answer may still be on its way.
+        """
+        admission, self.admission = self.admission, None  # its place is given back
         with contextlib.suppress(OSError):
-            self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
+            if admission is None or not admission.is_idle(self.peer):
+                self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
             self.shutdown(socket.SHUT_RDWR)
 
     def refuse(self) -> None:

@@ -169,8 +169,13 @@ class Gateway:
         """Count a request; False if there were too many."""
         return True
 
-    def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> None:
-        """Note a complete request; a websocket or stream lasts."""
+    def may_log(self, person: str, reason: str) -> bool:
+        """False if the log has said lately for which reason this person is refused."""
+        return True
+
+    def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> Refusal | None:
+        """Note a complete request; a websocket or stream lasts. Return why it is one too many."""
+        return None
 
     def note_answered(self, scope: Scope) -> None:
         """Note that a request has its answer."""

@@ -75,9 +75,12 @@ class Guard:
                 told = f"{verdict.sentence} {self.gateway.watch_by}"
                 verdict = replace(verdict, sentence=told)
             self.refused[verdict.reason] += 1
-            path, why = str(scope["path"])[:80], verdict.sentence
-            log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
-            if verdict.status == 429:  # who waits for the answer asks no more meanwhile
+            if verdict.status != 429 or self.gateway.may_log(
+                scope.get(_PERSON, ""), verdict.reason
+            ):
+                path, why = str(scope["path"])[:80], verdict.sentence
+                log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
+            if verdict.status == 429:  # a client that waits for the answer asks no more meanwhile
                 await self.clock.pause(_TOO_MANY_S)
             await _refuse(scope, receive, send, verdict, self.gateway)
             return
@@ -107,14 +110,14 @@ class Guard:
         else:
             refusal = refusal or by_address or rules.check_origin(headers, scheme, method)
             session = None if refusal else gateway.session_of(headers, address)
-        gateway.note_asked(scope, session, lasts=is_lasting)
+        too_many = gateway.note_asked(scope, session, lasts=is_lasting)
         if refusal is not None:
             return refusal
         if scope["path"] == STOP_PATH and session is not None:
             return session.role  # a stop passes before all limits
         person = session or gateway.anonymous(address)
         scope[_PERSON] = person.name
-        refusal = self._check_limits(scope, headers, person)
+        refusal = too_many or self._check_limits(scope, headers, person)
         verdict = refusal or rules.admit(scope["path"], method, headers, session)
         if isinstance(verdict, Refusal):
             return verdict
@@ -252,6 +255,8 @@ async def _refuse(
     headers = {"cache-control": "no-store", "x-content-type-options": "nosniff"}
     if refusal.status == 429:
         headers["retry-after"] = "1"
+    if refusal.reason == "connections":
+        headers["connection"] = "close"
     if refusal.location is not None:
         headers["location"] = scope.get(PREFIX, "") + refusal.location
     answer = gateway.explain(refusal, Headers(scope=scope), headers)

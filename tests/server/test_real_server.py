@@ -98,6 +98,27 @@ def tls_with_an_authority_of_our_own(tmp_path: Path) -> None:
         url = server.address.replace("https", "wss") + "/ws/drive"
         headers = {"cookie": cookie.split(";")[0], "origin": server.address}
         assert '"hello"' in asyncio.run(_first_message(url, headers, trust))
+        paired_clients_are_never_reset(server, cookie.split(";")[0], trust)
+
+
+def paired_clients_are_never_reset(
+    server: LiveServer, cookie: str, trust: ssl.SSLContext | None
+) -> None:
+    request = f"GET /api/settings HTTP/1.1\r\nhost: localhost:{server.port}\r\ncookie: {cookie}\r\n"
+
+    async def ask() -> bytes:
+        reader, writer = await asyncio.open_connection("localhost", server.port, ssl=trust)
+        writer.write(f"{request}connection: close\r\n\r\n".encode())
+        answer = await reader.read()
+        writer.close()
+        return answer.split(b"\r\n\r\n")[0].lower()
+
+    async def ask_at_once() -> list[bytes]:
+        return await asyncio.gather(*(ask() for _ in range(100)))
+
+    for head in asyncio.run(ask_at_once()):
+        status = head.split()[1]
+        assert status == b"200" or (status == b"429" and b"\r\nretry-after: 1" in head), head
 
 
 async def _first_message(url: str, headers: dict[str, str], trust: ssl.SSLContext) -> str:

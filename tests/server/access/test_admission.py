@@ -236,6 +236,23 @@ def test_a_request_that_hangs_gives_way_in_the_end() -> None:
     assert gone == [0] and admission.admitted.has("other")
 
 
+def test_a_session_with_all_its_connections_busy_is_told_so_and_none_is_cut() -> None:
+    admission, gone = AdmissionControl(Limits(connections_each=4), 500), list[int]()
+    session = Session(Role.PILOT, "a curl loop")
+
+    def come(port: int, now_s: float, *, lasts: bool = False) -> bool:
+        admission.arrive(("10.0.0.1", port), now_s, lambda: gone.append(port))
+        return admission.asked(("10.0.0.1", port), session, now_s, lasts=lasts)
+
+    assert [come(port, 1.0) for port in range(10)] == [True] * 4 + [False] * 6
+    assert not gone
+    admission.answered(("10.0.0.1", 2), 2.0)
+    assert come(10, 3.0) and gone == [2], "an idle one gives way"
+    assert not come(11, 4.0)
+    assert come(12, 5.0, lasts=True) and gone == [2, 0], "a page's socket always finds a place"
+    assert come(13, 1.0 + LIMITS.idle_s + 1.0) and gone == [2, 0, 1], "a request that hangs, too"
+
+
 def test_who_comes_often_enough_is_never_at_the_expense_of_who_has_less() -> None:
     places = ConnectionLimiter(8, 6, KEPT.__contains__)
     gone = list[str]()
