@@ -51,11 +51,13 @@ class Watchdog(StartStop):
             yield is_on_time
 
     def start(self) -> None:
+        """Begin; idempotent."""
         if self._thread is None:
             self._is_ending = False
             self._thread = self._clock.start_thread(self._run, "watchdog")
 
     def stop(self) -> None:
+        """End the thread; the body is left as it is."""
         self._is_ending = True
         self._sooner.set()
         if self._thread is not None:
