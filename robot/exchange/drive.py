@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from robot.clock import RealClock
-from robot.devices.pictures import Picture
+from robot.devkit.pictures import Picture
 from robot.driver import CLASSIC, Move, point_of
 from robot.errors import RecordingError
 from robot.exchange.timeline import make_timeline

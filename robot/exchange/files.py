@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from robot.devices.pictures import Picture, read_picture
 from robot.devices.png import encode_png
+from robot.devkit.pictures import Picture, read_picture
 from robot.errors import RecordingError, told_as
 from robot.policy.image import to_rgb
 from robot.store.records import read_regular

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.devices.pictures import MAX_SIDE_PX, Picture
+from robot.devkit.pictures import MAX_SIDE_PX, Picture
 from robot.errors import ConfigurationError, RecordingError, need
 from robot.exchange.timeline import make_timeline
 from robot.policy.image import Pixels, swap_red_and_blue, to_rgb

@@ -14,8 +14,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-from robot.devices.pictures import Picture, read_picture
 from robot.devices.raw_value import RawValue, must_be, number, read, text, whole
+from robot.devkit.pictures import Picture, read_picture
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, RecordingError, told_as
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of

@@ -21,7 +21,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.devices.pictures import read_picture
+from robot.devkit.pictures import read_picture
 from robot.errors import RecordingError, told_as
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.film import of_size, to_jpeg

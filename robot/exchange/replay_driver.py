@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options
+from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Action, Point, Sensors
 

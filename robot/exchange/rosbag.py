@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from robot.devices.pictures import MAX_SIDE_PX, Picture, read_picture
+from robot.devkit.pictures import MAX_SIDE_PX, Picture, read_picture
 from robot.errors import RecordingError, RobotError, need
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
 from robot.exchange.files import read_text

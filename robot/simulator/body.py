@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.devices.wheels import CLASSIC_POINTS, TwoWheels
+from robot.devkit.wheels import CLASSIC_POINTS, TwoWheels
 from robot.simulator.world import Obstacle, World
 from robot.types import Pose
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.devices.world_camera import WorldCamera
+from robot.devkit.world_camera import WorldCamera
 from robot.policy.image import jpeg_encoder
 from robot.simulator.driver import SimDriver
 from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX, WIDTH_PX

@@ -6,8 +6,8 @@ import threading
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
+from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC
 from robot.errors import ConfigurationError, did_you_mean
 from robot.simulator.simulation import Simulation

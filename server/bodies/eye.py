@@ -12,7 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
-from robot.devices.pictures import Picture, read_jpeg
+from robot.devkit.pictures import Picture, read_jpeg
 from robot.errors import RecordingError
 from server.protocol import ErrorCode, ProtocolError, parse_object
 

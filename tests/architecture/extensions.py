@@ -16,15 +16,16 @@ ROOT = Path(__file__).parents[2]
 NEEDS: dict[str, tuple[str, ...]] = {
     "access": (),
     "board": ("access",),
-    "bodies": (),
+    "bodies": ("devkit",),
     "challenge": (),
     "coaching": (),
-    "exchange": ("recordings",),
+    "devkit": (),
+    "exchange": ("devkit", "recordings"),
     "lab": ("simulator", "recordings", "exchange", "study"),
     "recordings": (),
-    "simulator": (),
+    "simulator": ("devkit",),
     "study": (),
-    "testing": (),
+    "testing": ("devkit",),
 }
 """Each extension, and those without which it does not work."""
 EXTENSIONS = tuple(NEEDS)

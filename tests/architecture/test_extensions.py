@@ -180,6 +180,7 @@ WORDS = {
     "bodies": r"\bev3\b(?!dev)|pybricks|gymnasium|the robot's eye|\"phone\"",
     "challenge": r"robot\.challenge|server\.challenge|/api/challenge",
     "coaching": r"readiness|\bgallery\b|\btrail\b|coach",
+    "devkit": r"\bdevkit\b|ConnectedDriver|WatchedCamera|UsbCamera",
     "exchange": r"donkeycar|lerobot",
     "lab": r"ablation|benchmark",
     "recordings": r"episode|recorder",

@@ -31,7 +31,7 @@ from robot.bodies.ros.camera import RosCamera, RosCameraOptions
 from robot.bodies.v4l2.camera import UsbCameraOptions, V4l2Camera
 from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
 from robot.clock import Clock, RealClock
-from robot.devices.pictures import read_jpeg
+from robot.devkit.pictures import read_jpeg
 from robot.exchange.replay_camera import ReplayCamera, ReplayCameraOptions
 from robot.simulator.camera import SimCamera, SimCameraOptions
 from robot.simulator.driver import SimDriver, SimOptions

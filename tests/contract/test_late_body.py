@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from robot.devices.connected_driver import ConnectedDriver
+from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
 from robot.testing import VirtualClock
 from robot.testing.cases import DriverCase

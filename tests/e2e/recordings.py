@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 
-from robot.devices.pictures import Picture
+from robot.devkit.pictures import Picture
 from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.simulator.simulation import Simulation
 from robot.simulator.world import load_world

@@ -22,8 +22,8 @@ from robot.errors import MissingExtraError
 SOURCES = (
     "bodies/ev3/agent/*.py",
     "bodies/v4l2/*.py",
-    "devices/freshness.py",
-    "devices/usb_camera.py",
+    "devkit/freshness.py",
+    "devkit/usb_camera.py",
 )
 LEFT_OUT = ("bodies/v4l2/camera.py",)
 """Files that the agent does without: they need a newer Python, and only a computer uses them."""

@@ -15,9 +15,9 @@ from typing import Any, ClassVar, Protocol
 
 from robot.bodies.ev3.agent.body import BrickBody
 from robot.clock import Clock
-from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
-from robot.devices.wheels import CLASSIC_POINTS, Pair, TwoWheels
+from robot.devkit.connected_driver import ConnectedDriver
+from robot.devkit.wheels import CLASSIC_POINTS, Pair, TwoWheels
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton
 from robot.errors import ConfigurationError, MissingExtraError
 from robot.types import Action, Mode, Point, Sensors

@@ -18,7 +18,7 @@ from typing import Any
 from robot.bodies.ev3.agent.wire import ENCODINGS, PICTURE
 from robot.bodies.ev3.handshake import PATIENCE_S, BrickConnection, dial, join
 from robot.clock import Clock, RealClock, Worker
-from robot.devices.pictures import Picture
+from robot.devkit.pictures import Picture
 from robot.errors import ConfigurationError, DriveError
 from robot.types import Encoding
 

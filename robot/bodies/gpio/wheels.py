@@ -7,7 +7,7 @@ from typing import Protocol
 
 from robot.bodies.remote.orders import BodyReport
 from robot.bodies.remote.plain import LATE_MS, LONGEST_MS, parse_plain_order
-from robot.devices.wheels import CLASSIC_POINTS, USUAL_THROTTLE, Pair, TwoWheels
+from robot.devkit.wheels import CLASSIC_POINTS, USUAL_THROTTLE, Pair, TwoWheels
 from robot.types import Action, Point, Sensors
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from robot.bodies.gymnasium.action_names import names_of
-from robot.devices.wheels import USUAL_THROTTLE
+from robot.devkit.wheels import USUAL_THROTTLE
 from robot.driver import Move, side_of
 from robot.errors import ConfigurationError
 from robot.types import Action, Point

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 from robot.bodies.gymnasium.driver import GymnasiumDriver
 from robot.clock import Clock
 from robot.devices.options import Options, option
-from robot.devices.world_camera import WorldCamera
+from robot.devkit.world_camera import WorldCamera
 from robot.driver import ACTION_TIMEOUT_S
 from robot.policy.image import jpeg_encoder
 from robot.types import Encoding, Frame

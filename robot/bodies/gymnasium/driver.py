@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 from robot.bodies.gymnasium.actions import is_car_racing, moves_of, steering_of
 from robot.bodies.gymnasium.environment import PICTURES, Environment, read_options
-from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
+from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Action, Point, Sensors
 

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 from robot.bodies.remote.bluetooth import name_trouble
 from robot.bodies.remote.same_device import Found, SameDevice
 from robot.clock import Clock
-from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
+from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, describe
 from robot.errors import DriveError, need, told_as
 from robot.types import Action, Point, Sensors

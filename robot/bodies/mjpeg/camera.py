@@ -9,10 +9,10 @@ from urllib.parse import urlsplit
 from robot.bodies.mjpeg.answer import PictureFinder
 from robot.bodies.mjpeg.line import CameraLine
 from robot.clock import Clock
-from robot.devices.freshness import LONGEST_PERIOD_S, REOPEN_S
 from robot.devices.options import Options, option
-from robot.devices.pictures import check_kind, read_jpeg, read_picture, reduce_picture
-from robot.devices.watched_camera import WatchedCamera
+from robot.devkit.freshness import LONGEST_PERIOD_S, REOPEN_S
+from robot.devkit.pictures import check_kind, read_jpeg, read_picture, reduce_picture
+from robot.devkit.watched_camera import WatchedCamera
 from robot.errors import CameraError, ConfigurationError, RecordingError, need
 
 _JPEG = b"\xff\xd8"

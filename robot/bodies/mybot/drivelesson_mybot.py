@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPException
 from typing import Any
 
-from robot.devices.connected_driver import ConnectedDriver
+from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S, Move
 from robot.errors import DriveError
 from robot.types import Action, Point, Sensors

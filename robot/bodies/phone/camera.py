@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.devices.options import Options, option
-from robot.devices.pictures import Picture
-from robot.devices.watched_camera import WatchedCamera
+from robot.devkit.pictures import Picture
+from robot.devkit.watched_camera import WatchedCamera
 from robot.errors import need
 
 GONE = "The phone that is the robot's eye is gone: open its page again."

@@ -19,8 +19,8 @@ from robot.bodies.remote.orders import (
 from robot.bodies.remote.plain import HELLO, encode_plain_order, parse_plain_report
 from robot.bodies.remote.same_device import Found, SameDevice
 from robot.clock import Clock
-from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
+from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError, told_as
 from robot.types import Action, Point, Sensors

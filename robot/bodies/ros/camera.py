@@ -12,8 +12,8 @@ from robot.bodies.ros.bridge import RosBridge
 from robot.bodies.ros.driver import check_topic
 from robot.bodies.ros.refusals import advice_for
 from robot.devices.options import Options, option
-from robot.devices.pictures import read_jpeg
-from robot.devices.watched_camera import WatchedCamera
+from robot.devkit.pictures import read_jpeg
+from robot.devkit.watched_camera import WatchedCamera
 from robot.errors import CameraError, DriveError, RecordingError, need
 
 _IMAGE = "sensor_msgs/msg/CompressedImage"

@@ -13,8 +13,8 @@ from robot.bodies.remote.orders import moves_option, parse_moves
 from robot.bodies.ros.bridge import GONE_S, Message, RosBridge
 from robot.bodies.ros.refusals import advice_for
 from robot.clock import Clock
-from robot.devices.connected_driver import ConnectedDriver
 from robot.devices.options import Options, option
+from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S, point_of
 from robot.errors import ConfigurationError, DriveError
 from robot.types import Action, Point, Prediction, Sensors

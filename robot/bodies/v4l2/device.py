@@ -11,7 +11,7 @@ import time
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Tuple
 
 from robot.bodies.v4l2.shrink import plan_shrinking, shrink_yuyv
-from robot.devices.usb_camera import AUTO
+from robot.devkit.usb_camera import AUTO
 
 try:
     import fcntl

@@ -3,8 +3,8 @@
 from typing import Optional
 
 from robot.bodies.v4l2.device import CaptureError, Video, VideoFrame
-from robot.devices.freshness import REOPEN_S, Freshness
-from robot.devices.usb_camera import SameCamera, SeveralCamerasError
+from robot.devkit.freshness import REOPEN_S, Freshness
+from robot.devkit.usb_camera import SameCamera, SeveralCamerasError
 
 
 class CameraReader:

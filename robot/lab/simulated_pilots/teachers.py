@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from robot.devices.wheels import USUAL_THROTTLE
+from robot.devkit.wheels import USUAL_THROTTLE
 from robot.driver import CLASSIC, move_at
 from robot.lab.simulated_pilots.situation import Situation
 from robot.types import Action, Point, Pose

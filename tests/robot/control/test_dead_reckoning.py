@@ -12,7 +12,7 @@ import pytest
 from robot.bodies.ev3.driver import ChassisDriver, ChassisOptions, wheels_of
 from robot.control.dead_reckoning import DeadReckoning
 from robot.control.state import Tick
-from robot.devices.wheels import CLASSIC_POINTS
+from robot.devkit.wheels import CLASSIC_POINTS
 from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import DriveError
 from robot.simulator.body import TRACK_M, WHEELS_MPS, move

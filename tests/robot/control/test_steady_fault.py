@@ -3,7 +3,7 @@ from __future__ import annotations
 import random
 
 from robot.control.steady_fault import STEADY_S, SteadyFault
-from robot.devices.freshness import Freshness
+from robot.devkit.freshness import Freshness
 
 _TICK_S = 0.05
 

@@ -19,7 +19,7 @@ from robot.policy.registry import make_policy
 from robot.testing import VirtualClock
 from robot.testing.driver import FakeDriver
 from robot.types import Action, Mode, PilotCommand, Point, Sensors, StopReason
-from tests.robot.devices.still_camera import StillCamera
+from tests.robot.devkit.still_camera import StillCamera
 
 TICK_S = 1 / 30
 

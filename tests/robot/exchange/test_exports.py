@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
-from robot.devices.pictures import Picture
+from robot.devkit.pictures import Picture
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode
 from robot.exchange.film import to_jpeg, write_film, write_look

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from robot.devices.pictures import read_picture
+from robot.devkit.pictures import read_picture
 from robot.driver import CLASSIC, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import ImportReport, write_episode

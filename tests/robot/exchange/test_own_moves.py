@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from robot.devices.pictures import Picture
+from robot.devkit.pictures import Picture
 from robot.driver import Move, describe, names, point_of
 from robot.errors import RecordingError
 from robot.exchange.drive import Drive, FrameEvent, write_episode

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.devices.pictures import Picture
+from robot.devkit.pictures import Picture
 from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.film import write_look
 from robot.exchange.lerobot import CAMERA, write_lerobot

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot.devices.pictures import Picture
+from robot.devkit.pictures import Picture
 from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.policy.policy import Policy
 from robot.policy.registry import make_policy

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from robot.coaching.gallery import images
-from robot.devices.pictures import Picture
+from robot.devkit.pictures import Picture
 from robot.errors import ConfigurationError
 from robot.exchange.drive import Drive, FrameEvent, write_episode
 from robot.exchange.film import check_suffix, write_look

@@ -11,7 +11,7 @@ import pytest
 from robot.bodies.ev3.agent import console, sensors
 from robot.bodies.ev3.driver import ChassisOptions, Ev3Driver, Ev3Options, wheels_of
 from robot.bodies.ev3.fake_brick import DEFAULTS, LEFTOVERS, POLL_S, FakeBrick
-from robot.devices.wheels import CLASSIC_POINTS
+from robot.devkit.wheels import CLASSIC_POINTS
 from robot.driver import BodyButton
 from robot.errors import ConfigurationError, DriveError, NotConnectedError
 from robot.testing import VirtualClock

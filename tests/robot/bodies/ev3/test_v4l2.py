@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from robot.bodies.v4l2 import device as v4l2
 from robot.bodies.v4l2 import reader
 from robot.bodies.v4l2.shrink import plan_shrinking, shrink_yuyv
-from robot.devices.freshness import LONGEST_PERIOD_S, REOPEN_S, STILL_S, Freshness
+from robot.devkit.freshness import LONGEST_PERIOD_S, REOPEN_S, STILL_S, Freshness
 from tests.robot.bodies.ev3.fake_video import C270_ON_EV3, DEVICE, QUICK, CameraTraits, FakeVideo
 
 ROOT = Path(__file__).parents[4]

@@ -8,8 +8,8 @@ import pytest
 
 from robot.bodies.phone.camera import NOBODY, PhoneCamera, PhoneOptions
 from robot.clock import Worker
-from robot.devices.freshness import STILL_S
-from robot.devices.pictures import Picture
+from robot.devkit.freshness import STILL_S
+from robot.devkit.pictures import Picture
 from robot.testing import VirtualClock
 from robot.types import Encoding
 

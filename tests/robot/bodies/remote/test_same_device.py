@@ -27,8 +27,8 @@ from robot.bodies.remote.udp import UdpDriver
 from robot.bodies.v4l2 import reader
 from robot.bodies.v4l2.device import CaptureError
 from robot.bodies.v4l2.reader import CameraReader
-from robot.devices import usb_camera
-from robot.devices.usb_camera import UsbCamera
+from robot.devkit import usb_camera
+from robot.devkit.usb_camera import UsbCamera
 from robot.errors import DriveError
 from robot.testing import VirtualClock
 from robot.types import Action

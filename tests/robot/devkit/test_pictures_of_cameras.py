@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot.bodies.mjpeg.camera import MjpegCamera, MjpegOptions
-from robot.devices.pictures import DRIVEN_BY_PX, check_kind, read_jpeg, reduce_picture
+from robot.devkit.pictures import DRIVEN_BY_PX, check_kind, read_jpeg, reduce_picture
 from robot.errors import RecordingError
 from robot.testing import VirtualClock
 

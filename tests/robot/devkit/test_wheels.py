@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.devices.wheels import CLASSIC_POINTS, TwoWheels
+from robot.devkit.wheels import CLASSIC_POINTS, TwoWheels
 from robot.types import Action, Point
 
 SHARES = st.floats(-1.0, 1.0).map(lambda share: round(share, 3))

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Self
 
 from robot.camera import Camera
 from robot.clock import Clock, Worker
-from robot.devices.freshness import Freshness
-from robot.devices.pictures import Picture
+from robot.devkit.freshness import Freshness
+from robot.devkit.pictures import Picture
 from robot.driver import Driver
 from robot.types import Frame
 

@@ -11,8 +11,8 @@ from unittest import mock
 import pytest
 
 from robot.bodies.webcam.camera import OpencvCamera, OpencvOptions
-from robot.devices import usb_camera
-from robot.devices.usb_camera import SameCamera, SeveralCamerasError
+from robot.devkit import usb_camera
+from robot.devkit.usb_camera import SameCamera, SeveralCamerasError
 from robot.errors import CameraError
 from robot.testing import VirtualClock
 
