@@ -19,17 +19,20 @@ from robot.errors import NotFoundError, RobotError
 from server.board.board import Board, BoardViewer
 from server.board.class_models import ClassModels, ClassOrder
 from server.board.model_copy import copy_model
+from server.board.ready_lesson import NAME, left_turns
 from server.config import Config
 from server.gateway.gateway import STOP_PATH, gateway_type
 from server.gateway.guard import Guard
 from server.gateway.rules import PUBLIC_PATHS
 from server.hosting.static_files import CompressedFiles
-from server.routes.bodies import HANDLERS, Short
+from server.routes.bodies import HANDLERS, Short, do
 from server.routes.sockets import end_with_either
 from server.services import keep_gateway
 
 SEND_EVERY_S = 0.1
 """How long news and pictures are gathered before they are sent together, in seconds."""
+LANGUAGES = ("en", "es", "zh")
+"""The languages of the lessons."""
 PICTURE_HEADER = struct.Struct("<HI")
 """Header of each picture: the robot's number and the picture's length in bytes."""
 
@@ -58,6 +61,12 @@ class OrderBody(RawValue):
     """An order to all robots."""
 
     order: Literal["keep", "reset", "hand_over"] = must_be("keep, reset or hand_over")
+
+
+class LessonModel(RawValue):
+    """The name that the robots give the model."""
+
+    name: str = text(NAME, most=60)
 
 
 _ALL = StopOrder()
@@ -119,6 +128,20 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
     async def codes() -> Response:
         return FileResponse(config.web / "board" / "codes.html")
 
+    @app.get("/lesson", include_in_schema=False)
+    async def lesson() -> Response:
+        return FileResponse(config.web / "board" / "lesson.html")
+
+    @app.get("/lesson/{language}", include_in_schema=False)
+    async def lesson_text(language: str) -> Response:
+        """Return the three lessons as they are written, in one language."""
+        written = (config.web / "lessons", config.web.parent / "docs" / "lessons")
+        for folder in written if language in LANGUAGES else ():
+            if (folder / f"{language}.md").is_file():
+                kind = "text/markdown; charset=utf-8"
+                return FileResponse(folder / f"{language}.md", media_type=kind)
+        raise HTTPException(404, f"The lessons are written in {', '.join(LANGUAGES)}.")
+
     @app.get("/api/robots")
     async def list_robots() -> dict[str, Any]:
         return {"robots": board.describe(), "strangers": board.strangers.describe()}
@@ -151,6 +174,11 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
     async def order(body: OrderBody) -> dict[str, Any]:
         """Have all robots keep their models, start empty ones, or change hands."""
         return await models.give(ClassOrder(body.order))
+
+    @app.post("/api/models/left-turns")
+    async def give_left_turns(body: LessonModel) -> dict[str, Any]:
+        """Have all robots load the ready lesson of left turns only, under this name."""
+        return await models.give(ClassOrder.LOAD, await do(left_turns), body.name)
 
     @app.post("/api/models/undo")
     async def undo() -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from robot.errors import ConfigurationError
 from robot.store.folder import default_root
@@ -20,7 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     text += f"with commas in between{shown}"
     add("--robots", default="10", metavar="LIST", help=text)
     add("--world", help="where the simulated ones drive (default: the lesson's place, or box)")
-    text = "say which page of docs/lessons to follow, and begin in its place"
+    text = "the lesson to begin with; fair-data: robots that know left turns only"
     add("--lesson", choices=tuple(LESSONS), help=text)
     text = "address for the pupils; 127.0.0.1: only for this computer (default: all it has)"
     add("--host", default="0.0.0.0", help=text)
@@ -33,26 +34,31 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until interrupted; then no process is left."""
+    from robot.simulator.world import load_world
     from server.access.config import NetworkConfig
     from server.access.network import lan_addresses
     from server.board.class_key import keep_class_key
     from server.board.command import serve_board
     from server.board.discovery import read_list
+    from server.board.ready_lesson import NAME, left_turns
     from server.board.simulated_robot import simulated_robots
     from server.board.transport import RobotAddress
     from server.hosting.logs import start_logging
 
     start_logging(verbose=args.verbose)
     world = args.world or LESSONS.get(args.lesson, "box")
-    if args.lesson:
-        print(f"The lesson {args.lesson} is in docs/lessons: en.md, es.md or zh.md", flush=True)
+    load_world(world)
     count, others = split(args.robots)
+    lesson = f"#{args.lesson}" if args.lesson else ""
+    print(f"The lessons, to project: http://127.0.0.1:{args.port}/lesson{lesson}", flush=True)
     listed = read_list(others) if others else []
     file = args.data / "class.key"
     key = keep_class_key(file)
     # Phones read this address in the codes, so the board uses it, too.
     here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
-    place = {"host": args.host, "port": args.port, "data": args.data}
+    place: dict[str, Any] = {"host": args.host, "port": args.port, "data": args.data}
+    if args.lesson == "fair-data":
+        place["model"] = (NAME, left_turns(world))
     with simulated_robots(count, **place, world=world, key=file) as ports:
         serve_board(key, args.port, [*(RobotAddress(here, port) for port in ports), *listed])
     return 0

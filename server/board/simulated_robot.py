@@ -20,6 +20,8 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from robot.store.folder import Storage
+from robot.store.models.store import ModelStore
 from server.board.nursery import BELOW, END_S, Nursery
 from server.cli.main import main
 from server.hosting.serving import open_socket
@@ -50,12 +52,19 @@ class SimulatedRobot:
         self.number, self.port, self.folder = number, port, folder
         self._hue_deg = round(number * _GOLDEN_DEG) % 360
         self._process: subprocess.Popen[bytes] | None = None
+        self.model = ""
+        """The model that it begins with; empty: the one that it used last."""
         self._ending, self._has_ended = threading.Event(), threading.Event()
         if not (folder / "robot.json").exists():
             again, place = divmod(number - 1, len(NAMES))
             name = f"{NAMES[place]} {again + 1}" if again else NAMES[place]
             off = {c: (hue - self._hue_deg + 180) % 360 - 180 for c, hue in _HUES_DEG.items()}
             IdentityFile(folder, name).change(colour=min(off, key=lambda colour: abs(off[colour])))
+
+    def keep_model(self, name: str, data: bytes) -> None:
+        """Put a model into its folder, if it has none of this name, and begin with it."""
+        models = ModelStore(Storage(self.folder))
+        self.model = name if name in models.names() else models.add_file(name, data)
 
     def start(
         self, host: str, world: str, key: Path, rate_hz: float, nursery: Nursery | None = None
@@ -65,6 +74,7 @@ class SimulatedRobot:
             return
         words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
         words += ["--data", self.folder, "--class-key", key, "--world", world]
+        words += ["--model", self.model] if self.model else []
         words += ["--seed", self.number, "--hue", self._hue_deg, "--frame-rate-hz", rate_hz]
         texts = list(map(str, words))
         if nursery is None:
@@ -130,15 +140,25 @@ def _serves(host: str, port: int) -> bool:
 
 @contextlib.contextmanager
 def simulated_robots(
-    count: int, *, host: str, port: int, data: Path, world: str, key: Path
+    count: int,
+    *,
+    host: str,
+    port: int,
+    data: Path,
+    world: str,
+    key: Path,
+    model: tuple[str, bytes] | None = None,
 ) -> Iterator[list[int]]:
     """Run `count` robots inside the block, each with its own room; yield their ports.
 
     They serve on the ports after `port`, the board's, and save their models in `data/class`.
+    They begin with `model`, its name and file, if there is one.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
     for robot in robots:  # before any of them starts: is the port free?
         open_socket(host, robot.port).close()
+        if model is not None:
+            robot.keep_model(*model)
     cores = os.cpu_count() or 1
     starting = ThreadPoolExecutor(cores)  # all at once would keep the board from answering
     nurseries: list[Nursery] = []

@@ -29,7 +29,7 @@ def test_one_in_twelve_may_fail(failures: int, capsys: pytest.CaptureFixture[str
 
     seen = set()
 
-    def run(story: Story, world: str) -> Story:
+    def run(story: Story, world: str, with_challenge: bool) -> Story:
         late_s = 400.0 if len(failing) % 2 else None
         story.done_s = late_s if story.habit in failing else 110.0
         seen.update((story.screen, story.language))

@@ -1,0 +1,51 @@
+"""The ready lesson of left turns only: what a robot learned that was never shown a right turn.
+
+It is made when it is needed, by driving rounds in the simulator, so it fits this version's learner
+and no file of it is shipped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+from robot.clock import RealClock
+
+NAME = "left turns only"
+"""Name of the model on a robot."""
+_STEP_S = 0.1
+"""Time between two pictures, in seconds."""
+_NEAR_M, _FREE_M = 0.35, 0.5
+"""The robot turns left from the one distance to a wall on, until the other is free, in metres."""
+
+
+@cache
+def left_turns(world: str = "box", seconds: float = 90.0) -> bytes:
+    """Return the model's file: rounds of a place in which every turn is to the left."""
+    from robot.policy.history import TrainingHistory
+    from robot.policy.registry import make_policy
+    from robot.simulator.camera import SimCamera, SimCameraOptions
+    from robot.simulator.driver import SimDriver, SimOptions
+    from robot.store.models.model import encode_model, take_model
+    from robot.types import Action, Example
+
+    body = SimDriver(SimOptions(world=world))
+    body.connect()
+    camera = SimCamera(body, SimCameraOptions(), RealClock())
+    history = TrainingHistory(make_policy("default-32"))
+    held = Action.FORWARD
+    for step in range(round(seconds / _STEP_S)):
+        free_m, at_s = body.sense().distance_m or _FREE_M, step * _STEP_S
+        is_near = free_m < (_FREE_M if held is Action.LEFT else _NEAR_M)
+        held = Action.LEFT if is_near else Action.FORWARD
+        frame = replace(camera.take_jpeg(), captured_s=at_s)
+        x = history.policy.extract(frame)
+        history.policy.propose(frame.frame_id, x, under_way=held, at_s=at_s)
+        example = Example(frame_id=frame.frame_id, label=held, is_intervention=False)
+        history.teach(example, x, at_s)
+        body.drive(held)
+        body.advance(_STEP_S)
+    body.disconnect()
+    body.simulation.close()
+    model = take_model(history.policy, history.taught, saved_at_s=RealClock().wall_s())
+    return encode_model(model, is_packed=True)

@@ -1,0 +1,29 @@
+"""The ready lesson: a robot that was never shown a right turn, and what it does."""
+
+from __future__ import annotations
+
+from robot.simulator.camera import SimCamera, SimCameraOptions
+from robot.simulator.driver import SimDriver, SimOptions
+from robot.store.models.model import decode_model
+from robot.testing import VirtualClock
+from robot.types import Action
+from server.board.ready_lesson import left_turns
+
+
+def test_it_has_no_right_turn_and_its_robot_turns_left_before_a_wall() -> None:
+    model = decode_model(left_turns(seconds=30.0))
+    assert not model.summary.taught.get(Action.RIGHT) and Action.RIGHT in model.summary.moves
+    assert model.summary.taught[Action.LEFT] > 50 < model.summary.taught[Action.FORWARD]
+    policy, body = model.to_policy(), SimDriver(SimOptions(world="box", seed=3))
+    body.connect()
+    camera, done = SimCamera(body, SimCameraOptions(), VirtualClock()), []
+    for step in range(100):
+        frame = camera.take_jpeg()
+        x, at_s = policy.extract(frame), 100 + step * 0.1
+        action = policy.propose(frame.frame_id, x, at_s=at_s).action or Action.STOP
+        done.append(action)
+        body.drive(action)
+        body.advance(0.1)
+    body.disconnect()
+    body.simulation.close()
+    assert Action.RIGHT not in done and {Action.LEFT, Action.FORWARD} <= {*done}

@@ -1,0 +1,29 @@
+// The lessons are read as they are written, in each language, and nothing of the writing's marks is left.
+
+import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
+import { test } from 'node:test';
+
+import { piecesIn, wordsIn } from '../../web/board/markdown.js';
+
+test('marks become words, and links lose their address', () => {
+  const kinds = wordsIn('a **b** *c* `d` [e](f.md).').map(({ kind, text }) => `${kind} ${text}`);
+  assert.deepEqual(kinds, ['text a ', 'strong b', 'text  ', 'em c', 'text  ', 'code d', 'text  ', 'text e', 'text .']);
+});
+
+for (const language of ['en', 'es', 'zh']) {
+  test(`three lessons and an answer sheet: ${language}`, () => {
+    const pieces = piecesIn(readFileSync(new URL(`../../docs/lessons/${language}.md`, import.meta.url), 'utf8'));
+    const kinds = pieces.map(({ kind }) => kind).join(' ');
+    assert.equal(kinds, `h1 p${' h2 p table p'.repeat(3)} h2 ul`);
+    const said = JSON.stringify(pieces);
+    assert.doesNotMatch(said, /\*|`|\]\(/);
+    for (const piece of pieces) {
+      if (piece.kind === 'ul') assert.equal(piece.items.length, 3);
+      if (piece.kind !== 'table') continue;
+      const minutes = piece.rows.map(([first]) => Number(first[0].text));
+      assert.ok(minutes.every((n) => n > 0) && Math.abs(minutes.reduce((a, b) => a + b) - 42.5) <= 2.5, String(minutes));
+      assert.ok(piece.rows.every((row) => row.length === piece.head.length));
+    }
+  });
+}
