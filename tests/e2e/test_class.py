@@ -87,6 +87,13 @@ def test_names_codes_locks_models_and_stop(chromium: Any, tmp_path: Path) -> Non
         page.get_by_role("button", name="Release all").click()
         for robot in school.robots:
             wait_until(lambda r=robot: not r.robot.loop.state.emergency, "each is released")
+
+        # So does a key without a code, from a television's remote control.
+        page.evaluate("document.activeElement.blur()")
+        space = "new KeyboardEvent('keydown', {key: ' ', bubbles: true})"
+        page.evaluate(f"document.body.dispatchEvent({space})")
+        for robot in school.robots:
+            wait_until(lambda r=robot: r.robot.loop.state.emergency, "space stops each")
         for phone in phones:
             phone.close()
         context.close()

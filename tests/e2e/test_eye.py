@@ -35,6 +35,11 @@ def test_a_phone_is_the_eye_and_its_stop_is_obeyed(tmp_path: Path) -> None:
         page.locator("#stop").tap()
         page.locator("#said[data-level=bad]").wait_for()
         assert rig.loop.state.emergency
+        rig.loop.release_emergency().result(5)
+        page.locator("#said[data-level=good]").wait_for()
+        page.keyboard.press("Space")
+        page.locator("#said[data-level=bad]").wait_for()
+        assert rig.loop.state.emergency
         box = page.locator("#stop").bounding_box()
         assert box is not None and box["height"] >= 96 and box["width"] >= 300
         page.close()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from robot.types import Action, Mode
-from tests.kit.sizes import crossed
+from tests.kit.sizes import crossed, size
 from tests.kit.wait import wait_until
 
 from .hand import (
@@ -116,6 +119,41 @@ def test_space_stops_from_every_screen(desktop: Any, world: World) -> None:
         desktop.keyboard.press("Space")
         wait_until(lambda: world.rig.loop.state.emergency, f"space stops on {screen}")
         release_stop(desktop, world)
+
+
+KEYBOARDS = Path(__file__).parents[1] / "web" / "keyboards.mjs"
+PLAY = (Path(__file__).parent / "keyboard.js").read_text(encoding="utf-8")
+
+
+def _histories(first: int, count: int) -> list[dict[str, Any]]:
+    made = f"Array.from({{ length: {count} }}, (_, i) => historyOf({first} + i))"
+    script = (
+        f"import {{ historyOf }} from '{KEYBOARDS.as_uri()}'; console.log(JSON.stringify({made}))"
+    )
+    command = ["node", "--input-type=module", "--eval", script]
+    ran = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
+    return list(json.loads(ran.stdout))
+
+
+def test_no_generated_keyboard_drives_on_beside_the_robot(desktop: Any, world: World) -> None:
+    """Its answers come as late as they do; most histories run in node (tests/web/keys.test.mjs)."""
+    played = desktop.evaluate(
+        PLAY, {"histories": _histories(1, size("LIVE_KEYS", 4, 40)), "isLive": True}
+    )
+    assert played["wrong"] == []
+    assert played["counts"]["stops"] and played["counts"]["driven"]
+    wait_until_standing(world)
+
+
+def test_no_generated_keyboard_drives_on_in_a_browser(desktop: Any, world: World) -> None:
+    count = size("PAGE_KEYS", 20, 500)
+    for first in range(1, count + 1, 100):
+        histories = _histories(first, min(100, count + 1 - first))
+        played = desktop.evaluate(PLAY, {"histories": histories, "isLive": False})
+        assert played["wrong"] == []
+        assert played["counts"]["stops"] and played["counts"]["driven"]
+    desktop.reload()  # its robot answers again
+    wait_until_standing(world)
 
 
 SET_HIDDEN = """(hidden) => {

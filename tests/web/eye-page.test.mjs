@@ -45,8 +45,10 @@ const place = { reloads: 0, reload: () => (place.reloads += 1) };
 Object.defineProperty(globalThis, 'navigator', { configurable: true, value: { languages: ['en'], mediaDevices: {
   getUserMedia: async () => { const track = new FakeTrack(); tracks.push(track); return { getTracks: () => [track] }; },
 } } });
+/** The window's listeners of keys, the first that come first. @type {[string, Function][]} */
+const keys = [];
 Object.assign(globalThis, {
-  window: globalThis, OffscreenCanvas: FakeCanvas, Worker: FakeWorker, WebSocket: FakeSocket, location: place,
+  window: globalThis, HTMLElement: class {}, addEventListener: (type, act) => keys.push([type, act]), OffscreenCanvas: FakeCanvas, Worker: FakeWorker, WebSocket: FakeSocket, location: place,
   createImageBitmap: async () => ({}),
   document: {
     baseURI: 'https://robot/eye', documentElement: {}, body: { dataset: {} }, visibilityState: 'visible', addEventListener() {},
@@ -141,6 +143,23 @@ test('a STOP is asked for until the robot hears it, also where the line is anoth
   await pass(5000);
   assert.equal(asked.length, heard, 'and then it is enough');
   assert.deepEqual([...new Set(asked)], ['POST api/stop']);
+});
+
+test('a key stops it wherever the focus is, and presses a button while the robot stands', async () => {
+  elements.begin.dispatchEvent(new Event('click'));
+  await soon();
+  const press = (key, target) => {
+    let isOver = false;
+    const event = { key, target, preventDefault: () => (event.defaultPrevented = true), stopPropagation: () => (isOver = true) };
+    for (const [type, act] of keys) if (type === 'keydown' && !isOver) act(event);
+    return event.defaultPrevented === true;
+  };
+  const stops = () => socket().sent.filter((one) => one.includes?.('stop')).length;
+  for (const [mode, felt] of [['train', [true, true, true, false]], ['autonomous', [true, true, true, false]], ['stopped', [false, false, false, false]]]) {
+    hear({ type: 'state', mode, driven_by: 'nobody', emergency: false });
+    assert.deepEqual([' ', 'MediaStop', 'Escape', 'Enter'].map((key) => press(key, elements.begin)), felt, mode);
+  }
+  assert.equal(stops(), 6);
 });
 
 test('an eye whose pairing has ended is led to the page that pairs it', async () => {

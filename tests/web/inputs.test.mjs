@@ -1,11 +1,8 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { Helm } from '../../web/js/helm.js';
 import { readGamepad } from '../../web/js/inputs/gamepad.js';
-import { listenToKeyboard } from '../../web/js/inputs/keyboard.js';
 import { SILENT_MS, Tilt, readTilt } from '../../web/js/inputs/tilt.js';
-import { declare } from '../../web/js/moves.js';
 import { rgbToRgba, yuyvToRgba } from '../../web/js/picture.js';
 
 const pad = (axes, pressed = []) => ({
@@ -103,68 +100,6 @@ test('a phone that tells how it is turned by its older name alone is tilted as a
     tilt.letGo();
   }
   delete globalThis.orientation;
-});
-
-for (const [what, come] of Object.entries({
-  'a menu of the browser': (fire) => fire('contextmenu'),
-  'something that is dragged': (fire) => fire('dragstart'),
-  'the menu bar, by Alt': (fire) => fire('keydown', { key: 'Alt', altKey: true, code: 'AltLeft' }),
-  'the menu bar, by F10': (fire) => fire('keydown', { key: 'F10', code: 'F10' }),
-  'what a Mac does with Meta': (fire) => fire('keydown', { key: 'Meta', metaKey: true, code: 'MetaLeft' }),
-})) {
-  for (const hasStick of [false, true]) {
-    test(`a key that comes up unseen, for ${what}, drives no further${hasStick ? ', nor by degrees' : ''}`, () => {
-      const listeners = {};
-      Object.assign(globalThis, { addEventListener: (type, act) => (listeners[type] = act), HTMLElement: class {} });
-      const fire = (type, about = {}) => listeners[type]?.({ target: null, code: '', preventDefault() {}, ...about });
-      const helm = new Helm({ send: () => true, nextSeq: () => 1 }, () => ({ frame: 1 }));
-      Object.assign(helm, { hasStick });
-      helm.follow({ mode: 'train', you_are_pilot: true }, ['forward', 'left', 'right']);
-      declare(['forward', 'left', 'right'].map((name, i) => ({ name, label: {}, icon: '', does: '', steering: [0, -1, 1][i], throttle: 0.5 })));
-      listenToKeyboard(helm, { stop() {}, isDriving: () => true });
-      fire('keydown', { key: 'ArrowUp', code: 'ArrowUp' });
-      assert.equal(helm.held, 'forward');
-      come(fire);
-      assert.equal(helm.held, null);
-      fire('keydown', { key: 'ArrowUp', code: 'ArrowUp', repeat: true });
-      assert.equal(helm.held, null, 'though it repeats');
-      fire('keyup', { key: 'ArrowUp', code: 'ArrowUp' });
-    });
-  }
-}
-
-test('a finger that holds a direction is none of a menu’s, nor is a long press that opens none', () => {
-  const listeners = {};
-  Object.assign(globalThis, { addEventListener: (type, act) => (listeners[type] = act), HTMLElement: class {} });
-  const helm = new Helm({ send: () => true, nextSeq: () => 1 }, () => ({ frame: 1 }));
-  helm.follow({ mode: 'train', you_are_pilot: true }, ['forward']);
-  listenToKeyboard(helm, { stop() {}, isDriving: () => true });
-  helm.press('finger 1', 'forward');
-  listeners.contextmenu({});
-  assert.equal(helm.held, 'forward');
-  helm.releaseAll();
-  listeners.keydown({ key: 'ArrowUp', code: 'ArrowUp', target: null, preventDefault() {} });
-  listeners.contextmenu({ defaultPrevented: true });
-  assert.equal(helm.held, 'forward', 'the pad’s own');
-});
-
-test('space is the stop for who has lost the link of a robot that may move, whatever button has the focus', () => {
-  const listeners = {};
-  Object.assign(globalThis, { addEventListener: (type, act) => (listeners[type] = act), HTMLElement: class {}, document: { body: {} } });
-  const helm = new Helm({ send: () => true, nextSeq: () => 1 }, () => ({ frame: 1 }));
-  let [stops, kept] = [0, 0];
-  listenToKeyboard(helm, { stop: () => (stops += 1), isDriving: () => true });
-  const press = () => listeners.keydown({ key: ' ', code: 'Space', target: {}, preventDefault: () => (kept += 1) });
-  for (const mode of ['train', 'autonomous']) {
-    helm.follow({ mode, you_are_pilot: true }, ['forward']);
-    helm.lose();
-    assert.ok(!helm.mayMove);
-    press();
-  }
-  assert.deepEqual([stops, kept], [2, 2]);
-  helm.follow({ mode: 'stopped', you_are_pilot: true }, ['forward']);
-  press();
-  assert.deepEqual([stops, kept], [2, 2], 'a robot that stands still: the button is pressed');
 });
 
 test('a phone that gives no tilt on this visit is asked for it as the finger comes up', async () => {

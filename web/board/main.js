@@ -3,6 +3,7 @@
 import { socketBase } from '../js/api.js';
 import { append, fill, h, say } from '../js/dom.js';
 import { loadLanguage, t } from '../js/i18n.js';
+import { listenForStop } from '../js/inputs/stop-keys.js';
 import { layStops, makeStop } from '../js/stop.js';
 import { Card } from './card.js';
 import { ClassLink } from './class-link.js';
@@ -26,6 +27,7 @@ let showsCodes = false;
 
 const there = h('small', { role: 'status' });
 const [place, stop] = makeStop(() => link.stop(), '', t('board.stop_all'));
+listenForStop({ stop: () => link.stop(), mayMove: () => !link.isOpen || [...link.robots.values()].some(({ mode }) => mode !== null && mode !== 'stopped') });
 const releaseAll = h('button', { type: 'button', disabled: true, onclick: () => link.release() }, t('board.release_all'));
 const views = ['pictures', 'codes'].map((view) => h('button', {
   type: 'button', role: 'radio', 'aria-checked': String(view === 'pictures'), 'data-view': view,

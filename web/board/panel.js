@@ -24,7 +24,7 @@ export class Panel {
     /** Shows in the open panel what has changed elsewhere. */
     this.follow = () => {};
     this.said = h('p', { class: 'said', role: 'status' });
-    element.addEventListener('keydown', (event) => event.key === 'Escape' && this.close());
+    element.addEventListener('keydown', (event) => event.key === 'Escape' && (event.preventDefault(), this.close()));
   }
 
   close() {

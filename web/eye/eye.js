@@ -4,6 +4,7 @@ import { askToStop, askWhy, socketBase } from '../js/api.js';
 import { WakeLock } from '../js/device.js';
 import { EyeLink } from './eye-link.js';
 import { Packer } from './eye-picture.js';
+import { listenForStop } from '../js/inputs/stop-keys.js';
 import { has, loadLanguage, t } from '../js/i18n.js';
 
 const LATE_MS = 1000; // a stamp that claims to be older is not believed
@@ -141,6 +142,7 @@ async function stopRobot() {
   if (await askToStop(() => link.owesStop)) link.owesStop = false;
 }
 stop.addEventListener('pointerdown', stopRobot);
+listenForStop({ stop: stopRobot, mayMove: () => document.body.dataset.mode !== 'stopped' });
 stop.addEventListener('click', stopRobot);
 begin.addEventListener('click', open);
 document.addEventListener('visibilitychange', () => document.visibilityState === 'visible' && wakeLock.want(true));

@@ -34,7 +34,7 @@ export class AppBar extends HTMLElement {
     append(this, [this.back, this.plate, h('div', { class: 'name' }, this.heading, this.detail),
       ...stop, this.button, this.menu]);
     page.store.watch(['robot', 'link', 'readiness', 'screen', 'delayMs', 'pictureAgeMs', 'robotName', 'lead'], (state) => this.render(state));
-    addEventListener('keydown', (event) => event.key === 'Escape' && this.toggle(false));
+    addEventListener('keydown', (event) => event.key === 'Escape' && !this.menu?.hidden && (event.preventDefault(), this.toggle(false)));
     addEventListener('pointerdown', (event) => {
       if (event.target instanceof Node && !this.contains(event.target)) this.toggle(false);
     });

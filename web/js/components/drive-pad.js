@@ -6,6 +6,7 @@
 
 import { append, fill, h, hasLetGo, icon } from '../dom.js';
 import { t } from '../i18n.js';
+import { isEnter } from '../inputs/keys.js';
 import { Tilt } from '../inputs/tilt.js';
 import { inColumns, isOwn } from '../moves.js';
 import { makeStop } from '../stop.js';
@@ -77,12 +78,12 @@ export class DrivePad extends HTMLElement {
 
   /** @param {string} move */
   makeButton(move) {
-    const source = `button ${move}`;
+    const source = `key on ${move}`;
     const helm = this.page?.helm;
     return h('button', {
       class: 'move', type: 'button', 'data-move': move, 'aria-pressed': 'false',
       onkeydown: (/** @type {KeyboardEvent} */ event) => {
-        if (event.key !== 'Enter') return;
+        if (!isEnter(event)) return;
         event.preventDefault(); // a click would let go after a moment
         if (!event.repeat) helm?.press(source, move);
       },

@@ -1,19 +1,18 @@
-// Arrows and WASD drive while held (by degrees: the longer a key, the further it steers), the figures 1 to 9 whatever the robot can, in its order; space stops.
+// Arrows and WASD drive while held (by degrees: the longer a key, the further it steers), the figures 1 to 9 whatever the robot can, in its order.
+//
+// Where it is unclear which key has come up, all are let go of.
+
+import { moveOfKey, Presses } from './keys.js';
+import { listenForStop } from './stop-keys.js';
 
 const STEP_MS = 40;
 /** Shares of full lock in a step: what a key steers further, and what comes back without one. */
 const OUT = 0.08;
 const BACK = 0.16;
 
-/** @type {Record<string, string>} */
-const MOVES = {
-  ArrowUp: 'forward', KeyW: 'forward',
-  ArrowLeft: 'left', KeyA: 'left',
-  ArrowRight: 'right', KeyD: 'right',
-  ArrowDown: 'backward', KeyS: 'backward',
-  KeyQ: 'spin_left', KeyE: 'spin_right',
-};
 const RAMPED = ['forward', 'backward', 'left', 'right'];
+/** A key that repeats and is silent for twice its longest pause has come up unseen: at least, and at most. */
+const [QUIET_MS, LONG_MS] = [1000, 2500];
 
 /** @param {EventTarget | null} target */
 const isTyping = (target) =>
@@ -70,39 +69,82 @@ export class KeyRamp {
   }
 }
 
+/** Notices that a key which repeats has come up without an event: a browser tells of none while a screenshot is taken, or by some window managers. */
+class Silence {
+  /** @param {() => void} letGo */
+  constructor(letGo) {
+    this.letGo = letGo;
+    this.newest = '';
+    this.atMs = 0;
+    /** The longest pause between two events of a key that was held; 0: none has repeated yet. */
+    this.pauseMs = 0;
+    this.isWrong = false;
+    /** @type {string | null} the key that was let go of */
+    this.missed = null;
+    /** @type {ReturnType<typeof setTimeout> | undefined} */
+    this.timer = undefined;
+  }
+
+  /** @param {string} press @param {boolean} isRepeat */
+  heard(press, isRepeat) {
+    const nowMs = performance.now();
+    if (isRepeat && press === this.newest) this.pauseMs = Math.max(this.pauseMs, nowMs - this.atMs);
+    Object.assign(this, { newest: press, atMs: nowMs, missed: null });
+    clearTimeout(this.timer);
+    if (!this.pauseMs || this.isWrong) return;
+    this.timer = setTimeout(() => {
+      this.missed = press;
+      this.letGo();
+    }, Math.min(LONG_MS, Math.max(QUIET_MS, 2 * this.pauseMs)));
+  }
+
+  /** @param {string | null} press */
+  over(press) {
+    clearTimeout(this.timer);
+    if (press && press === this.missed) this.isWrong = true; // this keyboard does not always repeat
+  }
+}
+
 /**
  * @param {import('../helm.js').Helm} helm
  * @param {{stop: () => void, isDriving: () => boolean}} page  `isDriving`: the pad is on the screen
  */
 export function listenToKeyboard(helm, { stop, isDriving }) {
   const ramp = new KeyRamp(helm);
+  const presses = new Presses();
+  const letGo = () => {
+    for (const source of [...helm.holds.keys()]) if (source.startsWith('key')) helm.release(source);
+  };
+  const silence = new Silence(letGo);
+  listenForStop({ stop, isDriving, mayMove: () => helm.mode !== 'stopped' || helm.start.tap !== null });
+  addEventListener('keydown', (event) => silence.heard(presses.press(event), event.repeat), true);
   addEventListener('keydown', (event) => {
     // A Mac tells of no other key that comes up while Meta is down; the others open a browser's menu.
     if (['Meta', 'Alt', 'F10'].includes(event.key)) helm.releaseAll();
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
-    if (event.code === 'Space' && (helm.mode !== 'stopped' || event.target === document.body)) {
-      // While the robot may move, space is the stop wherever the focus is; Enter presses buttons.
-      event.preventDefault();
-      if (!event.repeat) stop();
-      return;
-    }
-    const nth = Number(event.code.match(/^Digit([1-9])$/)?.[1] ?? 0);
-    const move = nth ? helm.moves[nth - 1] : MOVES[event.code];
+    const { move, isNth } = moveOfKey(event, helm.moves);
     if (!move || !isDriving() || !helm.moves.includes(move)) return;
     event.preventDefault();
     if (event.repeat) return;
-    if (helm.hasStick && !nth && RAMPED.includes(move)) ramp.press(event.code, move);
-    else helm.press(`key ${event.code}`, move);
+    const press = presses.press(event);
+    if (helm.hasStick && !isNth && RAMPED.includes(move)) ramp.press(press, move);
+    else helm.press(`key ${press}`, move);
   });
   /** Nor does a browser tell of keys while a menu is open, or something is dragged. @param {Event} event */
-  const letGo = ({ defaultPrevented: isNone }) => {
-    if (!isNone) for (const source of helm.holds.keys()) if (source.startsWith('key')) helm.release(source);
+  const turnAway = ({ defaultPrevented: isNone }) => {
+    if (!isNone) letGo();
   };
-  addEventListener('contextmenu', letGo);
-  addEventListener('dragstart', letGo);
+  addEventListener('contextmenu', turnAway);
+  addEventListener('dragstart', turnAway);
   addEventListener('keyup', (event) => {
-    helm.release(`key ${event.code}`);
-    ramp.release(event.code);
-    if (event.code === 'Space' && helm.mode !== 'stopped') event.preventDefault();
+    const press = presses.release(event);
+    silence.over(press);
+    if (press === null) return letGo();
+    helm.release(`key ${press}`);
+    ramp.release(press);
+  }, true);
+  addEventListener('blur', () => {
+    presses.clear();
+    silence.over(null);
   });
 }
