@@ -47,5 +47,5 @@ def left_turns(world: str = "box", seconds: float = 90.0) -> bytes:
         body.advance(_STEP_S)
     body.disconnect()
     body.simulation.close()
-    model = take_model(history.policy, history.taught, saved_at_s=RealClock().wall_s())
-    return encode_model(model, is_packed=True)
+    now_s = RealClock().wall_s()
+    return encode_model(take_model(history.policy, history.taught, saved_at_s=now_s))

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from robot.simulator.camera import SimCamera, SimCameraOptions
 from robot.simulator.driver import SimDriver, SimOptions
-from robot.store.models.model import decode_model
+from robot.store.folder import Storage
+from robot.store.models.store import ModelStore
 from robot.testing import VirtualClock
 from robot.types import Action
 from server.board.ready_lesson import left_turns
 
 
-def test_it_has_no_right_turn_and_its_robot_turns_left_before_a_wall() -> None:
-    model = decode_model(left_turns(seconds=30.0))
+def test_it_has_no_right_turn_and_its_robot_turns_left_before_a_wall(tmp_path: Path) -> None:
+    data = left_turns(seconds=30.0)
+    store = ModelStore(Storage(tmp_path))
+    model = store.load(store.add_file("left turns only", data))
     assert not model.summary.taught.get(Action.RIGHT) and Action.RIGHT in model.summary.moves
     assert model.summary.taught[Action.LEFT] > 50 < model.summary.taught[Action.FORWARD]
     policy, body = model.to_policy(), SimDriver(SimOptions(world="box", seed=3))
