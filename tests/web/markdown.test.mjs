@@ -5,6 +5,7 @@ import { readFileSync } from 'node:fs';
 import { test } from 'node:test';
 
 import { piecesIn, wordsIn } from '../../web/board/markdown.js';
+import { wordsOf } from './words.mjs';
 
 test('marks become words, and links lose their address', () => {
   const kinds = wordsIn('a **b** *c* `d` [e](f.md).').map(({ kind, text }) => `${kind} ${text}`);
@@ -12,7 +13,8 @@ test('marks become words, and links lose their address', () => {
 });
 
 for (const language of ['en', 'es', 'zh']) {
-  test(`three lessons and an answer sheet: ${language}`, () => {
+  test(`three lessons and an answer sheet: ${language}`, async () => {
+    const seen = Object.values(await wordsOf(language));
     const pieces = piecesIn(readFileSync(new URL(`../../docs/lessons/${language}.md`, import.meta.url), 'utf8'));
     const kinds = pieces.map(({ kind }) => kind).join(' ');
     assert.equal(kinds, `h1 p${' h2 p table p'.repeat(3)} h2 ul`);
@@ -23,6 +25,10 @@ for (const language of ['en', 'es', 'zh']) {
       if (piece.kind !== 'table') continue;
       const minutes = piece.rows.map(([first]) => Number(first[0].text));
       assert.ok(minutes.every((n) => n > 0) && Math.abs(minutes.reduce((a, b) => a + b) - 42.5) <= 2.5, String(minutes));
+      // What a step names is named so on the page: marked, and with a capital or in quotes.
+      const texts = piece.rows.flat(2).map(({ kind, text }) => (kind === 'text' ? (text.match(/“[^”]+”/g) ?? []).map((one) => one.slice(1, -1)) : /^[¿¡]?\p{Lu}/u.test(text) ? [text] : []));
+      const named = texts.flat().filter((one) => !seen.some((sentence) => sentence.startsWith(one) || sentence === one.toLowerCase()));
+      assert.deepEqual(named, []);
       assert.ok(piece.rows.every((row) => row.length === piece.head.length));
     }
   });

@@ -34,7 +34,7 @@ const views = ['pictures', 'codes'].map((view) => h('button', {
   onclick: () => choose(view),
 }, t(`board.view.${view}`)));
 append(find('bar'), [
-  h('span', { class: 'plate', 'aria-hidden': 'true' }, 'L'),
+  h('img', { class: 'plate', alt: '', src: 'icons/plate.svg' }),
   h('div', { class: 'name' }, h('h1', {}, t('board.class')), there),
   h('div', { class: 'segments', role: 'radiogroup', 'aria-label': t('board.views') }, ...views),
   h('button', { type: 'button', onclick: () => panel.open('all') }, t('board.class_settings')),
