@@ -1,37 +1,79 @@
-"""A driver over one connection, which is opened, used and closed in the same way for every body."""
+"""A driver over one connection, which is opened, used, closed and opened again in the same way for
+every body."""
 
 from __future__ import annotations
 
+import contextlib
 from abc import abstractmethod
-from typing import Any, Generic, TypeVar
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from robot.clock import Clock, RealClock
 from robot.driver import Driver
-from robot.errors import NotConnectedError
-from robot.types import Action, Point
+from robot.errors import DriveError, NotConnectedError, RobotError
+from robot.types import Action, Point, Sensors
 
 _C = TypeVar("_C")
+_T = TypeVar("_T")
+AGAIN_S = 0.01, 0.5
+"""Pause after the first failed attempt to open a lost connection again, and the longest, in
+seconds. It doubles in between."""
+_BROKEN = OSError, EOFError
+
+
+class _Shown:
+    """An attribute that subclasses read. One that needs the name for itself may take it: the base
+    does not use it."""
+
+    def __init__(self, name: str) -> None:
+        self.name = f"_ConnectedDriver__{name}"
+
+    def __get__(self, driver: Any, kind: Any) -> Any:
+        return getattr(driver, self.name, None)
 
 
 class ConnectedDriver(Driver, Generic[_C]):
     """Base of bodies with one connection to open: a line, a bridge, a library's motor.
 
-    A subclass opens and closes the connection, and moves by it. This class refuses calls without a
-    connection, and makes `connect` and `disconnect` idempotent.
+    A subclass writes `_open`, `_drive` and `_close`, and `_sense` if the body has sensors. It
+    lets OSError and EOFError pass: this class reports them as DriveErrors, closes
+    the connection, and the next request opens it again. It refuses calls without a connection,
+    makes `connect` and `disconnect` idempotent, and stops the body after each `_begin`.
+
+    For a body that answers orders, that is all. One that acknowledges nothing reports by itself now
+    and then: set `gone_after_s`, and call `heard` whenever something came from it.
     """
 
-    _connection: _C | None = None
+    gone_after_s: ClassVar[float | None] = None
+    """Time without a call of `heard` after which the body counts as gone, in seconds; at most 0.4,
+    so that the error comes within half a second. None: the body answers each request."""
+
+    __connection: _C | None = None
+    __is_wanted = False
+    __again_s = 0.0
+    __pause_s = AGAIN_S[0]
+    __heard_s = float("-inf")
+    __trouble = ""
+    __clock: Clock = RealClock()
+    __opening = __clock.lock()
+    if TYPE_CHECKING:
+        _connection: _C | None
+        _clock: Clock
+    else:
+        _connection, _clock = _Shown("connection"), _Shown("clock")
 
     def __init__(self, options: Any = None, clock: Clock | None = None) -> None:
         self.options = options
-        self._clock = clock or RealClock()
+        self.__clock = clock or RealClock()
+        self.__opening = self.__clock.lock()
 
     @abstractmethod
     def _open(self) -> _C:
-        """Return the connection; raises as `connect` does."""
+        """Return a new connection; raises as `connect` does."""
 
     def _begin(self) -> None:
-        """Greet the body, and make sure that nothing moves; an error disconnects it again."""
+        """Greet the body, after each `_open`; an error closes the connection again."""
 
     @abstractmethod
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
@@ -40,34 +82,49 @@ class ConnectedDriver(Driver, Generic[_C]):
         The arguments have been checked.
         """
 
+    def _sense(self) -> Sensors:
+        """Read the sensors, and whatever else came from the body; none by default."""
+        return Sensors()
+
     def _close(self, connection: _C) -> None:
         """Close the connection; a body that lives only in memory has none to close."""
 
+    def heard(self) -> None:
+        """Note that something came from the body, for `gone_after_s`; may be called on any thread.
+
+        A body with `gone_after_s` is heard at the latest in `_begin`, which waits for it.
+        """
+        self.__heard_s = self.__clock.now_s()
+
     def _connected(self) -> _C:
-        if self._connection is None:
+        """Return the connection, for the subclass's code.
+
+        Raises:
+            NotConnectedError: Before `connect`.
+            DriveError: While the connection is lost.
+        """
+        if self.__connection is None:
+            if self.__is_wanted:
+                raise DriveError(self.__trouble)
             raise NotConnectedError(
                 f"the robot {self.name!r} is not connected; call connect() first"
             )
-        return self._connection
+        return self.__connection
 
     @property
     def is_connected(self) -> bool:
-        return self._connection is not None
+        return self.__is_wanted or self.__connection is not None
 
     def connect(self) -> None:
-        if self._connection is None:
-            self._connection = self._open()
-            try:
-                self._begin()
-            except BaseException:
-                self.disconnect()
-                raise
+        with self.__opening:
+            if not self.__is_wanted:
+                self.__open()
+                self.__is_wanted = True
 
     def disconnect(self) -> None:
         self.stop()
-        connection, self._connection = self._connection, None
-        if connection is not None:
-            self._close(connection)
+        self.__is_wanted = False
+        self.__hang_up()
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
         return self.__send(action, None, speed_scale)
@@ -78,8 +135,88 @@ class ConnectedDriver(Driver, Generic[_C]):
         action = self.move_of(point)
         return self.__send(action, None if action is Action.STOP else point, speed_scale)
 
+    def sense(self) -> Sensors:
+        sensors = self.__ask(self._sense)
+        self.__check_heard()
+        return sensors
+
+    def stop(self) -> None:
+        if self.__connection is not None:
+            with contextlib.suppress(DriveError):  # the next request says so
+                self.__ask(partial(self._drive, Action.STOP, None, 1.0))
+
     def __send(self, action: Action, point: Point | None, speed_scale: float) -> Action:
         self.check_action(action, speed_scale)
-        self._connected()
-        self._drive(action, point, speed_scale)
+        drive = partial(self._drive, action, point, speed_scale)
+        if action is not Action.STOP:
+            self.__check_heard(self._sense)
+        self.__ask(drive)
         return action
+
+    def __ask(self, request: Callable[[], _T]) -> _T:
+        """Do one request; open the connection before if it was lost."""
+        self.__reach()
+        try:
+            return request()
+        except RobotError:  # also DriveError, which is an OSError: somebody has said it already
+            raise
+        except _BROKEN as error:
+            raise self.__lose(f"does not answer: {_words(error)}") from error
+
+    def __reach(self) -> None:
+        if self.__connection is not None:
+            return
+        with self.__opening:
+            if self.__connection is None:
+                if not self.__is_wanted or self.__clock.now_s() < self.__again_s:
+                    ConnectedDriver._connected(self)  # which raises
+                self.__open()
+
+    def __open(self) -> None:
+        try:
+            self.__connection = self._open()
+            self._begin()
+            self._drive(Action.STOP, None, 1.0)
+            self.__pause_s = AGAIN_S[0]
+        except BaseException as error:
+            self.__again_s = self.__clock.now_s() + self.__pause_s
+            self.__pause_s = min(2 * self.__pause_s, AGAIN_S[1])
+            self.__hang_up()
+            if isinstance(error, _BROKEN) and not isinstance(error, RobotError):
+                raise self.__lose(f"cannot be reached: {_words(error)}") from error
+            self.__trouble = str(error)
+            raise
+
+    def __lose(self, why: str) -> DriveError:
+        self.__trouble = f"the robot {self.name!r} {why}; is it switched on and in range?"
+        self.__hang_up()
+        return DriveError(self.__trouble)
+
+    def __hang_up(self) -> None:
+        with self.__opening:
+            connection, self.__connection = self.__connection, None
+            if connection is not None:
+                with contextlib.suppress(*_BROKEN):  # it may be broken already
+                    self._close(connection)
+
+    def __check_heard(self, listen: Callable[[], object] | None = None) -> None:
+        """Raise DriveError if the body has been silent for too long; listen once more before."""
+        if self.gone_after_s is None:
+            return
+        for wait in (listen, None):
+            silent_s = self.__clock.now_s() - self.__heard_s
+            if silent_s <= self.gone_after_s:
+                return
+            if wait is not None:
+                self.__ask(wait)
+        raise self.__lose(f"has been silent for {silent_s:.1f} s")
+
+
+def clock_of(driver: ConnectedDriver[Any]) -> Clock:
+    """Return the clock that a driver was made with, whatever its class calls `_clock`."""
+    clock: Clock = driver._ConnectedDriver__clock  # type: ignore[attr-defined]
+    return clock
+
+
+def _words(error: BaseException) -> str:
+    return getattr(error, "strerror", None) or str(error)[:300] or type(error).__name__

@@ -7,7 +7,7 @@ import gc
 import math
 import multiprocessing
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 
@@ -57,11 +57,16 @@ class DriverContract:
     def test_it_declares_what_it_is(self, driver_case: DriverCase) -> None:
         """Name, camera, options and moves are there before anything is connected."""
         kind = type(driver_case.driver)
-        assert load_driver(kind.name) is kind
-        assert kind.default_camera in camera_names()
-        assert all(option.help for option in options_of(kind.options_type))
+        found = load_driver(kind.name)
+        assert found is kind, f"the entry point {kind.name!r} is {found}, not {kind}"
+        known = ", ".join(camera_names())
+        assert kind.default_camera in camera_names(), f"{kind.default_camera!r} is not of {known}"
+        without = [option.name for option in options_of(kind.options_type) if not option.help]
+        assert not without, f"options without metadata={{'help': ...}}: {without}"
         moves = driver_case.driver.moves
-        assert moves and len(set(moves)) == len(moves) and Action.STOP not in moves
+        assert moves, "the driver declares no move"
+        assert len(set(moves)) == len(moves), f"moves with the same name: {sorted(moves)}"
+        assert Action.STOP not in moves, "every body can stop: 'stop' is no move to declare"
         for move in describe(moves, driver_case.driver.declared_moves):
             assert move.name in CLASSIC or move.labels.get("en"), f"{move.name} needs a label"
 
@@ -71,14 +76,14 @@ class DriverContract:
         for _ in range(2):
             driver_case.driver.stop()
             driver_case.driver.disconnect()
-        assert not driver_case.driver.is_connected
+        assert not driver_case.driver.is_connected, "is_connected is true before connect()"
 
     def test_connect_twice_is_one_connection(self, driver_case: DriverCase) -> None:
         driver_case.driver.connect()
         driver_case.driver.connect()
-        assert driver_case.driver.is_connected
+        assert driver_case.driver.is_connected, "is_connected is false after connect()"
         driver_case.driver.disconnect()
-        assert not driver_case.driver.is_connected
+        assert not driver_case.driver.is_connected, "is_connected is true after disconnect()"
 
     def test_it_refuses_to_move_before_connect(self, driver_case: DriverCase) -> None:
         with pytest.raises(NotConnectedError):
@@ -87,19 +92,19 @@ class DriverContract:
     def test_every_move_moves_and_stop_stops(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
             for move in driver.moves:
-                assert _sets_going(driver_case, partial(driver.send_action, move)), move
-                assert driver.send_action(Action.STOP) is Action.STOP
+                _check_moves(driver_case, partial(driver.send_action, move), str(move))
+                _check_sent(driver.send_action(Action.STOP), Action.STOP, "send_action(STOP)")
                 _check_stands(driver_case, f"after STOP, sent after {move}")
-                assert driver.send_action(move) is move
+                _check_sent(driver.send_action(move), move, f"send_action({move})")
                 driver.stop()
                 _check_stands(driver_case, f"after stop(), called after {move}")
 
     def test_an_action_ends_by_itself(self, driver_case: DriverCase) -> None:
         """A body that receives nothing more stops after `ACTION_TIMEOUT_S`."""
         with driver_case.driver as driver:
-            assert _moves_within(driver_case, 5 * _HALF_WAY_S, driver.moves[0], _HALF_WAY_S)
+            _check_goes_on(driver_case, driver.moves[0])
             driver_case.forward(ACTION_TIMEOUT_S)
-            assert not moving(driver_case)
+            _check_ended(driver_case, _HALF_WAY_S + ACTION_TIMEOUT_S, f"{driver.moves[0]} was sent")
 
     def test_an_action_that_is_renewed_goes_on(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
@@ -107,7 +112,7 @@ class DriverContract:
             for _ in range(5):
                 driver.send_action(move)
                 driver_case.forward(_HALF_WAY_S)
-            assert _moves_within(driver_case, 5 * _HALF_WAY_S, move, _HALF_WAY_S)
+            _check_goes_on(driver_case, move)
 
     def test_bad_actions_are_refused(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
@@ -118,7 +123,7 @@ class DriverContract:
                 if action not in driver.moves:
                     with pytest.raises(ValueError, match=action.value):
                         driver.send_action(action)
-            assert not moving(driver_case)
+            assert not moving(driver_case), "the body moves after orders that were refused"
 
     def test_every_point_counts_as_a_move_and_drives(self, driver_case: DriverCase) -> None:
         """Any body can be driven by degrees; one that does not take them drives the moves."""
@@ -126,18 +131,19 @@ class DriverContract:
             for point in POINTS:
                 move = driver.move_of(point)
                 send = partial(driver.send_point, point, speed_scale=0.5)
-                assert send() is move
-                assert move is Action.STOP or _sets_going(driver_case, send), point
+                _check_sent(send(), move, f"send_point({tuple(point)})")
+                if move is not Action.STOP:
+                    _check_moves(driver_case, send, f"the point {tuple(point)} ({move})")
                 driver.stop()
-                _check_stands(driver_case, f"after stop(), called after {point}")
+                _check_stands(driver_case, f"after stop(), called after {tuple(point)}")
             if driver.send_point(Point(0.0, 0.0)) is Action.STOP:
-                assert not moving(driver_case)
+                _check_stands(driver_case, "after the point (0, 0)")
 
     def test_a_point_that_is_not_renewed_ends(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
             driver.send_point(Point(0.3, 0.8))
             driver_case.forward(2 * ACTION_TIMEOUT_S)
-            assert not moving(driver_case)
+            _check_ended(driver_case, 2 * ACTION_TIMEOUT_S, "the point (0.3, 0.8) was sent")
 
     def test_bad_points_are_refused(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
@@ -147,7 +153,7 @@ class DriverContract:
                         driver.send_point(point)
             with pytest.raises(ValueError, match="speed_scale"):
                 driver.send_point(Point(0.0, 0.5), speed_scale=1.5)
-            assert not moving(driver_case)
+            assert not moving(driver_case), "the body moves after points that were refused"
         with pytest.raises(NotConnectedError):
             driver.send_point(Point(0.0, 0.5))
 
@@ -157,7 +163,7 @@ class DriverContract:
         with driver:
             if not driver.takes_points:
                 points = [move.point for move in driver.declared_moves if move.point is not None]
-                assert [driver.send_point(at) for at in points] == list(map(driver.move_of, points))
+                _check_points_as_moves(driver_case, points)
                 return
             if drives is None:
                 pytest.skip("nobody can tell how this body drives; give the case a drives")
@@ -166,11 +172,15 @@ class DriverContract:
                 driver.send_point(Point(steering, 0.5))
                 now = drives()
                 turned.append(now.steering)
-                assert side_of(now.steering, 1e-9) == side_of(steering, 0.0), steering
-                assert now.throttle > 0.0 or abs(steering) > 0.5
-            assert turned == sorted(turned)
+                asked = f"asked for steering {steering}, throttle 0.5: it drives {tuple(now)}"
+                assert side_of(now.steering, 1e-9) == side_of(steering, 0.0), (
+                    f"{asked}, which is not to this side"
+                )
+                assert now.throttle > 0.0 or abs(steering) > 0.5, f"{asked}, which is not ahead"
+            assert turned == sorted(turned), f"more steering turns less somewhere: {turned}"
             driver.send_point(Point(0.0, -0.5))
-            assert drives().throttle < 0.0
+            back = drives()
+            assert back.throttle < 0.0, f"asked for throttle -0.5: it drives {tuple(back)}"
             for move in driver.declared_moves:
                 if move.point is not None:
                     driver.send_action(move.name)
@@ -185,9 +195,7 @@ class DriverContract:
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:
-                assert [driver.send_point(at) for at in CORNERS] == list(
-                    map(driver.move_of, CORNERS)
-                )
+                _check_points_as_moves(driver_case, CORNERS)
                 return
             if drives is None:
                 pytest.skip("nobody can tell how this body drives; give the case a drives")
@@ -202,7 +210,10 @@ class DriverContract:
                 for passing in (Point(-point.steering, -point.throttle), point):
                     driver.send_point(passing)
                     for part, (least, most) in zip(drives(), limits, strict=True):
-                        assert least - 1e-6 <= part <= most + 1e-6, passing
+                        assert least - 1e-6 <= part <= most + 1e-6, (
+                            f"on the way to {tuple(passing)} it drives {part:.4g}, which is not in "
+                            f"[{least:.4g}, {most:.4g}], where it comes to at the corners"
+                        )
                 driver_case.forward(driver_case.ramp_s)
                 _check_same(drives(), reached[point], str(point))
 
@@ -211,19 +222,24 @@ class DriverContract:
             sensors = driver.sense()
             driver.show(Mode.TRAIN)
             driver.take_button()
-        assert isinstance(sensors, Sensors)
-        assert sensors.distance_m is None or 0.0 <= sensors.distance_m <= 10.0
-        assert sensors.battery_share is None or 0.0 <= sensors.battery_share <= 1.0
+        assert isinstance(sensors, Sensors), f"sense() returns {sensors!r}, which is no Sensors"
+        for name, most in (("distance_m", 10.0), ("battery_share", 1.0)):
+            read = getattr(sensors, name)
+            assert read is None or 0.0 <= read <= most, f"{name} is {read}, not in [0, {most}]"
 
     def test_leaving_the_context_stops_the_body(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
             driver.send_action(driver.moves[0])
         _check_stands(driver_case, "after disconnect()")
+        if type(driver_case.driver).is_remote:
+            driver_case.forward(REMOTE_BUDGET_S)
+            _check_ended(driver_case, REMOTE_BUDGET_S, "disconnect()")
 
     def test_it_connects_again(self, driver_case: DriverCase) -> None:
         for _ in range(2):
             with driver_case.driver as driver:
-                assert driver.send_action(driver.moves[0]) is driver.moves[0]
+                move = driver.moves[0]
+                _check_sent(driver.send_action(move), move, f"send_action({move})")
 
     def test_requests_are_quick_enough(self, driver_case: DriverCase) -> None:
         """The latency budget. A driver that cannot keep to it must declare `is_remote`."""
@@ -234,7 +250,8 @@ class DriverContract:
             for request in (lambda: driver.send_action(driver.moves[0]), driver.sense, driver.stop):
                 took_s = _quickest_s(request, now_s)
                 assert took_s <= budget_s, (
-                    f"{1000 * took_s:.0f} ms a request; {1000 * budget_s:.0f} ms are allowed"
+                    f"{1000 * took_s:.0f} ms a request, the quickest of {_REQUESTS}; "
+                    f"{1000 * budget_s:.0f} ms are allowed"
                     + ("" if is_remote else " unless the driver declares is_remote = True")
                 )
 
@@ -248,7 +265,7 @@ class DriverContract:
         end_s = _REAL.now_s() + _PATIENCE_S
         while (left := _leftovers() - before) and _REAL.now_s() < end_s:
             _REAL.sleep(0.02)  # what ends on another thread may take a moment
-        assert not left
+        assert not left, f"{_PATIENCE_S:.0f} s after disconnect() there still are {left}"
 
     def test_a_body_whose_line_is_cut_stands_and_the_driver_says_so(
         self, driver_case: DriverCase
@@ -268,8 +285,11 @@ class DriverContract:
                     break
                 driver_case.forward(STANDS_WITHIN_S / 10)
             driver_case.forward(STANDS_WITHIN_S)
-            assert not moving(driver_case)
-            assert said, "half a second of requests to a body that is gone, and no DriveError"
+            _check_ended(driver_case, STANDS_WITHIN_S, "the last request on a line that was cut")
+            assert said, (
+                f"no DriveError in {1000 * STANDS_WITHIN_S:.0f} ms, ten times send_action and "
+                "sense, of a body whose line is cut"
+            )
 
     def test_a_body_whose_line_is_whole_again_is_driven_again(
         self, driver_case: DriverCase
@@ -283,10 +303,13 @@ class DriverContract:
                 driver_case.cut_link()
                 for _ in range(round(cut_s / _STEP_S)):
                     _ask(driver_case, driver.moves[0], _STEP_S)
-                assert not moving(driver_case)
+                _check_ended(driver_case, cut_s, "the line was cut")
                 driver_case.mend_link()
                 is_back = _moves_within(driver_case, BACK_WITHIN_S, driver.moves[0], _STEP_S)
-                assert is_back, f"lost by a gap of {cut_s} s"
+                assert is_back, (
+                    f"{BACK_WITHIN_S:.0f} s after a cut of {cut_s} s the body does not move: "
+                    f"{round(BACK_WITHIN_S / _STEP_S)} orders, the last {_last_error(driver_case)}"
+                )
 
 
 class TestDriver(DriverContract):
@@ -306,18 +329,62 @@ def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None
 def _comes(case: DriverCase, is_so: Callable[[], bool]) -> bool:
     """Return whether something is so within the body's budget: an order that nobody acknowledges
     is still on its way when the call returns. It is less than a move lasts by itself."""
-    is_remote = type(case.driver).is_remote
-    least_s = case.budget_s or (REMOTE_BUDGET_S if is_remote else 0.0)
-    left_s = min(least_s, REMOTE_BUDGET_S)
+    left_s = min(_obeys_within_s(case), REMOTE_BUDGET_S)
     while not (came := is_so()) and left_s > 0.0:
         case.forward(_LOOK_EVERY_S)
         left_s -= _LOOK_EVERY_S
     return came
 
 
+def _obeys_within_s(case: DriverCase) -> float:
+    return case.budget_s or (REMOTE_BUDGET_S if type(case.driver).is_remote else 0.0)
+
+
+def _check_moves(case: DriverCase, order: Callable[[], object], what: str) -> None:
+    goes = _sets_going(case, order)
+    waited_ms = 1000 * min(_obeys_within_s(case), REMOTE_BUDGET_S)
+    assert goes, f"the body does not move {waited_ms:.0f} ms after {what} was sent"
+
+
+def _check_goes_on(case: DriverCase, move: Action) -> None:
+    goes = _moves_within(case, 5 * _HALF_WAY_S, move, _HALF_WAY_S)
+    assert goes, (
+        f"{move} was sent every {1000 * _HALF_WAY_S:.0f} ms, and the body does not move "
+        f"{1000 * _HALF_WAY_S:.0f} ms after any of 5"
+    )
+
+
+def _check_ended(case: DriverCase, after_s: float, what: str) -> None:
+    """Check that the body stands; a move lasts for `ACTION_TIMEOUT_S` at most."""
+    assert not moving(case), (
+        f"the body still moves {1000 * after_s:.0f} ms after {what}; a move lasts "
+        f"{1000 * ACTION_TIMEOUT_S:.0f} ms at most, on the body's own clock or by HostWatchdog"
+    )
+
+
+def _check_sent(sent: object, asked: Action, by: str) -> None:
+    assert sent is asked, f"{by} returned {sent!r}, not {asked!r}"
+
+
+def _check_points_as_moves(case: DriverCase, points: Iterable[Point]) -> None:
+    """Check that a driver which takes no points returns the move that each counts as."""
+    for point in points:
+        sent = case.driver.send_point(point)
+        _check_sent(sent, case.driver.move_of(point), f"send_point({tuple(point)})")
+
+
+def _last_error(case: DriverCase) -> str:
+    try:
+        case.driver.send_action(case.driver.moves[0])
+    except Exception as error:
+        return f"failed: {error}"
+    return "without an error"
+
+
 def _check_stands(case: DriverCase, when: str) -> None:
     stands = _comes(case, lambda: not moving(case))
-    assert stands, f"the body still moves {1000 * REMOTE_BUDGET_S:.0f} ms {when}"
+    waited_ms = 1000 * min(_obeys_within_s(case), REMOTE_BUDGET_S)
+    assert stands, f"the body still moves {waited_ms:.0f} ms {when}"
 
 
 def _check_same(now: Point, wanted: Point, what: str) -> None:

@@ -1,14 +1,13 @@
 """The robot mybot, driven over HTTP: /move?name=fast&ms=400&speed=1.0, /stop and /sense."""
 
 import json
-from contextlib import suppress
 from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPException
 from typing import Any
 
 from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S, Move
-from robot.errors import DriveError
+from robot.errors import told_as
 from robot.types import Action, Point, Sensors
 
 
@@ -33,32 +32,21 @@ class MybotDriver(ConnectedDriver[HTTPConnection]):
     )
 
     def _open(self) -> HTTPConnection:
-        return HTTPConnection(self.options.mybot_address, timeout=0.5)
-
-    def _begin(self) -> None:
-        self._ask("/stop")
-
-    def _close(self, connection: HTTPConnection) -> None:
-        connection.close()
+        return HTTPConnection(self.options.mybot_address, timeout=0.4)
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
         move = f"/move?name={action}&ms={round(1000 * ACTION_TIMEOUT_S)}&speed={speed_scale}"
         self._ask("/stop" if action is Action.STOP else move)
 
-    def sense(self) -> Sensors:
+    def _sense(self) -> Sensors:
         return Sensors(distance_m=self._ask("/sense").get("distance_m"))
 
-    def stop(self) -> None:
-        if self.is_connected:
-            with suppress(DriveError):  # its time limit stops it, and the next move says so
-                self._ask("/stop")
+    def _close(self, connection: HTTPConnection) -> None:
+        connection.close()
 
     def _ask(self, path: str) -> dict[str, Any]:
         line = self._connected()
-        try:
+        # The base reports the system's errors, and opens the connection again.
+        with told_as(OSError, self.options.mybot_address, HTTPException, ValueError):
             line.request("GET", path)
             return dict(json.loads(line.getresponse().read()))
-        except (OSError, HTTPException, ValueError) as error:
-            line.close()
-            where = self.options.mybot_address
-            raise DriveError(f"mybot at {where} does not answer: {error}") from error

@@ -1,0 +1,206 @@
+"""The end of a move for bodies that have none of their own: a thread of ours sends the stop.
+
+It is weaker than a watchdog on the body. It fails with the program, its computer and the link, so a
+body that can end its moves by itself, in any way, is told to do that.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from collections.abc import Callable
+from functools import partial
+from typing import ClassVar, TypeVar
+
+from robot.clock import Clock
+from robot.devices.connected_driver import ConnectedDriver, clock_of
+from robot.driver import ACTION_TIMEOUT_S
+from robot.errors import DriveError
+from robot.types import Action, Point
+
+_C = TypeVar("_C")
+_T = TypeVar("_T")
+_LOG = logging.getLogger(__name__)
+GAP_S = 0.002
+"""Least time between two orders, in seconds: some bodies drop the second of two within 1 ms."""
+AGAIN_S = 0.015
+"""Period of a stop that was not taken, or has not been repeated often enough, in seconds."""
+REPEATS = 5
+"""Number of stops to a body that acknowledges nothing before they become slow: at one order in ten
+lost, one stop in 100,000 is late."""
+REST_S = 0.2
+"""Period of the stops to such a body while nobody drives, in seconds: a link that was cut for a
+moment may have left it moving."""
+PATIENCE_S = 0.02
+"""Time for which a stop waits for a move's call that has not returned, in seconds."""
+LONGEST_LEAD_S = 0.15
+"""Longest time by which a stop is sent early because stops take time, in seconds."""
+CLOSES_WITHIN_S = 0.5
+"""Longest time for which a disconnect waits for its stop to be taken, in seconds."""
+
+
+class MoveEnder:
+    """Orders the calls to one body, and ends its moves from a thread of its own.
+
+    A stop is sent `ACTION_TIMEOUT_S` after the last move (earlier by the time that stops take), and
+    again until it was taken. It never waits behind a move: if a move's call does not return, the
+    stop is called beside it, on another thread, and once more when the call has returned. A move
+    waits for a stop.
+
+    Args:
+        send_stop: Stops the body, or raises an error.
+        clock: Of the thread and its waits.
+        is_acknowledged: True if `send_stop` returns only after the body has taken the stop; else
+            stops are repeated while nobody drives.
+    """
+
+    def __init__(
+        self, send_stop: Callable[[], object], clock: Clock, *, is_acknowledged: bool = False
+    ) -> None:
+        self._send_stop, self._clock = send_stop, clock
+        self._is_acknowledged = is_acknowledged
+        self._stopping = clock.lock()
+        self._wake, self._is_free = threading.Event(), threading.Event()
+        self._is_free.set()
+        self._due_s: float | None = clock.now_s()
+        self._n_taken = 0
+        self._lead_s = 0.0
+        self._called_s = clock.now_s() - GAP_S
+        self._has_overtaken = self._is_ending = False
+        self._thread = clock.start_thread(self._watch, "host watchdog")
+
+    def move(self, send: Callable[[], _T]) -> _T:
+        """Send a move, whose end is then due; return or raise what `send` does."""
+        with self._stopping:
+            self._pause()
+            self._is_free.clear()
+            self._has_overtaken, self._n_taken = False, 0
+            self._due_s = self._clock.now_s() + ACTION_TIMEOUT_S - self._lead_s
+        self._wake.set()
+        try:
+            return send()
+        finally:
+            self._called_s = self._clock.now_s()
+            self._is_free.set()
+            if self._has_overtaken:  # the body may have got the move after the stop
+                self._due_s = self._called_s
+                self._wake.set()
+
+    def stop(self) -> None:
+        """Send a stop now, and from the thread again until it was taken; raises what it raises."""
+        self._stop(must=True)
+
+    def end(self) -> bool:
+        """Stop the body, end the thread; return whether the stop was taken."""
+        end_s = self._clock.now_s() + CLOSES_WITHIN_S
+        self._n_taken = 0
+        with contextlib.suppress(Exception):
+            self.stop()
+        while not self._is_taken and self._clock.now_s() < end_s:
+            self._clock.sleep(AGAIN_S)
+        self._is_ending = True
+        self._wake.set()
+        self._thread.join(CLOSES_WITHIN_S)
+        return self._is_taken
+
+    @property
+    def _is_taken(self) -> bool:
+        return self._n_taken >= (1 if self._is_acknowledged else REPEATS)
+
+    def _stop(self, *, must: bool = False) -> None:
+        with self._stopping:
+            if not (must or self._is_due):  # a move came in between
+                return
+            self._due_s, self._has_overtaken = self._clock.now_s() + AGAIN_S, True
+            is_alone = self._clock.wait(self._is_free, PATIENCE_S)
+            self._pause()
+            begun_s = self._clock.now_s()
+            try:
+                self._send_stop()
+                self._n_taken += is_alone
+            finally:
+                self._called_s = self._clock.now_s()
+                took_s = self._called_s - begun_s
+                self._lead_s = min(max(took_s, 0.9 * self._lead_s), LONGEST_LEAD_S)
+                self._due_s = self._called_s + (REST_S if self._is_taken else AGAIN_S)
+                if self._is_taken and self._is_acknowledged:
+                    self._due_s = None
+        self._wake.set()
+
+    @property
+    def _is_due(self) -> bool:
+        return self._due_s is not None and self._clock.now_s() >= self._due_s
+
+    def _pause(self) -> None:
+        self._clock.sleep(max(0.0, self._called_s + GAP_S - self._clock.now_s()))
+
+    def _watch(self) -> None:
+        while not self._is_ending:
+            due_s = self._due_s
+            if due_s is not None and self._clock.now_s() >= due_s:
+                with contextlib.suppress(Exception):  # sent again; the next request says so
+                    self._stop()
+                continue
+            self._clock.wait(self._wake, None if due_s is None else due_s - self._clock.now_s())
+            self._wake.clear()
+
+
+class HostWatchdog(ConnectedDriver[_C]):
+    """Base of bodies that cannot end a move: a `ConnectedDriver` that stops them by a thread.
+
+    This class calls the subclass's `_drive` with STOP, at times from that thread and while a move's
+    call has not returned.
+    """
+
+    acknowledges: ClassVar[bool] = False
+    """True if `_drive` returns only after the body has taken the order."""
+    __ender: MoveEnder | None = None
+
+    def __init_subclass__(cls, **options: object) -> None:
+        super().__init_subclass__(**options)
+        taken = sorted(
+            {"stop", "send_action", "send_point", "connect", "disconnect"} & set(vars(cls))
+        )
+        if taken:
+            raise TypeError(
+                f"{cls.__name__}.{taken[0]} would bypass the HostWatchdog, which stops the body; "
+                "leave it out: `_drive` is called with Action.STOP"
+            )
+
+    def connect(self) -> None:
+        super().connect()
+        if self.__ender is None:
+            send_stop = partial(super().send_action, Action.STOP)
+            self.__ender = MoveEnder(send_stop, clock_of(self), is_acknowledged=self.acknowledges)
+
+    def disconnect(self) -> None:
+        ender, self.__ender = self.__ender, None
+        if ender is not None and not ender.end():
+            _LOG.warning("the robot %r took no stop before its line was closed", self.name)
+        super().disconnect()
+
+    def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
+        self.check_action(action, speed_scale)
+        return self.__order(action, partial(super().send_action, action, speed_scale=speed_scale))
+
+    def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
+        action = self.move_of(point)
+        self.check_action(action, speed_scale)
+        return self.__order(action, partial(super().send_point, point, speed_scale=speed_scale))
+
+    def stop(self) -> None:
+        if self.__ender is not None:
+            with contextlib.suppress(DriveError):  # it is sent again; the next request says so
+                self.__ender.stop()
+
+    def __order(self, action: Action, send: Callable[[], Action]) -> Action:
+        if self.__ender is None:
+            return send()  # which says that it is not connected
+        if action is not Action.STOP:
+            return self.__ender.move(send)
+        self.__ender.stop()
+        return action
+
+
+assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2  # a move that is renewed goes on

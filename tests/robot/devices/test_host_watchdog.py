@@ -1,0 +1,324 @@
+"""Ten bodies with the habits of real libraries: with our end of a move each stands in time, and
+without it the contract suite names a promise that is broken."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import pytest
+
+from robot.devices.connected_driver import ConnectedDriver
+from robot.devices.host_watchdog import HostWatchdog
+from robot.driver import ACTION_TIMEOUT_S
+from robot.errors import DriveError
+from robot.testing import VirtualClock
+from robot.testing.cases import DriverCase
+from robot.testing.driver_contract import STANDS_WITHIN_S, DriverContract
+from robot.types import Action, Point
+from tests.kit.sizes import size
+
+N_HISTORIES = size("HABITS", 30, 1000)
+
+
+class Body:
+    """Drives on until it is told otherwise. Subclasses have one habit each of a real library."""
+
+    fails: ClassVar[str] = "an_action_ends_by_itself"
+    """What the contract suite says of it without a watchdog."""
+    is_acknowledged = True
+
+    def __init__(self, clock: VirtualClock, seed: int) -> None:
+        self.clock, self.chance = clock, random.Random(seed)
+        self.changes: list[tuple[float, bool]] = []
+        self.is_open = False
+
+    def open(self) -> None:
+        self.is_open = True
+
+    def order(self, is_move: bool) -> None:
+        """Take an order, as the library's call does."""
+        self.take(is_move)
+
+    def take(self, is_move: bool, after_s: float = 0.0) -> None:
+        self.changes.append((self.clock.now_s() + after_s, is_move))
+
+    def close(self) -> None:
+        """The wheels go on: nothing of these libraries stops them."""
+        self.is_open = False
+
+    def is_moving(self) -> bool:
+        now_s = self.clock.now_s()
+        done = [each for each in sorted(self.changes, key=lambda each: each[0]) if each[0] <= now_s]
+        return bool(done) and done[-1][1]
+
+
+class DropsTheSecond(Body):
+    """Two orders within 1 ms: the second is lost."""
+
+    fails = "every_move_moves_and_stop_stops"
+    is_acknowledged = False
+    last_s = -1.0
+
+    def order(self, is_move: bool) -> None:
+        last_s, self.last_s = self.last_s, self.clock.now_s()
+        if self.last_s - last_s > 0.001:
+            self.take(is_move)
+
+
+class WaitsInsideAMove(Body):
+    """A move's call returns when a second is over; another thread may call."""
+
+    fails = "requests_are_quick_enough"
+
+    def order(self, is_move: bool) -> None:
+        self.take(is_move)
+        if is_move:
+            self.clock.sleep(1.0)
+
+
+class DrivesOnAfterClose(Body):
+    """Its own thread repeats the last order until the process ends."""
+
+    fails = "leaving_the_context_stops_the_body"
+    is_acknowledged = False
+    last = False
+
+    def order(self, is_move: bool) -> None:
+        self.last = is_move
+        self.take(is_move)
+
+    def close(self) -> None:
+        super().close()
+        self.take(self.last, 0.1)
+
+
+class Wraps(Body):
+    """An order has its time in units of 10 us, in 16 bits with a sign: .4 s is negative, without
+    end."""
+
+    def order(self, is_move: bool) -> None:
+        units = round(ACTION_TIMEOUT_S * 1e5)
+        units = (units + 2**15) % 2**16 - 2**15
+        self.take(is_move)
+        if is_move and units > 0:
+            self.take(False, units / 1e5)
+
+
+class ClosesWithoutStop(Body):
+    """What was written in the last 20 ms before `close` has not left the computer."""
+
+    fails = "leaving_the_context_stops_the_body"
+    is_acknowledged = False
+
+    def close(self) -> None:
+        super().close()
+        left_s = self.clock.now_s() - 0.02
+        self.changes = [each for each in self.changes if each[1] or each[0] < left_s]
+
+
+class StopWaitsForTheMove(Body):
+    """Each move runs .3 s at least; a stop is taken after that."""
+
+    fails = "every_move_moves_and_stop_stops"
+    ends_s = 0.0
+
+    def order(self, is_move: bool) -> None:
+        now_s = self.clock.now_s()
+        if is_move:
+            self.ends_s = now_s + 0.3
+        self.take(is_move, 0.0 if is_move else max(0.0, self.ends_s - now_s))
+
+
+class AcknowledgesNothing(Body):
+    """One order in twenty is lost, and the others arrive up to 30 ms later."""
+
+    is_acknowledged = False
+
+    def order(self, is_move: bool) -> None:
+        if self.chance.random() > 0.05:
+            self.take(is_move, self.chance.uniform(0.01, 0.03))
+
+
+class RaisesSometimes(Body):
+    """One call in three fails; the order may have been taken or not."""
+
+    fails = "every_move_moves_and_stop_stops"
+
+    def order(self, is_move: bool) -> None:
+        luck = self.chance.random()
+        if luck > 1 / 6:
+            self.take(is_move)
+        if luck < 1 / 3:
+            raise OSError(5, "Input/output error")
+
+
+class Reorders(Body):
+    """A later order may overtake an earlier one, by 60 ms at most."""
+
+    fails = "leaving_the_context_stops_the_body"
+    is_acknowledged = False
+
+    def order(self, is_move: bool) -> None:
+        self.take(is_move, 0.06 if is_move else 0.0)
+
+
+class IsSlow(Body):
+    """Each call takes 120 to 180 ms."""
+
+    def order(self, is_move: bool) -> None:
+        self.clock.sleep(self.chance.uniform(0.12, 0.18))
+        self.take(is_move)
+
+
+HABITS: list[type[Body]] = [
+    DropsTheSecond,
+    WaitsInsideAMove,
+    DrivesOnAfterClose,
+    Wraps,
+    ClosesWithoutStop,
+    StopWaitsForTheMove,
+    AcknowledgesNothing,
+    RaisesSometimes,
+    Reorders,
+    IsSlow,
+]
+
+
+class _Orders(ConnectedDriver[Body]):
+    """What an author writes."""
+
+    name, default_camera, is_remote = "habit", "phone", True
+
+    def __init__(self, body: Body) -> None:
+        super().__init__(clock=body.clock)
+        self.body = body
+        self.acknowledges = body.is_acknowledged  # type: ignore[misc]
+
+    def _open(self) -> Body:
+        self.body.open()
+        return self.body
+
+    def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
+        if self.body.is_open:
+            self.body.order(action is not Action.STOP)
+
+    def _close(self, connection: Body) -> None:
+        if connection.is_open:
+            connection.close()
+
+
+class Unwatched(_Orders):
+    """Trusts the library's `close`."""
+
+    def disconnect(self) -> None:
+        self._close(self.body)
+        super().disconnect()
+
+
+class Watched(HostWatchdog[Body], _Orders):
+    pass
+
+
+def history(kind: type[Body], seed: int) -> None:
+    """Drive by chance; let the caller fall silent, stop or leave; then the body must stand."""
+    chance, clock = random.Random(seed), VirtualClock()
+    body = kind(clock, seed)
+    driver = Watched(body)
+    while not driver.is_connected:
+        with contextlib.suppress(DriveError):
+            driver.connect()
+
+    def send() -> None:
+        with contextlib.suppress(DriveError):
+            if chance.random() < 0.15:
+                driver.stop()
+            elif chance.random() < 0.1:
+                driver.send_action(Action.STOP)
+            else:
+                driver.send_action(chance.choice(driver.moves))
+
+    for _ in range(chance.randrange(1, 12)):
+        send()
+        clock.sleep(chance.choice((0.0, chance.uniform(0.0, 0.02), chance.uniform(0.0, 0.3))))
+    end = chance.choice(("silence", "stop", "leave", "a stop during a move"))
+    called_s = clock.now_s()
+    if end == "silence":
+        with contextlib.suppress(DriveError):
+            driver.send_action(driver.moves[0])
+        called_s = clock.now_s()
+    elif end == "a stop during a move":
+        mover = clock.start_thread(send, "mover")
+        clock.sleep(chance.uniform(0.0, 0.2))
+        called_s = clock.now_s()
+        driver.stop()
+        del mover
+    else:
+        driver.stop() if end == "stop" else driver.disconnect()
+    clock.sleep(max(0.0, called_s + STANDS_WITHIN_S - clock.now_s()))
+    for _ in range(100):
+        assert not body.is_moving(), f"{kind.__name__}, history {seed}: it moves after {end}"
+        clock.sleep(0.02)
+    driver.disconnect()
+    clock.sleep(0.5)
+    assert not body.is_moving() and not body.is_open
+
+
+@pytest.mark.parametrize("kind", HABITS)
+def test_with_our_end_of_a_move_every_body_stands_within_half_a_second(kind: type[Body]) -> None:
+    for seed in range(N_HISTORIES):
+        history(kind, seed)
+
+
+def promises() -> dict[str, Callable[..., None]]:
+    found = {name: check for name, check in vars(DriverContract).items() if name[:5] == "test_"}
+    return {name.removeprefix("test_"): check for name, check in found.items()}
+
+
+def broken(kind: type[Body], driver_type: type[_Orders], seed: int = 1) -> dict[str, str]:
+    """Return the promises that this driver breaks, with what the suite says."""
+    said = {}
+    for name, check in promises().items():
+        if name in ("it_declares_what_it_is", "it_leaves_nothing_behind"):
+            continue  # not installed; in real time
+        clock = VirtualClock()
+        body = kind(clock, seed)
+        case = DriverCase(driver_type(body), clock.sleep, body.is_moving, now_s=clock.now_s)
+        try:
+            check(DriverContract(), case)
+        except (AssertionError, DriveError) as error:
+            said[name] = str(error)
+        except pytest.skip.Exception:
+            pass
+        finally:
+            with contextlib.suppress(DriveError):
+                case.driver.disconnect()
+    return said
+
+
+@pytest.mark.parametrize("kind", HABITS)
+def test_without_it_the_contract_suite_finds_each(kind: type[Body]) -> None:
+    said = broken(kind, Unwatched)
+    assert kind.fails in said, said
+    if kind not in (WaitsInsideAMove, RaisesSometimes):  # their calls break other promises as well
+        assert "an_action_ends_by_itself" not in broken(kind, Watched)
+
+
+def test_a_stop_that_is_not_taken_is_sent_again_and_says_so(caplog: Any) -> None:
+    clock = VirtualClock()
+    body = Body(clock, 0)
+    driver = Watched(body)
+    driver.connect()
+    driver.send_action(driver.moves[0])
+    tried: list[float] = []
+
+    def refuse(is_move: bool) -> None:
+        tried.append(clock.now_s())
+        raise OSError(5, "Input/output error")
+
+    body.order = refuse  # type: ignore[method-assign]
+    driver.disconnect()
+    assert len(tried) >= 5 and tried[-1] - tried[0] > 0.3
+    assert "'habit' took no stop" in caplog.text
