@@ -6,8 +6,8 @@ import random
 from typing import Any, ClassVar
 
 import pytest
-
 from robot.devices.connected_driver import ConnectedDriver
+
 from robot.devices.host_watchdog import HostWatchdog
 from robot.driver import Driver
 from robot.errors import DriveError, NotConnectedError
