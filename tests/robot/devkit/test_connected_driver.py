@@ -6,9 +6,9 @@ import random
 from typing import Any, ClassVar
 
 import pytest
-from robot.devices.connected_driver import ConnectedDriver
 
-from robot.devices.host_watchdog import HostWatchdog
+from robot.devkit.connected_driver import ConnectedDriver
+from robot.devkit.host_watchdog import HostWatchdog
 from robot.driver import Driver
 from robot.errors import DriveError, NotConnectedError
 from robot.testing import VirtualClock

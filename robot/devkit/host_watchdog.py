@@ -14,7 +14,7 @@ from functools import partial
 from typing import ClassVar, TypeVar
 
 from robot.clock import Clock
-from robot.devices.connected_driver import ConnectedDriver, clock_of
+from robot.devkit.connected_driver import ConnectedDriver, clock_of
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError
 from robot.types import Action, Point

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import pytest
-from robot.devices.connected_driver import ConnectedDriver
 
-from robot.devices.host_watchdog import HostWatchdog
+from robot.devkit.connected_driver import ConnectedDriver
+from robot.devkit.host_watchdog import HostWatchdog
 from robot.driver import ACTION_TIMEOUT_S
 from robot.errors import DriveError
 from robot.testing import VirtualClock
