@@ -30,6 +30,8 @@ PING_EVERY_S, SILENCE_S = 1.0, 3.0
 START_S = 30.0
 """How long a robot that has never answered counts as starting, in seconds."""
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
+_STARTING_RETRY_S = 1.0
+"""Longest time between two tries while a robot may be starting: a class waits for it."""
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
@@ -127,7 +129,8 @@ class RobotLink:
                 except UNREADABLE as error:
                     self._lose(Status.AWAY, f"its answer makes no sense: {error!r}"[:300])
                 was_there, self._was_there = self._was_there, False
-                retry_s = _RETRY_S if was_there else min(2 * retry_s, _LONGEST_RETRY_S)
+                longest_s = _STARTING_RETRY_S if self._is_starting else _LONGEST_RETRY_S
+                retry_s = _RETRY_S if was_there else min(2 * retry_s, longest_s)
                 if self.stop.is_under_way:
                     retry_s = _STOP_RETRY_S
                 self._hurry.clear()

@@ -103,6 +103,18 @@ def test_the_terminal_does_not_warn_of_a_robot_that_may_still_be_starting(
     in_class(scenario, robots=1, faults=lambda dice, i: "silent")
 
 
+@pytest.mark.parametrize("starts_s", [3.0, 12.0, 25.0])
+def test_a_robot_that_has_started_is_there_within_a_second(starts_s: float) -> None:
+    async def scenario(world: ClassWorld) -> None:
+        [pupil] = world.pupils.values()
+        await world.clock.pause(starts_s)
+        break_down(pupil, "none")
+        took_s = await world.until(lambda: world.link(pupil).status is Status.THERE, 5.0, "it is")
+        assert took_s < 1.2
+
+    in_class(scenario, robots=1, faults=lambda dice, i: "refuses")
+
+
 def _any_fault(dice: random.Random, number: int) -> str:
     return "none" if number < 3 else dice.choice(FAULTS)
 
