@@ -19,9 +19,9 @@ import pytest
 
 from robot.clock import RealClock
 
-MOST = 36
+MOST = 37
 """The largest number of tests outside tests/e2e that are marked. It rises only for a new real part:
-rosbridge's refusals and LeRobot's robot against a served simulator came last."""
+LeRobot's robot against a served simulator and a robot on DDS came last."""
 BROWSERS = "e2e/"
 """Runs Chromium throughout: marked by itself, and not counted."""
 _OURS = ("robot", "server", "tests")

@@ -139,7 +139,7 @@ def ros_camera() -> Iterator[CameraCase]:
     class Bridge:
         refusal = ""
 
-        def __init__(self, address: str, clock: Clock, **options: Any) -> None:
+        def __init__(self, _: Any, clock: Clock, **options: Any) -> None:
             self._ending, self._tell = threading.Event(), options["on_message"]
             self._thread = clock.start_thread(self._run, "rosbridge")
 
@@ -155,7 +155,7 @@ def ros_camera() -> Iterator[CameraCase]:
                     jpeg = base64.b64encode(grey_jpeg(index)).decode()
                     self._tell("/camera/image_raw/compressed", {"format": "jpeg", "data": jpeg})
 
-    with mock.patch("robot.bodies.ros.camera.RosBridge", Bridge):
+    with mock.patch("robot.bodies.ros.camera.open_topics", Bridge):
         yield CameraCase(
             RosCamera(RosCameraOptions(address="base"), clock), frozen.set, frozen.clear
         )

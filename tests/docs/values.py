@@ -36,7 +36,7 @@ SOURCES: Mapping[str, object] = {
     "patience": CameraTimingConfig(),
     "limits": NetworkLimits(),
     "learner": SimpleNamespace(default=f"default-{DEFAULT_NODES}", nodes=DEFAULT_NODES),
-    "ros": import_module("robot.bodies.ros.bridge"),
+    "ros_topics": import_module("robot.bodies.ros.topics"),
     "remote": import_module("robot.bodies.remote.driver"),
     "ev3_stock": import_module("robot.bodies.ev3.stock.lines"),
     "lego_education": import_module("robot.bodies.lego_education.driver"),

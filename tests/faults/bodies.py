@@ -202,7 +202,7 @@ def _ros(seed: int) -> Iterator[TimedBody]:
     bridge = WatchedBridge(clock, seed)
     options = RosOptions(address="robot", watchdog=True)
     driver = RosDriver(options, clock)
-    driver.bridge_type = bridge.open  # type: ignore[misc]
+    driver.open_topics = bridge.open
 
     def slow_down(slowest_s: float) -> None:
         bridge.slowest_s = slowest_s

@@ -65,7 +65,7 @@ class WatchdogNode:
 
     def __init__(self, clock: Clock, publish: Publish, **parameters: Any) -> None:
         self._clock, self._publish, self._parameters = clock, publish, parameters
-        self.subscribed: dict[str, Callable[[Any], None]] = {}
+        self.subscribed: dict[str, tuple[type, Callable[[Any], None]]] = {}
         self._timers: list[tuple[float, Callable[[], None]]] = []
         self._ending = threading.Event()
         self._turn = threading.Lock()
@@ -81,14 +81,20 @@ class WatchdogNode:
         self._thread.join()
 
     def take(self, message: dict[str, Any]) -> None:
-        """Give it a TwistStamped, as JSON has it."""
-        twist, stamp = message["twist"], message["header"]["stamp"]
-        order = TwistStamped(
-            Header(Time(**stamp), message["header"]["frame_id"]),
-            Twist(Vector3(**twist["linear"]), Vector3(**twist["angular"])),
-        )
+        """Give it an order, as JSON has it."""
+        self.hear("/drivelesson/cmd_vel", message)
+
+    def hear(self, topic: str, message: dict[str, Any]) -> None:
+        """Give it a message of a topic that it listens to."""
+        kind, take = self.subscribed[topic]
+        told = _twist(message)
+        if kind is TwistStamped:
+            header = message["header"]
+            told = TwistStamped(
+                Header(Time(**header["stamp"]), header["frame_id"]), _twist(message["twist"])
+            )
         with self._turn:  # one thing at a time, as rclpy's executor
-            self.subscribed["/drivelesson/cmd_vel"](order)
+            take(told)
 
     def _run(self) -> None:
         running = self
@@ -112,7 +118,7 @@ class WatchdogNode:
             def create_subscription(
                 self, kind: type, topic: str, take: Callable[[Any], None], depth: int
             ) -> None:
-                running.subscribed[topic] = take
+                running.subscribed[topic] = kind, take
 
             def create_timer(self, every_s: float, run: Callable[[], None]) -> None:
                 running._timers.append((every_s, run))
@@ -143,6 +149,11 @@ class WatchdogNode:
             with self._turn:
                 run()
         raise OverError
+
+
+def _twist(message: dict[str, Any]) -> Any:
+    told = {name: Vector3(**message[name]) for name in ("linear", "angular") if name in message}
+    return Twist(**told)
 
 
 def to_json(message: Any) -> Any:

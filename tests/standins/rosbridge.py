@@ -186,9 +186,16 @@ class RosBridgeServer:
                 self.told[IMAGES].clear()
 
 
+def grey_jpeg(index: int) -> bytes:
+    grey = np.full((120, 160, 3), 7 * index % 256, np.uint8)
+    return cv2.imencode(".jpg", grey)[1].tobytes()
+
+
 def grey_image(index: int) -> dict[str, Any]:
     """Return a sensor_msgs/CompressedImage as rosbridge writes it: bytes in base64."""
-    grey = np.full((120, 160, 3), 7 * index % 256, np.uint8)
-    jpeg = cv2.imencode(".jpg", grey)[1].tobytes()
     header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "camera"}
-    return {"header": header, "format": "jpeg", "data": base64.b64encode(jpeg).decode()}
+    return {
+        "header": header,
+        "format": "jpeg",
+        "data": base64.b64encode(grey_jpeg(index)).decode(),
+    }

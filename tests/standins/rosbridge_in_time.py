@@ -28,9 +28,10 @@ class WatchedBridge:
         ]
         self._on_message: Callable[[str, Any], None] = lambda topic, message: None
         self.trouble = self.refusal = ""
+        self.where = "rosbridge at robot"
 
     def open(self, *_: Any, on_message: Callable[[str, Any], None], **topics: Any) -> Any:
-        """Stand in for the class `RosBridge`."""
+        """Stand in for `open_topics`."""
         self._on_message = on_message
         return self
 
@@ -45,6 +46,10 @@ class WatchedBridge:
     def publish(self, topic: str, message: Any, *_: Any) -> None:
         """Without the zero that follows: a server that is gone sends none."""
         self._send(self._to_robot, json.dumps(message).encode())
+
+    def hear(self, topic: str, message: Any) -> None:
+        """Publish as another node on the robot does."""
+        self._node.hear(topic, message)
 
     def close(self) -> None:
         """There is nothing to close."""

@@ -4,6 +4,7 @@ Runs on the robot's own computer, beside rosbridge; docs/howto/ros.md says how. 
 (`--robot ros --watchdog true`) sends its velocities here; they go on to the base. An order ends
 HOLD_S after it came, and FRESH_S after the sign of life that it answers: one that was held up on
 its way moves nothing. Clocks need not agree: the time that an order carries is this node's own.
+If another node or a second Drivelesson drives at the same time, the robot stands as well.
 """
 
 import time
@@ -18,6 +19,8 @@ HOLD_S = 0.3
 FRESH_S = 0.45
 LOOK_EVERY_S = 0.01
 SIGN_EVERY_S = 0.05
+ECHO_S = 0.15
+DISPUTE_S = 0.5
 
 
 class Watchdog(Node):
@@ -28,7 +31,9 @@ class Watchdog(Node):
         self.base = self.create_publisher(TwistStamped if self.stamped else Twist, topic, 1)
         self.signs = self.create_publisher(Header, "/drivelesson/alive", 1)
         self.create_subscription(TwistStamped, "/drivelesson/cmd_vel", self.take, 1)
-        self.ends_s = self.signed_s = self.seen_s = 0.0
+        self.create_subscription(TwistStamped if self.stamped else Twist, topic, self.hear, 10)
+        self.ends_s = self.signed_s = self.seen_s = self.ordered_s = self.disputed_s = 0.0
+        self.driver, self.passed = "", []
         self.create_timer(LOOK_EVERY_S, self.look)
         self.pass_on(Twist())
 
@@ -40,8 +45,24 @@ class Watchdog(Node):
             self.ends_s = 0.0  # a stop is never late
             self.pass_on(order.twist)
         elif self.seen_s <= seen_s <= now_s < ends_s:  # neither late nor of another start
-            self.ends_s, self.seen_s = ends_s, seen_s
-            self.pass_on(order.twist)
+            if self.driver != order.header.frame_id and now_s < self.ordered_s + HOLD_S:
+                self.dispute(now_s)
+            self.driver, self.ordered_s, self.seen_s = order.header.frame_id, now_s, seen_s
+            if now_s >= self.disputed_s + DISPUTE_S:
+                self.ends_s = ends_s
+                self.pass_on(order.twist)
+
+    def hear(self, velocity):  # all that the base is told: by this node, and by others
+        now_s = time.monotonic()
+        twist = velocity.twist if self.stamped else velocity
+        self.passed = [(at_s, one) for at_s, one in self.passed if now_s < at_s + ECHO_S]
+        is_ours = twist == Twist() or any(twist == one for _, one in self.passed)
+        if not is_ours and now_s < self.ordered_s + DISPUTE_S:
+            self.dispute(now_s)
+
+    def dispute(self, now_s):
+        self.disputed_s, self.ends_s = now_s, 0.0
+        self.pass_on(Twist())
 
     def look(self):
         now_s = time.monotonic()
@@ -52,9 +73,11 @@ class Watchdog(Node):
             self.signed_s = now_s
             sign = Header()
             sign.stamp.sec, sign.stamp.nanosec = int(now_s), int(now_s % 1.0 * 1e9)
+            sign.frame_id = "disputed" if now_s < self.disputed_s + DISPUTE_S else ""
             self.signs.publish(sign)
 
     def pass_on(self, twist):
+        self.passed.append((time.monotonic(), twist))
         if self.stamped:
             velocity = TwistStamped()
             velocity.header.stamp = self.get_clock().now().to_msg()

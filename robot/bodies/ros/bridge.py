@@ -16,6 +16,7 @@ import websockets
 from robot.bodies.remote.orders import split_address
 from robot.bodies.remote.reconnecting import ReconnectingConnection
 from robot.bodies.ros.refusals import REFUSED_S, Refusals, Unwrapping
+from robot.bodies.ros.topics import End, Message, OnMessage, Topics
 from robot.clock import Clock
 from robot.errors import DriveError, told_as
 
@@ -23,8 +24,6 @@ PORT = 9090
 CONNECT_S = 4.0
 SEND_S = 0.3
 PING_EVERY_S = 0.1
-GONE_S = 0.4
-"""Time without any sign of life after which the bridge counts as gone, in seconds."""
 MAX_BYTES = 6 * 2**20
 _LOST_S = 3.0
 """Time limit for the answer to a ping, in seconds; then the connection is opened again."""
@@ -32,19 +31,12 @@ _ASK_AGAIN_S = REFUSED_S / 2
 """Pause before topics are asked for again after a refusal, in seconds: the node in the way may have
 ended, and until then the refusal is heard again."""
 
-Message = Mapping[str, Any]
-End = tuple[Message, float]
-"""A message and the seconds after which it is published, unless another one is sent before."""
 
-
-class RosBridge(ReconnectingConnection):
+class RosBridge(ReconnectingConnection, Topics):
     """Connects, stays connected, and passes on what topics say.
 
     Args:
         address: Where rosbridge runs, as HOST or HOST:PORT.
-        advertised: The type of each topic that will be published.
-        subscribed: The type of each topic to listen to.
-        on_message: Called with topic and message, on the bridge's thread; must return at once.
 
     Raises:
         DriveError: If nothing answers there.
@@ -57,9 +49,10 @@ class RosBridge(ReconnectingConnection):
         *,
         advertised: Mapping[str, str],
         subscribed: Mapping[str, str],
-        on_message: Callable[[str, Message], None],
+        on_message: OnMessage,
     ) -> None:
         host, port = split_address(address, PORT)
+        self.where = f"rosbridge at {address}"
         self._url = f"ws://{host}:{port}/"
         self._advertised, self._subscribed = advertised, subscribed
         self._on_message = on_message
@@ -73,21 +66,19 @@ class RosBridge(ReconnectingConnection):
 
     @property
     def silent_s(self) -> float:
-        """Since when the bridge has given no sign of life."""
         return self._clock.now_s() - self._heard_s
 
     @property
     def refusal(self) -> str:
-        """The bridge's latest refusal, in its own words; empty if there is none."""
         return self._refusals.at(self._clock.now_s())
 
+    def refused(self, refusal: str) -> str:
+        return f"{self.where} refuses: {refusal}"
+
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message, and wait until it is sent; then what ends it. OSError if it cannot
-        be sent now; it is not sent later."""
         self._send_one(self._publish(topic, message, ends), topic).result(SEND_S)
 
     def publish_soon(self, topic: str, message: Message) -> None:
-        """Publish without waiting; dropped while the one before is still being sent."""
         with contextlib.suppress(ConnectionError):
             self._send_one(self._publish(topic, message, None), topic)
 

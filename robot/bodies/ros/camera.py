@@ -1,34 +1,41 @@
-"""A ROS topic of compressed images, by rosbridge. The JPEGs stay as they are."""
+"""A ROS topic of images, by rosbridge or DDS. JPEGs stay as they are."""
 
 from __future__ import annotations
 
 import base64
 import binascii
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from robot.bodies.ros.bridge import RosBridge
-from robot.bodies.ros.driver import check_topic
+import numpy as np
+
 from robot.bodies.ros.refusals import advice_for
-from robot.devices.options import Options, option
-from robot.devkit.pictures import read_jpeg
+from robot.bodies.ros.topics import COMPRESSED, RAW, Message, Topics, check_topic
+from robot.bodies.ros.transport import TransportOptions, open_topics
+from robot.devices.options import option
+from robot.devkit.pictures import MAX_SIDE_PX, Picture, read_jpeg
 from robot.devkit.watched_camera import WatchedCamera
 from robot.errors import CameraError, DriveError, RecordingError, need
+from robot.types import Encoding
 
-_IMAGE = "sensor_msgs/msg/CompressedImage"
+_KINDS = {"compressed": COMPRESSED, "raw": RAW}
+_CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC3": 3, "8UC1": 1}
+"""Bytes of a pixel, by sensor_msgs/Image's names of encodings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RosCameraOptions(Options):
+class RosCameraOptions(TransportOptions):
     """Where the pictures come from."""
 
-    address: str = option("", "HOST of rosbridge, or HOST:PORT")
-    image_topic: str = option(
-        "/camera/image_raw/compressed", "topic of the pictures (sensor_msgs/CompressedImage, JPEG)"
+    image_topic: str = option("/camera/image_raw/compressed", "topic of the pictures")
+    image_type: str = option(
+        "compressed",
+        "its type: compressed is sensor_msgs/CompressedImage (JPEG), raw is sensor_msgs/Image",
+        choices=tuple(_KINDS),
     )
 
     def check(self) -> None:
+        self.check_transport()
         check_topic("--image-topic", self.image_topic)
 
 
@@ -40,17 +47,18 @@ class RosCamera(WatchedCamera):
 
     name: ClassVar[str] = "ros"
     options_type: ClassVar[type[Any]] = RosCameraOptions
-    _bridge: RosBridge | None = None
+    _topics: Topics | None = None
     _reason = ""
 
     def _begin(self) -> None:
         need("cv2", "the camera 'ros'", "camera")
+        kind = _KINDS[self.options.image_type]
         try:
-            self._bridge = RosBridge(
-                self.options.address,
+            self._topics = open_topics(
+                self.options,
                 self.clock,
                 advertised={},
-                subscribed={self.options.image_topic: _IMAGE},
+                subscribed={self.options.image_topic: kind},
                 on_message=lambda _, message: self._take(message),
             )
         except DriveError as error:
@@ -58,17 +66,26 @@ class RosCamera(WatchedCamera):
         self._watch_over()
 
     def _let_go(self) -> None:
-        bridge, self._bridge = self._bridge, None
-        if bridge is not None:
-            bridge.close()
+        topics, self._topics = self._topics, None
+        if topics is not None:
+            topics.close()
 
-    def _take(self, message: Mapping[str, Any]) -> None:
-        """Take one image, on the bridge's thread."""
+    @property
+    def _is_raw(self) -> bool:
+        return bool(self.options.image_type == "raw")
+
+    def _take(self, message: Message) -> None:
+        """Take one image, on the connection's thread."""
         now_s = self.clock.now_s()
         try:
-            picture = read_jpeg(base64.b64decode(message["data"], validate=True))
+            data = message["data"]
+            if not isinstance(data, bytes):  # rosbridge
+                data = base64.b64decode(data, validate=True)
+            picture = read_pixels(message, data) if self._is_raw else read_jpeg(data)
         except (KeyError, TypeError, ValueError, binascii.Error, RecordingError):
-            self._reason = f" (it sends {str(message.get('format', 'something'))[:20]!r}, no JPEG)"
+            form = str(message.get("encoding", message.get("format", "something")))[:20]
+            what = "no size and encoding that can be read" if self._is_raw else "no JPEG"
+            self._reason = f" (it sends {form!r}, {what})"
             return
         if picture.is_too_large:
             self._reason = f" (its pictures are {picture.width}x{picture.height}: too large)"
@@ -77,8 +94,28 @@ class RosCamera(WatchedCamera):
             self._show_picture(picture, now_s)
 
     def _name_fault(self, wrong: str) -> str:
-        if self._bridge is not None and (refusal := self._bridge.refusal):
+        if self._topics is not None and (refusal := self._topics.refusal):
             do = advice_for(refusal, is_stamped=False, has_watchdog=False)
-            said = f"rosbridge at {self.options.address} refuses: {refusal}"
-            return said + (f"; {do}" if do else "") + "."
+            return self._topics.refused(refusal) + (f"; {do}" if do else "") + "."
         return f"The topic {self.options.image_topic} {wrong}{self._reason}."
+
+
+def read_pixels(message: Message, data: bytes) -> Picture:
+    """Return the pixels of a sensor_msgs/Image as RGB.
+
+    Raises:
+        ValueError: If the encoding is none of eight bits in grey or colour, or the size is wrong.
+    """
+    width, height, step = (int(message[name]) for name in ("width", "height", "step"))
+    encoding = str(message["encoding"])
+    channels = _CHANNELS[encoding]
+    if not 0 < min(width, height) <= max(width, height) <= MAX_SIDE_PX or step < width * channels:
+        raise ValueError(f"no picture of {width}x{height}, {step} bytes a row")
+    rows = np.frombuffer(data, np.uint8, height * step).reshape(height, step)
+    pixels = rows[:, : width * channels].reshape(height, width, channels)
+    if channels == 1:
+        pixels = np.repeat(pixels, 3, axis=2)
+    elif encoding != "rgb8" and encoding != "rgba8":
+        pixels = pixels[:, :, 2::-1]
+    rgb = np.ascontiguousarray(pixels[:, :, :3])
+    return Picture(encoding=Encoding.RGB, width=width, height=height, data=rgb.tobytes())

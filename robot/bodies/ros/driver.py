@@ -1,38 +1,53 @@
-"""A ROS 2 robot by rosbridge: velocities on one topic, what the learner would do on another."""
+"""A ROS 2 robot: velocities on one topic, what the learner would do on another."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import math
+import secrets
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.bodies.remote.orders import moves_option, parse_moves
-from robot.bodies.ros.bridge import GONE_S, Message, RosBridge
 from robot.bodies.ros.refusals import advice_for
+from robot.bodies.ros.topics import (
+    GONE_S,
+    HEADER,
+    ODOMETRY,
+    RANGE,
+    STAMPED,
+    TEXT,
+    TWIST,
+    Message,
+    Topics,
+    check_topic,
+)
+from robot.bodies.ros.transport import DDS, TransportOptions, open_topics
 from robot.clock import Clock
-from robot.devices.options import Options, option
+from robot.devices.options import option
 from robot.devkit.connected_driver import ConnectedDriver
 from robot.driver import ACTION_TIMEOUT_S, point_of
 from robot.errors import ConfigurationError, DriveError
-from robot.types import Action, Point, Prediction, Sensors
+from robot.types import Action, Point, Pose, Prediction, Sensors
 
-_TWIST, _STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
-_TEXT, _HEADER = "std_msgs/msg/String", "std_msgs/msg/Header"
-_ORDERS, _ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
+ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
 """Topics of docs/examples/ros/watchdog.py: velocities to it, and its signs of life."""
+_DISPUTED = "disputed"
+"""The watchdog's word, in its signs, for another node or a second server that drives as well."""
 _FIRST_SIGN_S = 3.0
+_FRESH_S = 1.0
+"""Age from which a value of a sensor's topic counts no more, in seconds."""
 _STANDS = Point(0.0, 0.0)
 _NO_WATCHDOG = "the robot's watchdog gives no sign of life; does watchdog.py run there?"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RosOptions(Options):
-    """Where rosbridge is, and how its robot moves."""
+class RosOptions(TransportOptions):
+    """How the robot is reached, and how it moves."""
 
-    address: str = option("", "HOST of rosbridge, or HOST:PORT")
     cmd_vel_topic: str = option("/cmd_vel", "topic of the velocities")
     stamped: bool = option(False, "the robot takes TwistStamped instead of Twist")
     watchdog: bool = option(
@@ -43,22 +58,19 @@ class RosOptions(Options):
     )
     turn_rate_deg_s: float = option(45.0, "degrees a second at full steering", range=(0.1, 720.0))
     body_moves: str = moves_option("forward,left,right,backward,spin_left,spin_right")
+    odometry_topic: str = option("", "topic of nav_msgs/Odometry, as /odom; empty: none")
+    range_topic: str = option("", "topic of sensor_msgs/Range, a distance ahead; empty: none")
     advice_topic: str = option("", "topic for what the learner would do, as JSON text; empty: none")
 
     def check(self) -> None:
+        self.check_transport()
         check_topic("--cmd-vel-topic", self.cmd_vel_topic)
-        if self.advice_topic:
-            check_topic("--advice-topic", self.advice_topic)
+        for name in ("odometry_topic", "range_topic", "advice_topic"):
+            if topic := getattr(self, name):
+                check_topic(f"--{name.replace('_', '-')}", topic)
 
 
-def check_topic(flag: str, name: str) -> None:
-    """Raise ConfigurationError unless this is the name of a topic."""
-    words = name.removeprefix("/").split("/")
-    if not all(word.isidentifier() and word.isascii() for word in words):
-        raise ConfigurationError(f"{flag} must be a topic's name, as /cmd_vel, not {name!r}")
-
-
-class RosDriver(ConnectedDriver[RosBridge]):
+class RosDriver(ConnectedDriver[Topics]):
     """Publishes a velocity for as long as a move lasts, then zero.
 
     Nothing stops the robot if this program, its computer or the network fails, unless the robot's
@@ -70,7 +82,6 @@ class RosDriver(ConnectedDriver[RosBridge]):
     default_camera: ClassVar[str] = "ros"
     options_type: ClassVar[type[Any]] = RosOptions
     is_remote: ClassVar[bool] = True
-    bridge_type: ClassVar[type[RosBridge]] = RosBridge
     takes_points = True
 
     def __init__(self, options: RosOptions, clock: Clock | None = None) -> None:
@@ -83,35 +94,45 @@ class RosDriver(ConnectedDriver[RosBridge]):
                 f"{without[0]}:0:1"
             )
         self._is_stamped = options.stamped or options.watchdog
-        self._topic = _ORDERS if options.watchdog else options.cmd_vel_topic
+        self._topic = ORDERS if options.watchdog else options.cmd_vel_topic
         self._sign: dict[str, Any] = {"sec": 0, "nanosec": 0}
-        self._signed_s = 0.0
+        self._signed_s, self._is_disputed = 0.0, False
+        self._frame = f"drivelesson_{secrets.token_hex(4)}" if options.watchdog else "base_link"
         self._has_signed = threading.Event()
+        self._sensed: dict[str, tuple[float, Any]] = {}
+        self.open_topics: Callable[..., Topics] = open_topics
 
     @property
     def takes_advice(self) -> bool:
         return bool(self.options.advice_topic)
 
-    def _open(self) -> RosBridge:
+    def _open(self) -> Topics:
         options = self.options
-        advertised = {self._topic: _STAMPED if self._is_stamped else _TWIST}
+        advertised = {self._topic: STAMPED if self._is_stamped else TWIST}
         if options.advice_topic:
-            advertised[options.advice_topic] = _TEXT
-        return self.bridge_type(
-            options.address,
+            advertised[options.advice_topic] = TEXT
+        listens = {
+            ALIVE: HEADER if options.watchdog else "",
+            options.odometry_topic: ODOMETRY,
+            options.range_topic: RANGE,
+        }
+        return self.open_topics(
+            options,
             self._clock,
             advertised=advertised,
-            subscribed={_ALIVE: _HEADER} if options.watchdog else {},
-            on_message=self._take_sign,
+            subscribed={topic: kind for topic, kind in listens.items() if topic and kind},
+            on_message=self._take_message,
         )
 
     def _begin(self) -> None:
         self._has_signed.clear()
+        if self.options.transport == DDS:  # where it is known at once who listens
+            self._check_taken(self._connected())
         if self.options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
-            raise DriveError(f"rosbridge at {self.options.address} is there, but {_NO_WATCHDOG}")
+            raise DriveError(f"{self._connected().where} is there, but {_NO_WATCHDOG}")
         self.stop()
 
-    def _close(self, connection: RosBridge) -> None:
+    def _close(self, connection: Topics) -> None:
         connection.close()
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
@@ -123,13 +144,19 @@ class RosDriver(ConnectedDriver[RosBridge]):
         try:
             connection.publish(self._topic, message, ends)
         except OSError as error:
-            raise DriveError(f"rosbridge takes no velocity: {error or 'too slow'}") from error
+            raise DriveError(
+                f"{connection.where} takes no velocity: {error or 'too slow'}"
+            ) from error
         self._check_heard(connection)
 
     def sense(self) -> Sensors:
-        """Sense nothing but that the bridge is there and refuses nothing."""
+        """Check that the robot's end is there and refuses nothing; return what its topics say."""
         self._check_heard(self._connected())
-        return Sensors()
+        now_s = self._clock.now_s()
+        fresh = {
+            name: value for name, (at_s, value) in self._sensed.items() if now_s - at_s < _FRESH_S
+        }
+        return Sensors(**fresh)
 
     def stop(self) -> None:
         if self._connection is not None:
@@ -161,31 +188,64 @@ class RosDriver(ConnectedDriver[RosBridge]):
         if not self.options.watchdog:
             seconds, rest = divmod(self._clock.wall_s(), 1.0)
             stamp = {"sec": int(seconds), "nanosec": int(rest * 1e9)}
-        return {"header": {"stamp": stamp, "frame_id": "base_link"}, "twist": twist}
+        return {"header": {"stamp": stamp, "frame_id": self._frame}, "twist": twist}
 
-    def _check_heard(self, bridge: RosBridge) -> None:
+    def _check_taken(self, bridge: Topics) -> None:
         if refusal := bridge.refusal:
             has_watchdog = self.options.watchdog
             do = advice_for(refusal, is_stamped=self._is_stamped, has_watchdog=has_watchdog)
-            raise DriveError(
-                f"rosbridge at {self.options.address} refuses: {refusal}"
-                + (f"; {do}" if do else "")
-            )
+            raise DriveError(bridge.refused(refusal) + (f"; {do}" if do else ""))
+
+    def _check_heard(self, bridge: Topics) -> None:
+        self._check_taken(bridge)
         if bridge.silent_s > GONE_S:
             trouble = f" ({bridge.trouble})" if bridge.trouble else ""
             stops = "nothing stops its robot unless its base does"
             if self.options.watchdog:
                 stops = "the watchdog on the robot stops it"
             raise DriveError(
-                f"rosbridge at {self.options.address} has not answered for {bridge.silent_s:.1f} s"
-                f"{trouble}; {stops}"
+                f"{bridge.where} has not answered for {bridge.silent_s:.1f} s{trouble}; {stops}"
             )
         if self.options.watchdog and self._clock.now_s() - self._signed_s > GONE_S:
             raise DriveError(_NO_WATCHDOG)
+        if self._is_disputed:
+            raise DriveError(
+                "the robot's watchdog has it stand: another node drives it at the same time; "
+                f"`ros2 topic info -v {self.options.cmd_vel_topic}` on the robot lists them"
+            )
 
-    def _take_sign(self, topic: str, message: Message) -> None:
-        """Take the watchdog's sign of life, on the bridge's thread."""
-        stamp = message.get("stamp")
-        if isinstance(stamp, dict) and all(isinstance(n, int) for n in stamp.values()):
-            self._sign, self._signed_s = dict(stamp), self._clock.now_s()
-            self._has_signed.set()
+    def _take_message(self, topic: str, message: Message) -> None:
+        """Take a message, on the connection's thread; one that cannot be read is left out."""
+        with contextlib.suppress(KeyError, TypeError, ValueError, OverflowError):
+            if topic == ALIVE:
+                self._take_sign(message)
+            elif topic == self.options.odometry_topic:
+                self._sensed["pose"] = self._clock.now_s(), _pose_of(message["pose"]["pose"])
+            else:
+                self._sensed["distance_m"] = self._clock.now_s(), _distance_of(message)
+
+    def _take_sign(self, message: Message) -> None:
+        """Take the watchdog's sign of life."""
+        stamp = message["stamp"]
+        self._sign = {"sec": int(stamp["sec"]), "nanosec": int(stamp["nanosec"])}
+        self._is_disputed = message.get("frame_id") == _DISPUTED
+        self._signed_s = self._clock.now_s()
+        self._has_signed.set()
+
+
+def _pose_of(pose: Message) -> Pose:
+    """Return where the wheels say that the robot is, of a geometry_msgs/Pose."""
+    at, turned = pose["position"], pose["orientation"]
+    x, y, z, w = (float(turned[name]) for name in "xyzw")
+    heading = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    pose_now = Pose(x_m=float(at["x"]), y_m=float(at["y"]), heading_rad=heading, is_estimate=True)
+    if not all(map(math.isfinite, (pose_now.x_m, pose_now.y_m, heading))):
+        raise ValueError("no place")
+    return pose_now
+
+
+def _distance_of(message: Message) -> float | None:
+    """Return the distance of a sensor_msgs/Range; None out of its limits, as its makers mean it."""
+    distance = float(message["range"])
+    is_seen = float(message["min_range"]) <= distance <= float(message["max_range"])
+    return distance if is_seen and math.isfinite(distance) else None

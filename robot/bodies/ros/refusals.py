@@ -122,8 +122,13 @@ def advice_for(refusal: str, *, is_stamped: bool, has_watchdog: bool) -> str:
         return "start with --stamped true"
     if "geometry_msgs" in said and "twiststamped" not in said and is_stamped:
         return "another node uses the watchdog's topic" if has_watchdog else "leave --stamped out"
+    if "sensor_msgs/msg/image" in said and "compressedimage" not in said.partition(", not")[0]:
+        return (
+            "name a topic of sensor_msgs/CompressedImage with --image-topic, or add "
+            "--image-type raw"
+        )
     if "sensor_msgs" in said and "image" in said:
-        return "name a topic of sensor_msgs/CompressedImage with --image-topic"
+        return "name a topic of pictures with --image-topic, and leave --image-type out"
     if "already" in said and "type" in said:
         return "name another topic, or end the node that uses this one"
     if "glob" in said or "not allowed" in said or "not authorized" in said:

@@ -90,7 +90,7 @@ def test_stamped_velocities_carry_the_time() -> None:
     bridge.return_value.silent_s, bridge.return_value.refusal = 0.0, ""
     options = RosOptions(address="base", stamped=True)
     driver = RosDriver(options, clock)
-    driver.bridge_type = bridge  # type: ignore[misc]
+    driver.open_topics = bridge
     with driver:
         driver.send_action(Action.FORWARD)
     assert bridge.call_args.kwargs["advertised"] == {"/cmd_vel": "geometry_msgs/msg/TwistStamped"}

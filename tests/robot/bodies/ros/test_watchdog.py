@@ -26,6 +26,7 @@ class Robot:
         self.clock = clock
         self.speed = 0.0
         self.sign: dict[str, int] = {}
+        self.is_disputed = False
         self.node = WatchdogNode(clock, self._hear)
         self.node.start()
         clock.sleep(0.1)
@@ -36,12 +37,13 @@ class Robot:
             self.speed = message["linear"]["x"]
         else:
             assert (topic, kind) == ("/drivelesson/alive", "std_msgs/msg/Header")
-            self.sign = message["stamp"]
+            self.sign, self.is_disputed = message["stamp"], message["frame_id"] == "disputed"
 
-    def order(self, speed: float, seen_s: float | None = None) -> None:
+    def order(self, speed: float, seen_s: float | None = None, by: str = "one") -> None:
         driver = RosDriver(RosOptions(address="robot", watchdog=True, linear_mps=1.0))
+        driver._frame = by
         sign = self.sign if seen_s is None else {"sec": 0, "nanosec": round(seen_s * 1e9)}
-        driver._take_sign("/drivelesson/alive", {"stamp": sign})
+        driver._take_sign({"stamp": sign})
         self.node.take(driver.velocity(0.0, speed))
 
 
@@ -84,6 +86,46 @@ def test_a_stop_is_never_late_and_nothing_older_moves_after_a_newer_order(robot:
     assert robot.speed == 0.0
 
 
+def velocity(x: float) -> dict[str, Any]:
+    zero = {"x": 0.0, "y": 0.0, "z": 0.0}
+    return {"linear": {**zero, "x": x}, "angular": zero}
+
+
+def test_while_another_node_drives_it_stands_and_says_so(robot: Robot) -> None:
+    robot.node.hear("/cmd_vel", velocity(0.2))
+    assert not robot.is_disputed, "nobody drives from here: the other may"
+    robot.order(0.3)
+    for own_or_stop in (0.3, 0.0):
+        robot.node.hear("/cmd_vel", velocity(own_or_stop))
+        assert robot.speed == 0.3
+    for _ in range(10):
+        robot.order(0.3)
+        robot.clock.sleep(0.1)
+        robot.speed = 0.2
+        robot.node.hear("/cmd_vel", velocity(0.2))
+        assert robot.speed == 0.0, "each velocity of the other is answered by zero"
+    robot.clock.sleep(0.1)
+    assert robot.is_disputed
+    robot.order(0.3)
+    assert robot.speed == 0.0
+    robot.clock.sleep(0.5)
+    assert not robot.is_disputed
+    robot.order(0.3)
+    assert robot.speed == 0.3
+
+
+def test_two_servers_at_once_have_it_stand(robot: Robot) -> None:
+    for _ in range(3):
+        robot.order(0.3)
+        robot.clock.sleep(0.04)
+        robot.order(0.2, by="another")
+        robot.clock.sleep(0.04)
+        assert robot.speed == 0.0
+    robot.clock.sleep(0.5)
+    robot.order(0.2, by="another")
+    assert robot.speed == 0.2
+
+
 def test_its_last_word_is_a_stop(robot: Robot) -> None:
     robot.order(0.3)
     robot.node.end()
@@ -112,11 +154,28 @@ def test_however_orders_are_held_up_it_stands_half_a_second_after_the_last_was_w
     robot.node.end()
 
 
+def test_a_dispute_is_the_drivers_error() -> None:
+    clock = VirtualClock(100.0)
+    bridge = WatchedBridge(clock, 1)
+    driver = RosDriver(RosOptions(address="robot", watchdog=True), clock)
+    driver.open_topics = bridge.open
+    with driver:
+        driver.send_action(Action.FORWARD)
+        clock.sleep(0.06)
+        bridge.hear("/cmd_vel", velocity(0.3))
+        clock.sleep(0.12)
+        with pytest.raises(DriveError, match="another node drives it"):
+            driver.sense()
+        clock.sleep(0.6)
+        driver.sense()
+        bridge.end()
+
+
 def test_without_its_sign_of_life_nothing_moves() -> None:
     clock = VirtualClock(100.0)
     bridge = WatchedBridge(clock, 1)
     driver = RosDriver(RosOptions(address="robot", watchdog=True), clock)
-    driver.bridge_type = bridge.open  # type: ignore[misc]
+    driver.open_topics = bridge.open
     with driver:
         driver.send_action(Action.FORWARD)
         clock.sleep(0.1)

@@ -1,0 +1,105 @@
+"""The two ways to a ROS 2 robot's topics, and the options that choose one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from robot.bodies.ros.bridge import RosBridge
+from robot.bodies.ros.topics import OnMessage, Topics
+from robot.clock import Clock
+from robot.devices.options import Options, option
+from robot.errors import ConfigurationError, need
+
+ROSBRIDGE, DDS = "rosbridge", "dds"
+MOST_DOMAINS = 232
+"""Largest domain whose ports exist: they begin at 7400 + 250 times its number."""
+_FEATURE = (
+    "--transport dds (cyclonedds has wheels for Windows, macOS and Linux on x86_64, up to Python "
+    "3.13; elsewhere use --transport rosbridge)"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TransportOptions(Options):
+    """How the robot's topics are reached."""
+
+    address: str = option(
+        "", "HOST of rosbridge, or HOST:PORT; with --transport dds the robot's HOST"
+    )
+    transport: str = option(
+        ROSBRIDGE,
+        "rosbridge: a program on the robot; dds: ROS 2's own network, without a program",
+        choices=(ROSBRIDGE, DDS),
+    )
+    domain: int = option(0, "dds: the robot's ROS_DOMAIN_ID", range=(0, MOST_DOMAINS))
+    interface: str = option(
+        "", "dds: network interface, by name or address; empty: the computer's first"
+    )
+    peers: str = option("", "dds: more HOSTs of the robot, with commas between")
+
+    @property
+    def hosts(self) -> tuple[str, ...]:
+        """The robot's computers, for DDS."""
+        named = (self.address, *self.peers.split(","))
+        return tuple(dict.fromkeys(host.strip() for host in named if host.strip()))
+
+    def check_transport(self) -> None:
+        """Refuse options that the transport does not take."""
+        if self.transport == DDS:
+            for host in self.hosts:
+                if ":" in host:
+                    raise ConfigurationError(
+                        f"--transport dds needs a HOST without a port, not {host!r}: DDS makes its "
+                        "ports of --domain"
+                    )
+            return
+        for flag, value in (("--interface", self.interface), ("--peers", self.peers)):
+            if value:
+                raise ConfigurationError(f"{flag} is for --transport dds; add that or leave it out")
+
+
+def open_topics(
+    options: TransportOptions,
+    clock: Clock,
+    *,
+    advertised: Mapping[str, str],
+    subscribed: Mapping[str, str],
+    on_message: OnMessage,
+) -> Topics:
+    """Connect, and stay connected.
+
+    Args:
+        advertised: The type of each topic that will be published.
+        subscribed: The type of each topic to listen to.
+        on_message: See `OnMessage`.
+
+    Raises:
+        DriveError: If there is nothing at the other end.
+        MissingExtraError: If a library is not installed.
+    """
+    if options.transport == ROSBRIDGE:
+        return RosBridge(
+            options.address,
+            clock,
+            advertised=advertised,
+            subscribed=subscribed,
+            on_message=on_message,
+        )
+    need_dds()
+    from robot.bodies.ros.dds import DdsTopics
+
+    return DdsTopics(
+        options.domain,
+        options.hosts,
+        options.interface,
+        clock,
+        advertised=advertised,
+        subscribed=subscribed,
+        on_message=on_message,
+    )
+
+
+def need_dds() -> None:
+    """Raise MissingExtraError if Cyclone DDS is not installed."""
+    need("cyclonedds", _FEATURE, "dds")

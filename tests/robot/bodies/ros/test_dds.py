@@ -1,0 +1,322 @@
+"""A ROS robot over DDS: messages by another maker's codec, options, and a robot that dies."""
+
+from __future__ import annotations
+
+import json
+import logging
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from robot.bodies.ros.camera import RosCamera, RosCameraOptions, read_pixels
+from robot.bodies.ros.driver import RosDriver, RosOptions
+from robot.bodies.ros.suggestion import Endpoint, suggest
+from robot.bodies.ros.topics import COMPRESSED, HEADER, ODOMETRY, RANGE, RAW, STAMPED, TEXT, TWIST
+from robot.clock import RealClock
+from robot.errors import ConfigurationError, DriveError, MissingExtraError
+from robot.testing import VirtualClock
+from robot.types import Action, Pose
+from tests.contract.real_parts import check_camera_on_its_real_line, check_driver_on_its_real_line
+from tests.kit.wait import wait_until
+from tests.standins.firmware import ROOT
+
+pytest.importorskip("cyclonedds", reason="has no wheel for this Python or processor")
+from robot.bodies.ros import dds
+from robot.bodies.ros.messages import TYPES, dds_topic, from_dds, ros_topic, ros_type, to_dds
+from tests.standins.dds_robot import BASE, DdsRobot, own_domain
+
+STANDS_S = 0.5
+VALUES: dict[str, Any] = {"int32": -7, "uint32": 9, "uint8": 3, "float32": 0.5, "float64": -0.25}
+
+
+def example(store: Any, kind: str) -> Any:
+    """Make a message of a type as rosbags has it, each field with a value of its own."""
+
+    def value(form: Any) -> Any:
+        node, details = form
+        if node.name == "BASE":
+            return VALUES.get(details[0], "größer")
+        if node.name == "NAME":
+            return example(store, details)
+        inner, length = details
+        name = inner[1][0]
+        kinds = {"uint8": np.uint8, "float64": np.float64}
+        return np.arange(length or 5, dtype=kinds[name])
+
+    return store.types[kind](*[value(form) for _, form in store.get_msgdef(kind).fields])
+
+
+def plain(message: Any) -> Any:
+    """Return the fields of one of rosbags' messages."""
+    if hasattr(message, "__dataclass_fields__"):
+        names = [name for name in message.__dataclass_fields__ if name != "__msgtype__"]
+        return {name: plain(getattr(message, name)) for name in names}
+    return list(message.tolist()) if isinstance(message, np.ndarray) else message
+
+
+@pytest.mark.parametrize("store", [Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY])
+@pytest.mark.parametrize("kind", sorted(TYPES))
+def test_messages_are_those_of_another_makers_codec(kind: str, store: Stores) -> None:
+    types = get_typestore(store)
+    theirs = example(types, kind)
+    ours = from_dds(TYPES[kind].deserialize(bytes(types.serialize_cdr(theirs, kind))))
+    told = {name: list(one) if isinstance(one, bytes) else one for name, one in ours.items()}
+    wanted = plain(theirs)
+    wanted = {name: value for name, value in wanted.items() if name.islower()}  # no constants
+    wanted.pop("variance", None)
+    assert told == wanted
+    if kind in (TWIST, STAMPED, TEXT, HEADER):
+        data = to_dds(TYPES[kind], ours).serialize()
+        assert plain(types.deserialize_cdr(data, kind)) == wanted
+
+
+def test_names_are_those_of_ros() -> None:
+    assert dds_topic("/cmd_vel") == dds_topic("cmd_vel") == "rt/cmd_vel"
+    assert (ros_topic("rt/a/b"), ros_topic("rq/a"), ros_topic("DCPSTopic")) == ("/a/b", None, None)
+    assert {ros_type(kind.__idl_typename__) for kind in TYPES.values()} == set(TYPES)
+    assert ros_type("HelloWorld") == "HelloWorld"
+
+
+def test_a_cut_off_picture_is_an_error() -> None:
+    for kind in (COMPRESSED, RAW):
+        types = get_typestore(Stores.ROS2_JAZZY)
+        data = bytes(types.serialize_cdr(example(types, kind), kind))
+        for length in range(4, len(data) - 4):
+            with pytest.raises((ValueError, IndexError, Exception)):
+                TYPES[kind].deserialize(data[:length])
+
+
+@pytest.mark.parametrize(
+    ("encoding", "pixel"),
+    [("rgb8", [1, 2, 3]), ("bgr8", [3, 2, 1]), ("rgba8", [1, 2, 3, 9]), ("bgra8", [3, 2, 1, 9])],
+)
+def test_pixels_become_rgb_and_padding_is_left_out(encoding: str, pixel: list[int]) -> None:
+    row = bytes(pixel * 2) + b"pad"
+    message = {"width": 2, "height": 2, "step": len(row), "encoding": encoding}
+    picture = read_pixels(message, 2 * row)
+    assert (picture.width, picture.height, picture.data) == (2, 2, bytes([1, 2, 3] * 4))
+    grey = {"width": 2, "height": 1, "step": 2, "encoding": "mono8"}
+    assert read_pixels(grey, b"\5\6").data == b"\5\5\5\6\6\6"
+    for wrong in ({"width": 0}, {"step": 1}, {"encoding": "32FC1"}, {"height": 9}):
+        with pytest.raises((ValueError, KeyError)):
+            read_pixels(message | wrong, 2 * row)
+
+
+def test_peers_are_asked_by_unicast_for_as_long_as_it_takes() -> None:
+    text = dds.configuration(["127.0.0.1", "localhost"], "")
+    assert text.count('<Peer Address="127.0.0.1" PruneDelay="inf"/>') == 2
+    assert "<AllowMulticast>false" in text and 'address="127.0.0.1"' in text
+    assert 'name="wlan&quot;0"' in dds.configuration(["127.0.0.1"], 'wlan"0').replace("'", '"') or (
+        "name='wlan\"0'" in dds.configuration([], 'wlan"0')
+    )
+    assert "Multicast" not in dds.configuration([], "") and "Peer" not in dds.configuration([], "")
+    with pytest.raises(DriveError, match=r"'nowhere\.invalid' is unknown.*--address"):
+        dds.configuration(["nowhere.invalid"], "")
+
+
+def test_options_of_one_transport_are_refused_by_the_other() -> None:
+    assert RosOptions(transport="dds", address="a", peers="b, a,,c").hosts == ("a", "b", "c")
+    for options in (
+        {"transport": "dds", "address": "robot:9090"},
+        {"peers": "b"},
+        {"interface": "eth0"},
+        {"transport": "dds", "domain": 233},
+        {"transport": "dds", "odometry_topic": "a b"},
+    ):
+        with pytest.raises(ConfigurationError, match="--"):
+            RosOptions(**options)
+
+
+def test_without_the_library_a_sentence_names_rosbridge(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cyclonedds", None)
+    with pytest.raises(MissingExtraError, match=r"--transport rosbridge.*drivelesson\[dds\]"):
+        RosDriver(RosOptions(transport="dds")).connect()
+
+
+def test_what_was_seen_suggests_the_options() -> None:
+    def words(*seen: tuple[str, str, bool]) -> str:
+        return " ".join(suggest(Endpoint(*each) for each in seen))
+
+    assert words() == words((BASE, TWIST, False), (BASE, TWIST, True)) == ""
+    assert words((BASE, STAMPED, False)) == "--stamped true"
+    assert words(("/b/cmd_vel", TWIST, False), ("/c/base/cmd_vel", TWIST, False)) == (
+        "--cmd-vel-topic /b/cmd_vel"
+    )
+    assert words(("/drivelesson/cmd_vel", STAMPED, False), (BASE, TWIST, False)) == (
+        "--watchdog true"
+    )
+    assert words(
+        ("/d/depth/compressed", COMPRESSED, True), ("/camera/rgb/compressed", COMPRESSED, True)
+    ) == ("--image-topic /camera/rgb/compressed")
+    assert words(("/image", RAW, True), ("/other", RAW, False), ("/odom", ODOMETRY, True)) == (
+        "--image-topic /image --image-type raw --odometry-topic /odom"
+    )
+    assert words(("/ir/front", RANGE, True)) == "--range-topic /ir/front"
+
+
+def test_odometry_and_range_are_sensed_while_they_are_fresh() -> None:
+    clock = VirtualClock(100.0)
+    options = RosOptions(address="robot", odometry_topic="/odom", range_topic="/ir")
+    driver = RosDriver(options, clock)
+    told: dict[str, Any] = {}
+
+    class Connected:
+        refusal, silent_s = "", 0.0
+
+        def publish(self, *_: Any) -> None: ...
+
+        def close(self) -> None: ...
+
+    def open_topics(*_: Any, **given: Any) -> Any:
+        told.update(given)
+        return Connected()
+
+    driver.open_topics = open_topics
+    with driver:
+        assert told["subscribed"] == {"/odom": ODOMETRY, "/ir": RANGE}
+        turned = {"x": 0.0, "y": 0.0, "z": 1.0, "w": 1.0}
+        at = {"x": 1.5, "y": -2.0, "z": 0.0}
+        pose = {"pose": {"pose": {"position": at, "orientation": turned}}}
+        told["on_message"]("/odom", pose)
+        told["on_message"]("/ir", {"range": 0.5, "min_range": 0.1, "max_range": 2.0})
+        sensed = driver.sense()
+        assert sensed.distance_m == 0.5
+        assert sensed.pose == Pose(
+            x_m=1.5, y_m=-2.0, heading_rad=pytest.approx(np.pi / 2), is_estimate=True
+        )
+        told["on_message"]("/ir", {"range": float("inf"), "min_range": 0.1, "max_range": 2.0})
+        for broken in ({}, {"pose": 3}, {"pose": {"pose": {"position": {}}}}):
+            told["on_message"]("/odom", broken)
+        assert driver.sense().distance_m is None and driver.sense().pose is not None
+        clock.sleep(1.0)
+        assert driver.sense().pose is None
+
+
+# On the network --------------------------------------------------------------------------------
+
+
+class RobotProcess:
+    """`tests.standins.dds_robot` as a program; `velocities` has what its base was told."""
+
+    def __init__(self, *words: str) -> None:
+        self.velocities: list[tuple[float, float, float]] = []
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "tests.standins.dds_robot", str(own_domain()), *words],
+            cwd=ROOT,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self.process.stdout is not None and self.process.stdout.readline() == "ready\n"
+        self._thread = threading.Thread(target=self._read)
+        self._thread.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.velocities.append(tuple(json.loads(line)))
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.communicate()
+        self._thread.join()
+
+
+@contextmanager
+def robot_process(*words: str) -> Iterator[RobotProcess]:
+    robot = RobotProcess(*words)
+    try:
+        yield robot
+    finally:
+        robot.end()
+
+
+def driver_for(**options: Any) -> RosDriver:
+    return RosDriver(
+        RosOptions(transport="dds", address="127.0.0.1", domain=own_domain(), **options)
+    )
+
+
+def drives_until_it_fails(driver: RosDriver) -> tuple[str, float]:
+    """Drive as the loop does; return what is raised, and after how long."""
+    began_s = time.monotonic()
+    while time.monotonic() - began_s < 60.0:
+        try:
+            driver.send_action(Action.FORWARD)
+            driver.sense()
+        except DriveError as error:
+            return str(error), time.monotonic() - began_s
+        time.sleep(0.03)
+    return "", 60.0
+
+
+@pytest.mark.realtime
+def test_a_robot_on_dds_is_driven_seen_and_lost(caplog: pytest.LogCaptureFixture) -> None:
+    check_driver_on_its_real_line("ros over DDS")
+    check_camera_on_its_real_line("ros over DDS")
+    a_robot_in_another_process_is_found_frozen_and_dead()
+    what_listens_for_another_type_is_a_sentence()
+    others_on_the_topic_are_in_the_log(caplog)
+
+
+def a_robot_in_another_process_is_found_frozen_and_dead() -> None:
+    camera = RosCamera(
+        RosCameraOptions(transport="dds", address="127.0.0.1", domain=own_domain()), RealClock()
+    )
+    with robot_process() as robot, driver_for() as driver, camera:
+        wait_until(camera.latest)
+        for move in driver.moves:
+            driver.send_action(move)
+        wait_until(lambda: len(robot.velocities) > len(driver.moves))
+        driver.send_action(Action.FORWARD)
+        wait_until(lambda: robot.velocities[-1][1:] == (0.0, 0.0), "zero ends a move")
+        robot.process.send_signal(signal.SIGSTOP)
+        said, after_s = drives_until_it_fails(driver)
+        assert "has not answered" in said
+        wait_until(lambda: camera.fault)
+        robot.process.send_signal(signal.SIGCONT)
+        wait_until(lambda: camera.fault is None)
+        robot.process.kill()
+        said, after_s = drives_until_it_fails(driver)
+        assert "has not answered" in said and after_s < 30.0
+
+
+def what_listens_for_another_type_is_a_sentence() -> None:
+    with DdsRobot(own_domain()) as robot:
+        stamped = robot.reader("/base/cmd_vel", STAMPED)
+        driver = driver_for(cmd_vel_topic="/base/cmd_vel")
+        with pytest.raises(DriveError, match=r"TwistStamped there.*start with --stamped true"):
+            driver.connect()
+        assert not driver.is_connected
+        del stamped
+        with pytest.raises(DriveError, match=r"nothing subscribes to /nobody, but there are \d"):
+            driver_for(cmd_vel_topic="/nobody").connect()
+        found = dds.neighbours_of(own_domain(), ["127.0.0.1"], "", RealClock(), 0.2)
+        assert suggest(found) == ["--watchdog", "true"]
+        with pytest.raises(DriveError, match="already, with another"):
+            dds.neighbours_of(own_domain(), [], "", RealClock(), 0.2)
+    pictures = RosCamera(
+        RosCameraOptions(transport="dds", address="127.0.0.1", domain=own_domain()), RealClock()
+    )
+    with pictures:
+        wait_until(lambda: re.search("nothing publishes /camera/image_raw", pictures.fault or ""))
+
+
+def others_on_the_topic_are_in_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.WARNING, "robot.bodies.ros")
+    with DdsRobot(own_domain()) as robot, driver_for(watchdog=True) as driver:
+        other = robot.writer("/drivelesson/cmd_vel", STAMPED)
+        wait_until(lambda: "another node publishes /drivelesson/cmd_vel" in caplog.text)
+        driver.send_action(Action.FORWARD)
+        wait_until(lambda: any(robot.drives))
+        del other

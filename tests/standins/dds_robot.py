@@ -1,0 +1,150 @@
+"""A ROS 2 robot on DDS: a base that never stops by itself, a camera, and our watchdog if wanted.
+
+As a program it prints each velocity of its base, with the time, until its input ends:
+`python -m tests.standins.dds_robot DOMAIN [watchdog]`.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import json
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, Self
+
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from robot.bodies.ros.dds import Participant, configuration
+from robot.bodies.ros.driver import ALIVE, ORDERS
+from robot.bodies.ros.messages import TYPES, CompressedImage, dds_topic, from_dds, to_dds
+from robot.bodies.ros.topics import COMPRESSED, HEADER, STAMPED, TWIST
+from robot.clock import RealClock
+from robot.types import Point
+from tests.standins.rclpy_node import WatchdogNode
+from tests.standins.rosbridge import grey_jpeg
+
+IMAGES, BASE = "/camera/image_raw/compressed", "/cmd_vel"
+HERE = ("127.0.0.1",)
+AS_ROS = Qos(Policy.Reliability.Reliable(100_000_000), Policy.History.KeepLast(10))
+
+
+def own_domain() -> int:
+    """Return a domain for this process and its children; other tests run beside it."""
+    return 100 + os.getpid() % 120
+
+
+class DdsRobot:
+    """`frozen` takes and says nothing more.
+
+    Args:
+        domain: In which it is; in the program's own process this is one participant more.
+        watchdog: Our node stands between the orders and the base.
+        hear: Called with each velocity that the base takes.
+    """
+
+    def __init__(
+        self,
+        domain: int,
+        *,
+        watchdog: bool = True,
+        hear: Callable[[dict[str, Any]], None] = lambda twist: None,
+    ) -> None:
+        self.domain, self.frozen, self.cmd_vel = domain, threading.Event(), list[dict[str, Any]]()
+        self._hear, self._ending = hear, threading.Event()
+        self._shared = Participant.join(domain, configuration(HERE, ""))
+        self.participant = DomainParticipant(domain)
+        self.images: Callable[[int], bytes] = grey_jpeg
+        self._signs = self.writer(ALIVE, HEADER) if watchdog else None
+        self._base, self._pictures = self.writer(BASE, TWIST), self.writer(IMAGES, COMPRESSED)
+        self._node = WatchdogNode(RealClock(), self._say) if watchdog else None
+        self._readers: dict[Callable[[dict[str, Any]], None], Any] = {
+            self._take_velocity: self.reader(BASE, TWIST)
+        }
+        self._threads = [threading.Thread(target=run) for run in (self._listen, self._show)]
+
+    def writer(self, topic: str, kind: str) -> Any:
+        return DataWriter(self.participant, self._topic(topic, kind), AS_ROS)
+
+    def reader(self, topic: str, kind: str) -> Any:
+        return DataReader(self.participant, self._topic(topic, kind), AS_ROS)
+
+    def _topic(self, name: str, kind: str) -> Any:
+        return Topic(self.participant, dds_topic(name), TYPES[kind])
+
+    def __enter__(self) -> Self:
+        if self._node is not None:
+            self._node.start()
+            while len(self._node.subscribed) < 2:
+                time.sleep(0.001)
+            for name, kind in ((ORDERS, STAMPED), (BASE, TWIST)):
+                self._readers[functools.partial(self._node_hears, name)] = self.reader(name, kind)
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._ending.set()
+        for thread in self._threads:
+            thread.join()
+        if self._node is not None:
+            self._node.end()
+        self._readers.clear()
+        del self._base, self._pictures, self._signs, self.participant
+        self._shared.leave()
+
+    @property
+    def drives(self) -> Point:
+        """What its base was told last: a turn to the right, and the way ahead."""
+        if not self.cmd_vel:
+            return Point(0.0, 0.0)
+        return Point(-self.cmd_vel[-1]["angular"]["z"], self.cmd_vel[-1]["linear"]["x"])
+
+    def _say(self, topic: str, kind: str, message: dict[str, Any]) -> None:
+        if topic == BASE:
+            self._base.write(to_dds(TYPES[TWIST], message))
+        elif not self.frozen.is_set() and self._signs is not None:
+            self._signs.write(to_dds(TYPES[HEADER], message))
+
+    def _take_velocity(self, twist: dict[str, Any]) -> None:
+        self.cmd_vel.append(twist)
+        self._hear(twist)
+
+    def _node_hears(self, topic: str, message: dict[str, Any]) -> None:
+        if self._node is not None and not (topic == ORDERS and self.frozen.is_set()):
+            self._node.hear(topic, message)
+
+    def _listen(self) -> None:
+        while not self._ending.wait(0.002):
+            for take, reader in list(self._readers.items()):
+                for sample in reader.take(10):
+                    if sample.sample_info.valid_data:
+                        take(from_dds(sample))
+
+    def _show(self) -> None:
+        for index in itertools.count():
+            if self._ending.wait(0.03):
+                return
+            if not self.frozen.is_set():
+                self._pictures.write(CompressedImage(format="jpeg", data=list(self.images(index))))
+
+
+def main() -> None:
+    def hear(twist: dict[str, Any]) -> None:
+        print(json.dumps([time.monotonic(), twist["linear"]["x"], twist["angular"]["z"]]))
+        sys.stdout.flush()
+
+    with DdsRobot(int(sys.argv[1]), watchdog="watchdog" in sys.argv, hear=hear):
+        print("ready", flush=True)
+        sys.stdin.read()
+
+
+if __name__ == "__main__":
+    main()
