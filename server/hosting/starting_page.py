@@ -80,7 +80,7 @@ class StartingPage(StartStop):
         head = (
             "HTTP/1.1 503 Service Unavailable\r\nContent-Type: text/html; charset=utf-8\r\n"
             f"Content-Length: {len(body)}\r\nRetry-After: 1\r\nCache-Control: no-store\r\n"
-            "Connection: close\r\n\r\n"
+            "X-Drivelesson: starting\r\nConnection: close\r\n\r\n"
         )
         line.sendall(head.encode() + body)
         line.shutdown(socket.SHUT_WR)

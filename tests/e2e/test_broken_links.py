@@ -43,29 +43,6 @@ def test_closing_the_tab(phone: Any, world: World) -> None:
     wait_until_standing(world)
 
 
-def test_a_network_that_blocks_websockets_is_named_and_pictures_come_by_requests(
-    chromium: Any, world: World
-) -> None:
-    context = chromium.new_context(viewport=PHONE, locale="en")
-    context.add_init_script(
-        "globalThis.WebSocket = class extends EventTarget {"
-        " constructor() { super(); setTimeout(() => this.onclose?.({ code: 1006 }), 20); }"
-        " send() {} close() {} };"
-    )
-    page = context.new_page()
-    page.goto(world.address)
-    notice = page.locator(".notice", has_text="blocks live connections")
-    notice.wait_for()
-    assert "The robot stands." in notice.inner_text()
-    assert page.locator(".who").is_hidden(), "nobody knows who drives"
-    notice.locator("button").click()
-    wait_until(
-        lambda: page.evaluate("document.querySelector('img.still')?.naturalWidth") > 0,
-        "a picture by request",
-    )
-    context.close()
-
-
 def test_blocking_the_main_thread(phone: Any, world: World) -> None:
     for _ in range(5):  # a computer that stands still meanwhile stops the robot for a picture's age
         drive(phone, world)

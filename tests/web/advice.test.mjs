@@ -91,8 +91,8 @@ test('an emergency stop is released by who has the wheel; others are offered wha
 
 test('the most urgent is said first', () => {
   assert.equal(key(page({ link: 'connecting', robot: null })), 'connecting');
-  assert.equal(key(page({ link: 'lost' }, { emergency: true })), 'out_of_reach');
-  assert.equal(key(page({ link: 'lost' }, { you_are_pilot: false })), 'searching', 'somebody else may drive it');
+  assert.equal(key(page({ link: 'lost', way: { kind: 'silent' } }, { emergency: true })), 'out_of_reach');
+  assert.equal(key(page({ link: 'lost', way: { kind: 'silent' } }, { you_are_pilot: false })), 'searching', 'somebody else may drive it');
   assert.equal(key(page({}, { emergency: true, you_are_pilot: false })), 'emergency');
   assert.equal(key(page({}, { you_are_pilot: false })), 'wheel_taken');
   assert.equal(key(page({}, { you_are_pilot: false, pilot: null })), 'wheel_free');
@@ -197,5 +197,7 @@ test('a robot that stands and asks does not drive', () => {
   assert.equal(whoDrives(robot({ mode: 'autonomous', driven_by: 'pilot', asks_pilot: true, action: 'left' })), 'pilot');
   assert.equal(whoDrives(robot({ driven_by: 'nobody' })), 'waiting');
   assert.equal(whoDrives(robot({ driven_by: 'nobody', mode: 'stopped' })), 'nobody');
+  assert.equal(whoDrives(robot({ driven_by: 'pilot', you_are_pilot: false, action: 'left' })), 'other');
+  assert.equal(whoDrives(robot({ driven_by: 'nobody', you_are_pilot: false })), 'nobody', 'it is not the turn of who watches');
   assert.equal(whoDrives(null), 'nobody');
 });

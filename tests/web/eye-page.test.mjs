@@ -169,7 +169,7 @@ test('an eye whose pairing has ended is led to the page that pairs it', async ()
   socket().onclose({ code: 1006 });
   await pass(100);
   assert.equal(place.reloads, 0);
-  robot = async () => ({ ok: false, status: 401, json: async () => ({}) });
+  robot = async () => ({ ok: false, status: 401, json: async () => ({ detail: 'not admitted' }) });
   await pass(500);
   socket().onclose({ code: 1006 });
   await pass(100);

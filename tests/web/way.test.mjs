@@ -11,7 +11,7 @@ import { WayFinder, watchByRequests } from '../../web/js/way.js';
 const ROBOT = { robot: 'Wren', mode: 'stopped', driven_by: 'nobody', action: 'stop', emergency: false };
 const DRIVEN = { ...ROBOT, mode: 'train', driven_by: 'pilot', action: 'left' };
 const ALONE = { ...ROBOT, mode: 'autonomous', driven_by: 'robot', action: 'forward' };
-const refuse = (status) => () => Promise.reject(Object.assign(new Error(), { status }));
+const refuse = (status, robot = null) => () => Promise.reject(Object.assign(new Error('open it at http://10.0.0.7'), { status, robot }));
 const silent = () => Promise.reject(new TypeError('no answer'));
 const say = (answer) => () => Promise.resolve(answer);
 
@@ -40,7 +40,9 @@ const WAYS = {
   'websockets cut after 5 s': [{ answer: say(DRIVEN), livesMs: 5000, losses: 4 }, 'way.cut.driven'],
   'TLS inspected': [{ answer: silent }, 'out_of_reach'],
   'server stopped': [{ answer: silent }, 'out_of_reach'],
-  'server restarted': [{ answer: say(ROBOT), losses: 1 }, 'out_of_reach'],
+  'server restarted': [{ answer: say(ROBOT), losses: 1 }, 'searching'],
+  'server starting': [{ answer: refuse(503, 'starts') }, 'way.starting'],
+  'its address is another now': [{ answer: refuse(421, 'refuses') }, 'fault'],
   asleep: [{ answer: silent }, 'out_of_reach'],
   'proxy without its robot': [{ answer: refuse(502) }, 'way.gateway'],
   'wrong port': [{ answer: refuse(404) }, 'way.foreign'],
@@ -50,6 +52,48 @@ const WAYS = {
 for (const [what, [way, key]] of Object.entries(WAYS)) {
   test(`a link that is broken by this is called so: ${what}`, async () => assert.equal(await told(way), key));
 }
+
+test('a robot that ends three times in a row is not a network that cuts connections', async () => {
+  let [answer, way, nowMs] = [silent, null, 0];
+  const finder = new WayFinder({ askState: () => answer(), isOnline: () => true, nowMs: () => nowMs, tell: (found) => (way = found) });
+  for (let i = 0; i < 5; i += 1) {
+    finder.opened();
+    nowMs += 5000;
+    answer = silent; // it is starting again
+    await finder.lost();
+    assert.equal(way.kind, 'silent');
+    answer = say(ROBOT);
+    await finder.lost();
+    assert.equal(way.kind, 'checking');
+  }
+});
+
+test('websockets that are refused after some were cut are blocked', async () => {
+  let [way, nowMs] = [null, 0];
+  const finder = new WayFinder({ askState: say(ROBOT), isOnline: () => true, nowMs: () => nowMs, tell: (found) => (way = found) });
+  for (let i = 0; i < 3; i += 1) {
+    finder.opened();
+    nowMs += 5000;
+    await finder.lost();
+  }
+  assert.equal(way.kind, 'cut');
+  await finder.lost();
+  assert.equal(way.kind, 'blocked');
+});
+
+test('what the robot does while websockets are blocked is asked again, and nothing is asked while there is a link', async () => {
+  let [answer, asked, way] = [ROBOT, 0, null];
+  const askState = () => Promise.resolve(((asked += 1), answer));
+  const finder = new WayFinder({ askState, isOnline: () => true, nowMs: () => 0, tell: (found) => (way = found) });
+  for (const _ of [1, 2]) await finder.lost();
+  assert.deepEqual(way, { kind: 'blocked', robot: 'stands' });
+  answer = DRIVEN;
+  await finder.again();
+  assert.deepEqual(way, { kind: 'blocked', robot: 'driven' });
+  finder.opened();
+  await finder.again();
+  assert.equal(asked, 3);
+});
 
 test('a link that comes back says nothing of the way any more, though a question is still out', async () => {
   let [way, answer] = ['none', () => {}];

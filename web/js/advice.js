@@ -23,7 +23,8 @@ export function usedMoves(taught) {
 export function whoDrives(robot) {
   if (robot?.asks_pilot && robot.mode === 'autonomous' && robot.action === 'stop') return 'asks';
   const by = robot?.driven_by ?? 'nobody';
-  return by === 'nobody' && robot?.mode === 'train' ? 'waiting' : by;
+  if (!robot?.you_are_pilot) return by === 'pilot' ? 'other' : by;
+  return by === 'nobody' && robot.mode === 'train' ? 'waiting' : by;
 }
 
 /**
@@ -80,8 +81,9 @@ function wayAdvice({ robot, way, isWatching }) {
     const step = isWatching ? undefined : 'watch';
     return { key: `way.${way.kind}.${way.robot}`, level: 'ask', ...(step ? { step } : {}) };
   }
-  if (way && way.kind !== 'checking' && way.kind !== 'silent') return { key: `way.${way.kind}`, level: 'info' };
-  return { key: robot && !robot.you_are_pilot ? 'searching' : 'out_of_reach', level: 'info' };
+  if (way?.kind === 'silent') return { key: robot && !robot.you_are_pilot ? 'searching' : 'out_of_reach', level: 'info' };
+  if (way?.kind === 'refused') return { key: 'fault', values: { fault: way.words ?? '' }, level: 'info' };
+  return { key: way && way.kind !== 'checking' ? `way.${way.kind}` : 'searching', level: 'info' };
 }
 
 /**

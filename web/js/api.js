@@ -6,10 +6,12 @@
 export const socketBase = () => new URL('.', document.baseURI).href.replace(/^http/, 'ws').slice(0, -1);
 
 export class Refused extends Error {
-  /** @param {number} status @param {string} sentence */
-  constructor(status, sentence) {
+  /** @param {number} status @param {string} sentence @param {'refuses' | 'starts' | null} robot */
+  constructor(status, sentence, robot) {
     super(sentence);
     this.status = status;
+    /** What the robot itself says; null if something else answers in its place. */
+    this.robot = robot;
   }
 }
 
@@ -41,9 +43,12 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
     const answer = await fetch(path, {
       method,
       signal: patience.signal,
+      redirect: 'manual', // the robot has none: it is a network's sign-in page, elsewhere
       headers: body === undefined || isFile ? {} : { 'content-type': 'application/json' },
       body: body === undefined || isFile ? /** @type {Blob | undefined} */ (body) : JSON.stringify(body),
     });
+    const isPage = answer.type === 'opaqueredirect' || (answer.ok && /^text\/html/.test(answer.headers?.get('content-type') ?? ''));
+    if (isPage) throw new Refused(answer.status, `${answer.status} text/html`, null);
     if (answer.ok) {
       const told = await answer.json();
       // After whatever the screen says of it: the person must read both.
@@ -51,7 +56,9 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
       return told;
     }
     const { detail } = await answer.json().catch(() => ({}));
-    throw new Refused(answer.status, typeof detail === 'string' ? detail : `${answer.status} ${answer.statusText}`);
+    const isRobots = typeof detail === 'string';
+    const robot = answer.headers?.get('x-drivelesson') === 'starting' ? 'starts' : isRobots ? 'refuses' : null;
+    throw new Refused(answer.status, isRobots ? detail : `${answer.status} ${answer.statusText}`, robot);
   } catch (error) {
     throw error instanceof Refused ? error : new TypeError(String(error));
   } finally {
@@ -83,7 +90,7 @@ export async function askToStop(isOwed) {
 export const WHY_MS = 2000;
 
 /** A websocket that is refused does not say why: a browser that is admitted no longer is led elsewhere by the document's own address. @param {string} path  what an admitted browser gets */
-export const askWhy = (path) => ask('GET', path, undefined, WHY_MS).catch(({ status }) => status === 401 && location.reload());
+export const askWhy = (path) => ask('GET', path, undefined, WHY_MS).catch(({ status, robot }) => status === 401 && robot && location.reload());
 
 /** A question that is no quick one. @param {string} path */
 export const askLong = (path) => ask('GET', path, undefined, LONG_MS);

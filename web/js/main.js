@@ -61,6 +61,7 @@ async function start() {
   connection.addEventListener('open', () => way.opened());
   connection.addEventListener('lost', () => way.lost());
   connection.addEventListener('lost', () => askWhy('api/state'));
+  setInterval(() => way.again(), AGAIN_MS);
   for (const part of parts) part.start?.(page);
   first?.up();
   connection.begin(/** @type {any} */ (document.querySelector('video-view')).ready);

@@ -8,8 +8,9 @@ const PICTURE_MS = 500;
 
 /**
  * @typedef {object} Way
- * @property {'checking' | 'silent' | 'offline' | 'gateway' | 'foreign' | 'full' | 'blocked' | 'cut'} kind
+ * @property {'checking' | 'silent' | 'offline' | 'gateway' | 'foreign' | 'full' | 'blocked' | 'cut' | 'starting' | 'refused'} kind
  * @property {'stands' | 'driven' | 'alone' | 'unknown'} robot  what it does, as it said itself by request
+ * @property {string} [words]  its own, where it refuses
  */
 
 /** What an answer to a plain request says the robot does. @param {any} answer @returns {Way['robot']} */
@@ -36,11 +37,23 @@ export class WayFinder {
     this.isAsking = false;
     this.isOpen = false;
     this.openedMs = -Infinity;
-    /** How many connections in a row were cut soon after they opened. */
+    /** How many connections in a row were lost soon after they opened, while the robot answered requests. */
     this.cuts = 0;
+    /** Whether the connection that was lost last had opened, and soon before; null once it is counted.
+     * @type {boolean | null} */
+    this.wasShort = null;
+    this.hadOpened = false;
     /** A request was answered since the link was lost; a websocket that fails after that is blocked. */
     this.isAnswered = false;
     this.era = 0;
+    /** @type {Way | null} */
+    this.told = null;
+  }
+
+  /** @param {Way | null} way */
+  tell(way) {
+    this.told = way;
+    this.parts.tell(way);
   }
 
   opened() {
@@ -48,19 +61,29 @@ export class WayFinder {
     this.isAnswered = false;
     this.era += 1;
     this.openedMs = this.parts.nowMs();
-    this.parts.tell(null);
+    this.tell(null);
+  }
+
+  /** What was said of the robot is asked again, once a second: somebody may have started it since. */
+  async again() {
+    if (this.told?.kind === 'blocked' || this.told?.kind === 'cut') await this.look();
   }
 
   async lost() {
-    const { parts } = this;
-    if (this.isOpen) this.cuts = parts.nowMs() - this.openedMs < CUT_MS ? this.cuts + 1 : 0;
+    this.hadOpened = this.isOpen;
+    if (this.isOpen) this.wasShort = this.parts.nowMs() - this.openedMs < CUT_MS;
     this.isOpen = false;
+    await this.look();
+  }
+
+  async look() {
+    const { parts } = this;
     if (this.isAsking) return;
     this.isAsking = true;
     const { era } = this;
     const way = await this.find();
     this.isAsking = false;
-    if (era === this.era) parts.tell(way);
+    if (era === this.era) this.tell(way);
   }
 
   /** @returns {Promise<Way>} */
@@ -73,12 +96,18 @@ export class WayFinder {
       this.isAnswered = true;
       const robot = doingOf(answer);
       if (answer.is_full) return { kind: 'full', robot };
-      if (this.cuts >= CUTS) return { kind: 'cut', robot };
+      if (this.wasShort !== null) this.cuts = this.wasShort ? this.cuts + 1 : 0;
+      this.wasShort = null;
+      if (this.hadOpened && this.cuts >= CUTS) return { kind: 'cut', robot };
       return { kind: wasAnswered ? 'blocked' : 'checking', robot };
     } catch (error) {
       this.isAnswered = false;
-      const { status } = /** @type {{status?: number}} */ (error);
+      this.cuts = 0; // the robot itself was away, or the whole way
+      this.wasShort = null;
+      const { status, robot, message } = /** @type {{status?: number, robot?: string, message: string}} */ (error);
       if (status === undefined) return { kind: 'silent', robot: 'unknown' };
+      if (robot === 'starts') return { kind: 'starting', robot: 'unknown' };
+      if (robot) return { kind: 'refused', robot: 'unknown', words: message };
       return { kind: status >= 502 && status <= 504 ? 'gateway' : 'foreign', robot: 'unknown' };
     }
   }

@@ -89,7 +89,7 @@ export class VideoView extends HTMLElement {
     this.dataset.by = robot?.driven_by ?? 'nobody';
     this.classList.toggle('away', !robot);
     this.renderWho(robot);
-    if (this.who) this.who.hidden = state.link === 'lost'; // somebody else may drive
+    if (this.who) this.who.hidden = state.link !== 'open'; // somebody else may drive
     this.renderFacts(robot);
     this.renderVotes(robot?.prediction ?? null, state.moves);
     this.renderNeedle(robot, state.takesPoints);
