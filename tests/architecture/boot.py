@@ -103,7 +103,7 @@ def start(folder: Path) -> dict[str, object]:
         "commands": sorted(commands()),
         "paths": paths,
         "folders": sorted(path.name for path in storage.root.iterdir() if path.is_dir()),
-        "unreachable": says("serve", "--host", "0.0.0.0", "--robot", *driver_names()[:1]),
+        "unreachable": says("serve", "--host", "0.0.0.0", "--robot", (driver_names() or ["none"])[0]),
         "no_robot": says("serve") if default_driver() is None else "",
         "modules": sorted(name for name in sys.modules if name.startswith(("robot.", "server."))),
     }
