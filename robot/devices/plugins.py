@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
-import robot.driver
 from robot.camera import Camera
 from robot.driver import Driver
 from robot.entry_points import points
@@ -15,8 +13,6 @@ DRIVERS = "drivelesson.drivers"
 CAMERAS = "drivelesson.cameras"
 DEFAULT = "drivelesson.default-robot"
 """Group of the entry point that names the default robot."""
-
-sys.modules.setdefault("robot.moves", robot.driver)  # where plugins of version 0.2 look for moves
 
 
 def driver_names() -> list[str]:

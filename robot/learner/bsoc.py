@@ -37,7 +37,7 @@ class BSOC(Clusters):
     fields = (
         *SHARED,
         Value("group_cost", number(1.0, 1e6), "group_cost"),
-        Array("touched", np.int64, ("n_rows",), older=0),
+        Array("touched", np.int64, ("n_rows",)),
         Array("groups", np.int64, ("n_rows",)),
         Array("distances", np.float32, ("n_rows", "n_rows"), -MOST_DISTANCE, MOST_DISTANCE),
     )

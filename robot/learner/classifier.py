@@ -95,8 +95,6 @@ class BSOCClassifier(Stateful, Learner):
         ),
     )
 
-    dropped = ("runs", "contrary", "anew", "starts")
-
     def __init__(
         self,
         max_nodes: int = 32,

@@ -103,7 +103,6 @@ class Clusters(Stateful, ABC):
     """
 
     measures_novelty: ClassVar[bool]
-    dropped = ("weights",)  # they follow from the rest
 
     def __init__(self, max_nodes: int, n_rows: int, dtype: type[Any]) -> None:
         if max_nodes < 1:

@@ -142,7 +142,6 @@ class IntegerImages(Images):
     """
 
     fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)
-    dropped = ("images", "norms")  # they follow from the sums
 
     def __init__(self, max_nodes: int, n_compared: int | None = None) -> None:
         super().__init__(max_nodes)

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,16 +130,10 @@ class Array:
         demand(array is not None or self.may_miss, f"the array {self.name} is missing")
         if array is not None:
             self._fit(array, sides, sizes)
-            array = array.copy() if array.dtype in dtypes else self._narrowed(array, dtypes[0])
+            named = f"{array.dtype.str}, not {np.dtype(dtypes[0]).str}"
+            demand(array.dtype in dtypes, f"the array {self.name} is of {named}")
+            array = array.copy()
         _set(part, self, array)
-
-    def _narrowed(self, array: NDArray[Any], dtype: type) -> NDArray[Any]:
-        """Return it in the declared type; older programs kept whole numbers in 64 bits."""
-        wanted: np.dtype[Any] = np.dtype(dtype)
-        is_wider = array.dtype == np.int64 and wanted.kind in "iu" and wanted.itemsize > 1
-        fits = is_wider and _is_within(array, np.iinfo(wanted).min, np.iinfo(wanted).max)
-        demand(fits, f"the array {self.name} is of {array.dtype.str}, not {wanted.str}")
-        return array.astype(wanted)
 
     def _fit(self, array: NDArray[Any], sides: list[int | None], sizes: dict[str, int]) -> None:
         fits = array.ndim == len(sides)
@@ -186,9 +180,6 @@ def _set(part: Stateful, field: Value | Array, value: Any) -> None:
 class Stateful:
     """Base of what keeps something between drives."""
 
-    dropped: ClassVar[tuple[str, ...]] = ()
-    """Names of values that an earlier version kept and that are no longer used."""
-
     @property
     def fields(self) -> Sequence[Value | Array]:
         """The values and arrays that it keeps; most parts declare a tuple instead."""
@@ -201,8 +192,8 @@ class Stateful:
         """
         return ()
 
-    def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Change what an earlier version saved into what is declared now, before it is loaded."""
+    def prepare(self, arrays: Arrays) -> None:
+        """Make the parts that these arrays need, before they are loaded."""
 
     def restored(self) -> None:
         """Make what follows from what was loaded."""
@@ -252,10 +243,7 @@ class Stateful:
 
     def _take(self, params: Params, arrays: Arrays, names: Names, sizes: dict[str, int]) -> None:
         """Take what belongs to this part out of a model; see `load`."""
-        for name in self.dropped:
-            params.pop(name, None)
-            arrays.pop(name, None)
-        self.upgrade(params, arrays)
+        self.prepare(arrays)
         for own, part in self.parts():
             if not own:
                 part._take(params, arrays, names, sizes)

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot.learner.base import Vector
-from robot.learner.part import MOST_VALUES, Array, Arrays, Params, Stateful
+from robot.learner.part import MOST_VALUES, Array, Arrays, Stateful
 from robot.learner.values import demand
 from robot.learner.votes import Floats
 
@@ -279,11 +279,8 @@ class RecursiveRidge(LinearPart):
     def _kept_waiting(self, waiting: Floats | Singles) -> None:
         self._waiting = waiting.astype(np.float32)
 
-    def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Take the half of an inverse that an early version kept whole, and fewer that wait."""
-        if "inverse" in arrays and arrays["inverse"].shape == self._inverse.shape:
-            arrays["triangle"] = arrays.pop("inverse")[_upper(self.size)]
-            arrays["waiting"] = np.zeros_like(self._waiting)
+    def prepare(self, arrays: Arrays) -> None:
+        """Make room for more frames that wait than were kept in November 2026."""
         waiting = arrays.get("waiting")
         if waiting is not None and waiting.shape == (8, self.size):
             arrays["waiting"] = np.pad(waiting, ((0, _WAITING - 8), (0, 0)))
@@ -334,7 +331,6 @@ class ContextRidge(RecursiveRidge):
         super().__init__(n_features, **of_each)
         self._ridges: list[RecursiveRidge] = []
         self._counts = np.zeros((1 + N_CONTEXTS, 0), np.int64)
-        self._held_back: list[list[Floats]] = []
 
     def add_label(self) -> None:
         super().add_label()
@@ -404,31 +400,18 @@ class ContextRidge(RecursiveRidge):
     def parts(self) -> Sequence[tuple[str, Stateful]]:
         return [(f"context{context}", ridge) for context, ridge in enumerate(self._ridges)]
 
-    def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Make as many ridges as were saved; those of version 0.2 held some frames back."""
-        super().upgrade(params, arrays)
+    def prepare(self, arrays: Arrays) -> None:
+        """Make as many ridges as were saved."""
+        super().prepare(arrays)
         every = (f"context{context}" for context in range(N_CONTEXTS))
         names = [name for name in every if any(key.startswith(f"{name}_") for key in arrays)]
         demand(not names or "context_counts" in arrays, "context_counts is missing")
         self._ridges = [self._copy() for _ in names]
-        self._held_back = [
-            [arrays.pop(f"{name}_block_{what}", np.zeros((0, 0))) for what in ("frames", "targets")]
-            for name in names
-        ]
 
     def restored(self) -> None:
         super().restored()
-        for i, (frames, targets) in enumerate(self._held_back):
-            ridge = self._ridges[i]
+        for i, ridge in enumerate(self._ridges):
             for field in ridge.fields:  # first: the copy below would hide values out of bounds
                 field.check(ridge)
             if ridge.is_indefinite:  # frames of the other context were taken back from it
-                ridge = self._ridges[i] = self._copy()
-            if len(frames):
-                sides = ((len(frames), ridge.size), (len(frames), ridge._weights.shape[1]))
-                is_like_it = frames.dtype == targets.dtype == np.float64
-                demand(is_like_it and (frames.shape, targets.shape) == sides, "frames do not fit")
-                demand(bool(np.abs(frames).max() <= MOST_VALUES), "frames are out of bounds")
-                for z, target in zip(frames[frames[:, -1] != 0.0], targets, strict=False):
-                    ridge._add(1.0, z, target)
-        self._held_back = []
+                self._ridges[i] = self._copy()

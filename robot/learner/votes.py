@@ -9,8 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.learner.part import Array, Arrays, Params, Stateful
-from robot.learner.values import count, number, row
+from robot.learner.part import Array, Stateful
 
 Floats = NDArray[np.float64]
 Distances = NDArray[np.float32] | NDArray[np.float64]
@@ -173,14 +172,6 @@ class Novelty(Stateful):
         self._n_new = int(n_new)
         self.lengths.clear()
         self.lengths.extend(values[_SCALE:].tolist())
-
-    def upgrade(self, params: Params, arrays: Arrays) -> None:
-        """Make an approximate scale of the mean and variance that version 0.1 kept."""
-        if "novelty" in params:
-            n, mean, variance = row(count(), number(0.0), number(0.0))(params.pop("novelty"), {})
-            border = mean + 4.0 * math.sqrt(variance) + self.margin * mean
-            lengths = [mean] * min(n, _MEMORY)
-            arrays["novelty"] = np.array([mean, border, 0.0, *lengths])
 
 
 def percentile(ordered: Sequence[float], share: float) -> float:

@@ -36,7 +36,7 @@ class ExampleRate(PolicyPart):
     The first example of another label is always learned, and one without a time.
     """
 
-    fields = (Value("last_learned", optional(row(number(), name)), older=(None,)),)
+    fields = (Value("last_learned", optional(row(number(), name))),)
 
     def __init__(self) -> None:
         self._last_learned: tuple[float, str] | None = None  # since when there was room for it

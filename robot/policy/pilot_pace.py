@@ -199,18 +199,17 @@ class PilotPace(PolicyPart):
         Value("longest_debt_s", number(SHORTEST_DEBT_S, LONGEST_DEBT_S), "longest_debt_s"),
         Value("pushes_s", many(number(0.0), _MEANT, _MEANT)),
         Value("push_s", number(0.0)),
-        Value("runs_s", many(number(0.0), _RUNS), older=((),)),
-        Value("run_s", number(0.0), older=(0.0,)),
-        Value("label", optional(name), older=(None,)),
-        Value("stand_s", number(0.0), older=(0.0,)),
-        Value("stands", many(name), "stands", older=((),)),
+        Value("runs_s", many(number(0.0), _RUNS)),
+        Value("run_s", number(0.0)),
+        Value("label", optional(name)),
+        Value("stand_s", number(0.0)),
+        Value("stands", many(name), "stands"),
         Value("last_s", number()),
         Value("clock", row(number(0.0), number(0.0), optional(number())), "_headway.clock"),
-        Value("before_s", number(), "scale.before_s", older=(0.0,)),
-        Value("changes", many(number(0.0, 255.0), MEMORY), "scale.changes", older=((),)),
+        Value("before_s", number(), "scale.before_s"),
+        Value("changes", many(number(0.0, 255.0), MEMORY), "scale.changes"),
         Array("picture", np.uint8, ("n_pixels",), attribute="scale.before", may_miss=True),
     )
-    dropped = ("turns_s", "turn_s", "turning", "stillness", "sides_s", "side")
 
     def __init__(self, kinds: MoveKinds) -> None:
         self.kinds = kinds

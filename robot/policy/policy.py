@@ -58,7 +58,6 @@ class Policy(Stateful):
         Value("lessons", count(), "n_seen"),
         Value("alike", flag, "alike", older=(False,)),
     )
-    dropped = ("calibration",)
 
     def __init__(
         self,

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any, Literal
 
 from fastapi import APIRouter, Depends, HTTPException, Request, Response
 
 from robot.devices.raw_value import RawValue, must_be, text, whole
-from robot.errors import ConfigurationError, NotFoundError
+from robot.errors import ConfigurationError
 from robot.study.builtin import paper_plan
 from robot.study.session import SessionStep
 from server.gateway.guard import role_of
@@ -22,7 +20,6 @@ from server.study.conductor import Conductor
 from server.study.folder import StudyFolder
 
 router = APIRouter(prefix="/api", route_class=Route)
-_RESULT = re.compile(r"\d{8}-\d{6}-trial-[1-3]")
 
 
 class NewStudy(RawValue):
@@ -148,26 +145,10 @@ def _conductor(request: Request) -> Conductor:
     return conductor
 
 
-def _older(request: Request) -> dict[str, Path]:
-    """Return the results of guided trials that 0.2 kept as JSON, by name, the newest first."""
-    folder = persistence_of(request).storage.root / "lessons"
-    files = sorted(folder.glob("*.json"), reverse=True)
-    return {file.stem: file for file in files if _RESULT.fullmatch(file.stem) and file.is_file()}
-
-
 @router.get("/studies", dependencies=[PILOT])
 def list_studies(request: Request) -> dict[str, Any]:
-    """List the studies, and the results of guided trials that 0.2 kept, by their names."""
-    return {"studies": _conductor(request).folder.names(), "older": list(_older(request))}
-
-
-@router.get("/studies/older/{result_id}.json", dependencies=[PILOT])
-def download_older(request: Request, result_id: str) -> Response:
-    """Return the result of one guided trial of 0.2 as a file."""
-    file = _older(request).get(result_id)
-    if file is None:
-        raise NotFoundError(f"unknown result {result_id[:80]!r}")
-    return attachment(file.read_bytes(), "application/json", file.name)
+    """List the studies by their names."""
+    return {"studies": _conductor(request).folder.names()}
 
 
 @router.post("/studies", dependencies=[PILOT], status_code=201)

@@ -12,7 +12,7 @@ from typing import Any
 
 from robot.devices.raw_value import RawValue, must_be, read, text, whole
 from robot.errors import ConfigurationError, NotFoundError, RecordingError, RobotError, told_as
-from robot.store.folder import FolderKind, Storage, check_name, fold, paths_in, write_whole
+from robot.store.folder import Storage, check_name, fold, paths_in, write_whole
 from robot.study.archive import pack
 from robot.study.events import StudyEvent, check_begun, read_events, recordings_in
 from robot.study.plan import CODE, MOST_CONDITIONS, StudyPlan, parse_plan
@@ -21,8 +21,6 @@ from robot.study.session import follow_log
 from robot.types import Action
 from server.study.erasing import erase
 
-OLDER = FolderKind(name="lessons")
-"""The folder in which version 0.2 kept the results of guided trials."""
 _PLAN, _ACTIVE = "plan.toml", "active.json"
 LONGEST_NAME = 40
 _PLANS, _SESSIONS = 16, 2**14

@@ -90,7 +90,7 @@ def start(folder: Path) -> dict[str, object]:
             status = main(words)
         return f"{status} {out.getvalue()}"
 
-    clock = RealClock()
+    clock, robot = RealClock(), next(iter(driver_names()), "none")
     rig = Rig(Body(), Blind(clock), make_policy("default-8"), clock)
     storage = Storage(folder / "data")
     os.environ["DRIVELESSON_DATA"] = str(storage.root)
@@ -103,7 +103,7 @@ def start(folder: Path) -> dict[str, object]:
         "commands": sorted(commands()),
         "paths": paths,
         "folders": sorted(path.name for path in storage.root.iterdir() if path.is_dir()),
-        "unreachable": says("serve", "--host", "0.0.0.0", "--robot", (driver_names() or ["none"])[0]),
+        "unreachable": says("serve", "--host", "0.0.0.0", "--robot", robot),
         "no_robot": says("serve") if default_driver() is None else "",
         "modules": sorted(name for name in sys.modules if name.startswith(("robot.", "server."))),
     }

@@ -10,7 +10,7 @@ from pathlib import Path
 from . import loop
 from .python_for_windows import ROOT, environment, make, python
 
-SUITE = ["tests/robot", "tests/server", "tests/contract", "tests/compatibility"]
+SUITE = ["tests/robot", "tests/server", "tests/contract"]
 QUICK = "not slow and not browser"
 
 

@@ -151,23 +151,14 @@ def stamp(model: Model, **changes: Any) -> Model:
     return replace(model, summary=replace(model.summary, **changes))
 
 
-_LATER = (
-    *("touched", "novelty", "runs", "contrary", "anew", "starts", "pace_picture"),
-    *("contradicted", "contradicted_since", "taken_up"),
-)
-"""Arrays that not all versions have."""
-
-
 def same_nodes(a: State, b: State) -> bool:
     """True if two learners are equal, bit for bit: every array and every label."""
-    common = a.arrays.keys() & b.arrays.keys()
 
     def digest(state: State) -> str:
-        arrays = {name: state.arrays[name] for name in common}
-        return _checksum({"kind": state.kind, "labels": list(map(str, state.labels))}, arrays)
+        labels = list(map(str, state.labels))
+        return _checksum({"kind": state.kind, "labels": labels}, state.arrays)
 
-    others = a.arrays.keys() ^ b.arrays.keys()
-    return digest(a) == digest(b) and all(name.endswith(_LATER) for name in others)
+    return digest(a) == digest(b)
 
 
 def _label(text: str) -> str:

@@ -105,8 +105,6 @@ class ModelStore:
         """Name of the model that the robot used last, and will use at the next start."""
         said = [_marked(marker) for marker in self._markers]
         sound = [name for name, checksum in said if checksum == _checksum(name)]
-        if not sound and not self._markers[1].exists():  # version 0.2 wrote only the name
-            sound = [said[0][0]]
         return next((name for name in sound if name in self.names()), None)
 
     @current.setter

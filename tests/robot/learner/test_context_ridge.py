@@ -109,53 +109,11 @@ def test_a_context_without_frames_of_a_label_keeps_its_targets(examples):
     assert ridge.scores(x, 1).any()
 
 
-def test_a_model_from_before_contexts_has_the_same_opinion_in_all(examples):
-    """It has the whole inverse, and nothing waits to be written."""
-    z = np.hstack([np.array([x for x, _, _ in examples]), np.ones((len(examples), 1))])
-    inverse = np.linalg.inv(z.T @ z + 2.0 * np.eye(SIZE + 1))
-    targets = np.eye(3)[[column for _, column, _ in examples]]
-    ridge = make()
-    ridge.load({}, {"inverse": inverse, "linear": inverse @ z.T @ targets})
-    x, expected = examples[0][0], alone(examples)
-    for scores in opinions(ridge, x):
-        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-5)
-    change = np.array([-1.0, 1.0, 0.0])
-    for one in (ridge, expected):
-        one.retarget(x, change)
-    for scores in opinions(ridge, x):
-        np.testing.assert_allclose(scores, expected.scores(x), atol=1e-5)
-    ridge.learn(x, np.eye(3)[1], contexts=(0,))
-    assert np.ptp([scores[1] for scores in opinions(ridge, x)]) > 0.0
-
-
-def test_frames_that_version_0_2_held_back_are_learned_when_its_model_opens(examples):
-    """It kept up to 32 frames of each context beside what the ridge had learned."""
-    saved, whole = taught(examples[:40]).save()[1], taught(examples)
-    later = [[e for e in examples[40:] if context in e[2]] for context in ALL]
-    every = whole.save()[1]
-    saved |= {name: every[name] for name in ("triangle", "linear", "waiting", "context_counts")}
-    for context in ALL:
-        frames, targets = np.zeros((32, SIZE + 1)), np.zeros((32, 3))
-        for row, (x, column, _) in enumerate(later[context]):
-            frames[row], targets[row, column] = np.append(x, 1.0), 1.0
-        saved[f"context{context}_block_frames"] = frames
-        saved[f"context{context}_block_targets"] = targets
-    ridge, x = make(), examples[5][0]
-    ridge.load({}, dict(saved))
-    for scores, expected in zip(opinions(ridge, x), opinions(whole, x), strict=True):
-        np.testing.assert_allclose(scores, expected, atol=1e-12)
-    for harm in (np.zeros((32, SIZE)), np.full((32, SIZE + 1), np.nan), np.zeros((3, 7), np.int8)):
-        with pytest.raises(ValueError, match="frames"):
-            make().load({}, saved | {"context0_block_frames": harm})
-
-
 def test_a_model_of_other_features_is_refused(examples):
     arrays = taught(examples).save()[1]
     other = ContextRidge(SIZE + 1)
     with pytest.raises(ValueError, match=r"the array triangle|does not belong"):
         other.load({}, arrays)
-    with pytest.raises(ValueError, match=r"the array triangle|does not belong"):
-        other.load({}, {"inverse": np.eye(SIZE + 1), "linear": np.zeros((SIZE + 1, 3))})
 
 
 def test_one_view_means_one_thing_to_who_drives_and_another_to_who_turns():

@@ -92,7 +92,7 @@ export class StudyScreen extends Screen {
     } }, ...names.map((name) => h('option', { selected: name === this.chosen }, name)));
     if (this.drawn || turn !== this.listing) return; // a session has begun meanwhile, or another study was chosen
     fill(this.body, ...this.trial(), h('h2', {}, t('study.studies')), ...(names.length ? [pick] : [h('p', { class: 'lead' }, t('study.none'))]),
-      ...(study ? this.study(study) : []), this.creation(!names.length), ...this.older(answer.older));
+      ...(study ? this.study(study) : []), this.creation(!names.length));
   }
 
   /** The paper's trial of one person, ready to begin. */
@@ -114,14 +114,6 @@ export class StudyScreen extends Screen {
       h('p', { class: 'hint' }, t('study.empty')),
       h('button', { type: 'button', class: 'primary wide', onclick: () => this.step('POST', 'api/session', chosen) }, t('study.begin_trial')),
     ];
-  }
-
-  /** Results of guided trials that an older version kept. @param {string[]} results */
-  older(results) {
-    if (!results.length) return [];
-    const line = (/** @type {string} */ id) => h('a', { class: 'panel line', href: `api/studies/older/${id}.json`, download: '' },
-      h('b', {}, t('study.trial_n', { n: id.slice(-1) })), h('small', {}, id.replace(/^(....)(..)(..)-(..)(..).*/, '$1-$2-$3 $4:$5')));
-    return [h('h2', {}, t('study.older')), ...results.map(line)];
   }
 
   /** @param {string} study @param {string} code */

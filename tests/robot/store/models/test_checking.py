@@ -214,43 +214,6 @@ def test_every_model_of_ours_is_let_in(tmp_path: Path, learner: str, lessons: in
     assert store.load("x").to_policy().n_seen == lessons
 
 
-def test_contexts_of_which_version_0_2_held_frames_back_are_let_in(tmp_path: Path) -> None:
-    meta, arrays = parts(good("default-4"))
-    older = dict(arrays)
-    for name, weights in arrays.items():
-        if name.endswith("_linear") and "context" in name:
-            size, n_labels = weights.shape
-            older[name.replace("linear", "block_frames")] = np.zeros((32, size))
-            older[name.replace("linear", "block_targets")] = np.zeros((32, n_labels))
-    assert len(older) >= len(arrays) + 4
-    store = ModelStore(Storage(tmp_path))
-    store.add_file("x", packed(meta, older))
-    policy = store.load("x").to_policy()
-    x = policy.extract(FRAME)
-    before = policy.propose(1, x, under_way=Action.LEFT).probabilities
-    for step in range(20):
-        policy.learn(x, Action.FORWARD, 99.0 + 0.1 * step)
-    after = policy.propose(2, x, under_way=Action.LEFT).probabilities
-    assert after[Action.FORWARD] > before[Action.FORWARD]
-
-
-@pytest.mark.parametrize("learner", LEARNERS)
-def test_every_malformed_model_is_refused_with_a_sentence(tmp_path: Path, learner: str) -> None:
-    store = ModelStore(Storage(tmp_path))
-    let_in, count = [], 0
-    for what, data in malformed(learner, EVERY):
-        count += 1
-        try:
-            store.add_file("x", data)
-        except RecordingError as error:
-            assert 10 < len(str(error)) < 700
-        else:
-            let_in.append(what)
-    print(f"{learner}: {count} malformed models")
-    assert let_in == [], "\n".join(let_in)
-    assert EVERY * count > 60 and store.names() == []
-
-
 def test_what_is_refused_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
     """A packed file of zeros, and a header that claims more than there is."""
     store = ModelStore(Storage(tmp_path))

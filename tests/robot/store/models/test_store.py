@@ -100,12 +100,6 @@ def test_one_damaged_note_of_the_model_in_use_costs_nothing(
     assert store.current == "robot (2)"
 
 
-def test_version_0_2_noted_the_name_alone(store: ModelStore, tmp_path: Path) -> None:
-    store.save("robot", some_model())
-    (tmp_path / "models/current.txt").write_text("robot")
-    assert store.current == "robot"
-
-
 def test_rename_copy_delete_and_restore(store: ModelStore) -> None:
     store.save("kitchen", some_model())
     store.current = "kitchen"

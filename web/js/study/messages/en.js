@@ -34,7 +34,6 @@ export default {
   'study.never_robot': 'The robot never made this move.',
   'study.facts': '{n} pictures learned, {i} corrections.',
   'study.studies': 'Studies with participants',
-  'study.older': 'Trials of an older version',
   'study.result': 'Result of {code}',
   'study.withdrawn': '{code} has withdrawn: {n} files were deleted, {r} of them recordings.',
   'study.none': 'No study yet. Make one: from the paper’s protocol, or from a plan of your own.',

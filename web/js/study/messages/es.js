@@ -34,7 +34,6 @@ export default {
   'study.never_robot': 'El robot nunca hizo este movimiento.',
   'study.facts': '{n} imágenes aprendidas, {i} correcciones.',
   'study.studies': 'Estudios con participantes',
-  'study.older': 'Pruebas de una versión anterior',
   'study.result': 'Resultado de {code}',
   'study.withdrawn': '{code} se ha retirado: {n} archivos borrados, {r} de ellos grabaciones.',
   'study.none': 'Todavía no hay estudios. Crea uno: con el protocolo del artículo o con tu propio plan.',

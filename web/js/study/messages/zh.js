@@ -34,7 +34,6 @@ export default {
   'study.never_robot': '机器人从未做过这个动作。',
   'study.facts': '已学 {n} 个画面，纠正 {i} 次。',
   'study.studies': '参与者研究',
-  'study.older': '旧版本的试验',
   'study.result': '{code} 的结果',
   'study.withdrawn': '{code} 已退出：删除了 {n} 个文件，其中 {r} 个是录像。',
   'study.none': '还没有研究。用论文的方案或自己的计划新建一个。',
