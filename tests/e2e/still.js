@@ -6,8 +6,8 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const { page } = document.querySelector('app-bar');
   const { store } = page;
   const { HINTS } = await import('/js/hints.js');
+  const { leadOf } = await import('/js/study/session.js');
   page.follow = () => {}; // the robot's own states would come in between
-  page.refreshSession = () => {};
   page.connection.dispatchEvent = () => true;
   const taught = Object.fromEntries(moves.map((move, i) => [move, 150 + i]));
   const calm = {
@@ -19,11 +19,11 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   };
   const clean = {
     ...store.state, takesPoints: hasStick, hasStick, isLocal: false, link: 'open', way: null, robot: calm, moves, held: null, role: 'pilot', localStop: null, notice: null, hint: null, toast: null,
-    session: null, readiness: null, setback: null, wheelAsked: false, wheelWaiting: false, pictureAgeMs: 30, drawnAgeMs: 30, drawingMs: 3,
+    lead: null, told: null, readiness: null, setback: null, wheelAsked: false, wheelWaiting: false, pictureAgeMs: 30, drawnAgeMs: 30, drawingMs: 3,
   };
   const ready = (stage, more = {}) => ({ stage, alone_s: 12, alone_needed_s: 45, unknown_share: 0, moves, missing: [], ...more });
   const gap = (kind, move = null) => ({ kind, move, instead: null, have: 12, need: 40, distance_m: null });
-  const study = (kind, more = {}) => ({ step: 'drive', position: 10, of: 12, kind, mode: kind === 'teach' ? 'train' : 'autonomous', left_s: 123, ...more });
+  const study = (kind, more = {}) => leadOf({ step: 'drive', position: 10, of: 12, kind, mode: kind === 'teach' ? 'train' : 'autonomous', left_s: 123, ...more });
   const drives = ['train', 'autonomous'];
   const states = [
     ...['offline', 'gateway', 'full', 'foreign'].map((kind) => ({ link: 'lost', way: { kind, robot: 'unknown' } })),
@@ -45,8 +45,9 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
     ...HINTS.flatMap((hint) => [true, false].map((hasKeys) => ({ hint, hasKeys }))),
     { toast: { text: 'It was relabelled, and this sentence is as long as any that a toast has to say.', step: { label: 'Undo', act() {} } } },
     { toast: { text: 'The model could not be saved: the disk is full.', step: null } },
-    { session: study(null, { step: 'questions', mode: null }) },
-    ...phases.flatMap((kind) => ['stopped', ...drives].map((mode) => ({ robot: { mode }, session: study(kind) }))),
+    { lead: study(null, { step: 'questions', mode: null }) },
+    ...phases.flatMap((kind) => ['stopped', ...drives].map((mode) => ({ robot: { mode }, lead: study(kind) }))),
+    ...[{ key: 'challenge.armed' }, { key: 'challenge.left', n: 2, of: 3, metres: '12.3', left_s: 60 }].map((told) => ({ told, robot: { mode: 'autonomous' }, readiness: ready('ready') })),
     ...['stopped', ...drives].flatMap((mode) => [
       { robot: { mode, lessons: 0 } }, { robot: { mode, agreement: null } }, { robot: { mode, taught: { [moves[0]]: 300 } } },
       ...['teach', 'try', 'ready'].map((stage) => ({ robot: { mode }, readiness: ready(stage) })),

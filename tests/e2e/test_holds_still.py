@@ -50,7 +50,7 @@ PADS = [("three", "en"), ("three", "es"), ("three", "zh"), ("six", "es"), ("stic
 SAID = re.compile(
     r"^(advice|setback|local|stop|link|busy|lag|hint|session\.next|session\.now)[._]"
     r"|^(asks|wheel_|viewer|emergency|stopped_by\.|out_of_reach|connecting|choose_|start_stale)"
-    r"|^(searching|session\.questions|way\..*)$"
+    r"|^(searching|session\.questions|challenge\.(armed|left)|way\..*)$"
 )
 """The messages that the drive screen may show."""
 ELSEWHERE = {"emergency_stop", "stop.pilot_asked"}
