@@ -7,7 +7,6 @@ declared once, beside the driver's code. The six classic moves need only their n
 from __future__ import annotations
 
 import inspect
-import json
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
@@ -15,7 +14,6 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any, ClassVar, Self
 
-from robot.errors import told_as
 from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
@@ -144,34 +142,6 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
     near = [(name, at) for name, at in ahead if side_of(at.steering) == side]
     choice = near or (ahead if way else [])
     return min(choice, key=lambda move: math.dist(move[1], point))[0] if choice else None
-
-
-def to_text(moves: Iterable[Move]) -> str:
-    """Write moves as JSON, for the metadata of a recording."""
-    return json.dumps([move.describe() for move in moves], ensure_ascii=False)
-
-
-def from_text(text: str) -> tuple[Move, ...]:
-    """Read the text of `to_text`; an empty text has no moves.
-
-    Raises:
-        ValueError: If it has another form.
-    """
-    if not text:
-        return ()
-    errors = KeyError, TypeError, AttributeError, RecursionError
-    with told_as(ValueError, "the description of the moves cannot be read", *errors):
-        return tuple(
-            Move(
-                Action(plain["name"]),
-                {str(code): str(words) for code, words in plain["label"].items()},
-                str(plain["icon"]),
-                str(plain["does"]),
-                steering=plain["steering"],
-                throttle=plain["throttle"],
-            )
-            for plain in json.loads(text)
-        )
 
 
 class BodyButton(StrEnum):

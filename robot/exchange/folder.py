@@ -6,12 +6,13 @@ import csv
 import json
 from pathlib import Path
 
-from robot.driver import describe, to_text
+from robot.driver import describe
 from robot.exchange.files import write_picture
 from robot.exchange.steering import done_at
 from robot.recordings.editing import moments
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
+from robot.recordings.moves import to_text
 
 TABLE, MOVES, RESULTS = "frames.csv", "moves.json", "results.json"
 METADATA = "metadata.csv"

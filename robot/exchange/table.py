@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
-from robot.driver import CLASSIC, Move, from_text, names
+from robot.driver import CLASSIC, Move, names
 from robot.errors import RecordingError, told_as
 from robot.exchange.columns import Cells, ColumnTable, read_table_file
 from robot.exchange.drive import Drive, FrameEvent, ImportReport, drive_of
@@ -24,6 +24,7 @@ from robot.exchange.steering import (
     read_number,
     read_point,
 )
+from robot.recordings.moves import from_text
 from robot.types import Action
 
 ENDINGS = (".csv", ".tsv", ".jsonl")

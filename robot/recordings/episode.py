@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from robot.driver import Move, from_text
+from robot.driver import Move
 from robot.errors import UNREADABLE, RecordingError
 from robot.recordings.columns import FrameTable, Labels, LessonTable, Span, read_fields
 from robot.recordings.images import decode_image
 from robot.recordings.messages import MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY, Fields, Topic
+from robot.recordings.moves import from_text
 from robot.recordings.reader import (
     Attachment,
     Block,

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any, BinaryIO
 
-from robot.driver import Move, to_text
+from robot.driver import Move
 from robot.recordings.images import camera_channel, encode_image
 from robot.recordings.marks import Tally
 from robot.recordings.messages import (
@@ -23,6 +23,7 @@ from robot.recordings.messages import (
     json_channel,
     pose_in_frame,
 )
+from robot.recordings.moves import to_text
 from robot.recordings.reader import (
     Attachment,
     Message,

@@ -40,7 +40,7 @@ _MODULES = (
     *("uvicorn.lifespan.on", "uvicorn.logging", "uvicorn.loops.asyncio"),
     *("uvicorn.protocols.http.h11_impl", "robot.devices.rig", "robot.simulator.camera"),
     *("robot.policy.registry", "server.app", "server.cli.serve", "server.hosting.serving"),
-    *("server.hosting.uvicorn_fastpath", "server.persistence", "server.security.pairing"),
+    *("server.fastpath.protocol", "server.persistence", "server.security.pairing"),
 )
 
 
@@ -215,10 +215,10 @@ def _run(world: str, life: int) -> None:
     for name in _MODULES:
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
-    from server.hosting.uvicorn_fastpath import make_protocol
+    from server.hosting.serving import websocket_protocol
     from server.services import installed
 
-    make_protocol()
+    websocket_protocol()
     installed()
     gc.collect()
     gc.freeze()

@@ -22,9 +22,13 @@ class CoachingExtension(Extension):
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        from server.coaching import gallery_routes, routes  # they ask for this extension
+        from server.coaching import (  # they ask for this extension
+            gallery_routes,
+            routes,
+            word_routes,
+        )
 
-        return routes.router, gallery_routes.router
+        return routes.router, gallery_routes.router, word_routes.router
 
     def start(self) -> None:
         self._unsubscribe = self._loop.subscribe(self.progress.note)

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Coroutine, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from robot.entry_points import points
 from robot.errors import ConfigurationError, InUseError
 from server.config import Config
 from server.gateway.gateway import Gateway
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from uvicorn import Server
 
 
+PROTOCOLS = "drivelesson.websockets"
+"""Group of the entry points of other websocket protocols: functions that return a class or None."""
+DIRECT = "drivelesson.direct"
+"""Key in `scope["extensions"]` of a protocol that writes pictures directly, if there is one."""
 MAX_MESSAGE_BYTES = 65_536
 """Maximum size of a websocket message in bytes; a larger one closes the connection unread."""
 _DEAD_PEER_MS = 15_000
@@ -79,17 +84,21 @@ def open_sockets(host: str, port: int) -> list[socket.socket]:
     return found
 
 
+def websocket_protocol() -> Any:
+    """Return the websocket protocol for uvicorn: an installed one if it fits, or uvicorn's own."""
+    found = (point.load()() for point in points(PROTOCOLS))
+    return next(filter(None, found), "websockets")
+
+
 def _make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
     """Return uvicorn's server with its newest websocket backend."""
     import uvicorn
-
-    from server.hosting.uvicorn_fastpath import make_protocol
 
     config = uvicorn.Config(
         app,
         ssl_keyfile=tls_files[0] if tls_files else None,
         ssl_certfile=tls_files[1] if tls_files else None,
-        ws=make_protocol() or "websockets",
+        ws=websocket_protocol(),
         ws_per_message_deflate=False,
         ws_max_size=MAX_MESSAGE_BYTES,
         ws_ping_interval=10.0,

@@ -1,24 +1,16 @@
-"""`/healthz` and `/metrics`: for monitoring."""
+"""`/healthz`: whether the control loop runs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from itertools import accumulate
-from types import SimpleNamespace
-from typing import Any
-
 from fastapi import APIRouter, Request
-from fastapi.responses import JSONResponse, PlainTextResponse, Response
+from fastapi.responses import JSONResponse
 
-from robot.types import Mode, StopReason
-from server.protocol import ErrorCode
 from server.routes.answers import Route
-from server.services import Services, services_of
+from server.services import services_of
 
 router = APIRouter(route_class=Route)
 STALE_LOOP_S = 2.0
 """Time without a tick after which the control loop counts as stalled, in seconds."""
-_CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 
 
 @router.get("/healthz")
@@ -31,74 +23,3 @@ async def healthz(request: Request) -> JSONResponse:
     is_alive = robot.clock.now_s() - robot.loop.state.now_s < STALE_LOOP_S
     body = {"status": "ok" if is_alive else "loop_stalled"}
     return JSONResponse(body, status_code=200 if is_alive else 503)
-
-
-@router.get("/metrics", response_class=PlainTextResponse)
-async def metrics(request: Request) -> Response:
-    """Return the measurements for Prometheus."""
-    return Response(render_metrics(services_of(request)), media_type=_CONTENT_TYPE)
-
-
-def render_metrics(services: Services) -> bytes:
-    """Return the measurements as text. Imports prometheus-client only when asked for."""
-    from prometheus_client import generate_latest
-
-    registry: Any = SimpleNamespace(collect=lambda: _measure(services))
-    return bytes(generate_latest(registry))
-
-
-def _measure(services: Services) -> Iterator[Any]:
-    from prometheus_client.core import CounterMetricFamily as Counter
-    from prometheus_client.core import GaugeMetricFamily as Gauge
-    from prometheus_client.core import HistogramMetricFamily as Histogram
-    from prometheus_client.core import SummaryMetricFamily as Summary
-
-    hub = services.hub
-    video, state, ages = hub.video, hub.robot.loop.state, hub.video.frame_ages
-    age_s = hub.robot.clock.now_s() - state.now_s
-    modes = {mode.value: int(state.decision.mode is mode) for mode in Mode}
-    stops = {reason.value: state.stops.get(reason, 0) for reason in StopReason}
-    refused = {code.value: hub.refused[code] for code in ErrorCode}
-    turned_away = dict(sorted(services.turned_away.items()))
-    yield _one(Gauge, "loop_rate_hz", "New frames a second", state.cycle_hz)
-    yield _one(Counter, "loop_turns_total", "Ticks of the control loop", state.cycles)
-    yield _one(Counter, "loop_late_cycles_total", "Ticks that took too long", state.late_cycles)
-    yield _one(Gauge, "loop_age_seconds", "Since the last tick", age_s)
-    yield _many(Gauge, "mode", "1 for the present mode", "mode", modes)
-    yield _one(Gauge, "emergency", "1 while latched", int(state.emergency))
-    yield _many(Counter, "stops_total", "Stops by reason", "reason", stops)
-    yield _one(Gauge, "pages", "Open control sockets", len(hub.clients))
-    yield _one(Gauge, "viewers", "Browsers that see the picture", video.viewers)
-    yield _one(Counter, "frames_sent_total", "Frames to viewers", video.frames_sent)
-    yield _one(Counter, "frames_encoded_total", "Frames made ready to send", video.frames_encoded)
-    yield Histogram(
-        "drivelesson_frame_age_seconds",
-        "Capture to acknowledged by a viewer",
-        buckets=[
-            (str(bound), count)
-            for bound, count in zip((*ages.bounds, "+Inf"), accumulate(ages.counts), strict=True)
-        ],
-        sum_value=ages.total,
-    )
-    if state.link.age_s is not None:
-        text = "Age of the picture that the pilot acts upon"
-        yield _one(Gauge, "pilot_frame_age_seconds", text, state.link.age_s)
-    text = "Websocket messages refused"
-    yield _many(Counter, "messages_refused_total", text, "code", refused)
-    text = "Requests and websockets refused"
-    yield _many(Counter, "requests_refused_total", text, "reason", turned_away)
-    times = Summary("drivelesson_learner_seconds", "What the learner's work took", labels=["work"])
-    for work, timing in state.learner_times.items():
-        times.add_metric([work], timing.count, timing.total_s)
-    yield times
-
-
-def _one(kind: Any, name: str, text: str, value: float) -> Any:
-    return kind(f"drivelesson_{name}", text, value=value)
-
-
-def _many(kind: Any, name: str, text: str, label: str, values: Mapping[str, float]) -> Any:
-    family = kind(f"drivelesson_{name}", text, labels=[label])
-    for key, value in values.items():
-        family.add_metric([key], value)
-    return family

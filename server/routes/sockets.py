@@ -11,7 +11,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from robot.clock import Clock
 from server.gateway.guard import note_use
-from server.hosting.uvicorn_fastpath import EXTENSION
+from server.hosting.serving import DIRECT
 
 _LAST_S = 1.0
 """How long messages of a client that is being disconnected are still read, in seconds."""
@@ -19,8 +19,8 @@ _GONE = ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "Connec
 
 
 def fast_path(websocket: WebSocket) -> Any:
-    """Return the fast path past ASGI's queues; None if uvicorn is too old for it."""
-    return websocket.scope.get("extensions", {}).get(EXTENSION)
+    """Return the way past ASGI's queues; None if no installed protocol has one."""
+    return websocket.scope.get("extensions", {}).get(DIRECT)
 
 
 async def converse(

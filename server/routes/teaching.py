@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
-from fastapi import APIRouter, HTTPException, Query, Request
+from fastapi import APIRouter, Query, Request
 
 from robot.devices.raw_value import RawValue, number
 from robot.policy.history import UNDO_HORIZON_S, TrainingHistory
@@ -14,8 +14,6 @@ from server.services import services_of
 
 router = APIRouter(prefix="/api/teaching", route_class=Route)
 _LAST = Query(5.0, gt=0, le=UNDO_HORIZON_S, description="a number above 0 up to 35")
-_ONE_SIDED = 20
-"""Number of one-sided turn examples after which the page asks about symmetry."""
 _STRIP = 24
 """Maximum number of frames in a strip."""
 
@@ -24,21 +22,6 @@ class TrainingUndo(RawValue):
     """The amount of latest training to undo."""
 
     seconds: float = number(above=0, most=UNDO_HORIZON_S)
-
-
-class AlikeWord(RawValue):
-    """The pilot's word on symmetry."""
-
-    alike: bool
-
-
-@dataclass
-class AlikeAnswer:
-    """Whether left and right are alike here, if that can be said, and if it is to be asked."""
-
-    alike: bool
-    possible: bool
-    one_sided: bool
 
 
 @dataclass
@@ -60,13 +43,6 @@ class LastExamples:
     strip: list[ExampleAnswer]
 
 
-@dataclass
-class AlikeChanged(AlikeAnswer):
-    """The new setting of symmetry; `kept` is false if it could not be saved."""
-
-    kept: bool
-
-
 @router.get("/last")
 async def show_last(request: Request, seconds: float = _LAST) -> LastExamples:
     """Return the examples that undoing the last seconds would remove."""
@@ -80,48 +56,6 @@ async def undo(request: Request, body: TrainingUndo) -> dict[str, int | bool]:
     services = services_of(request)
     gone, is_kept = await services.change_learner(lambda history: history.undo(body.seconds))
     return {"undone": len(gone), "kept": is_kept}
-
-
-@router.post("/outdate")
-async def outdate(request: Request) -> dict[str, int | bool]:
-    """Let new examples count more than earlier ones; `kept` is false if it could not be saved."""
-    services = services_of(request)
-    try:
-        _, is_kept = await services.change_learner(lambda history: history.edit("outdate"))
-    except ValueError as error:
-        raise HTTPException(409, str(error)) from error
-    return {"outdated": sum(services.robot.loop.state.taught.values()), "kept": is_kept}
-
-
-@router.get("/alike")
-async def show_alike(request: Request) -> AlikeAnswer:
-    """Return whether the pilot said that left and right are alike here."""
-    services = services_of(request)
-    return await services.on_loop(lambda: _alike(services.robot.loop.history))
-
-
-@router.post("/alike")
-async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
-    """Set whether past and future examples also count mirrored."""
-    services = services_of(request)
-    try:
-        _, is_kept = await services.change_learner(
-            lambda history: history.edit("alike", value=body.alike)
-        )
-    except ValueError as error:
-        raise HTTPException(409, str(error)) from error
-    return AlikeChanged(**vars(await show_alike(request)), kept=is_kept)
-
-
-def _alike(history: TrainingHistory) -> AlikeAnswer:
-    """Describe the setting of symmetry; on the loop's thread."""
-    policy, taught = history.policy, history.taught
-    pairs = policy.kinds.mirrored().items()
-    return AlikeAnswer(
-        alike=policy.alike,
-        possible=policy.can_be_alike,
-        one_sided=any(taught[one] >= _ONE_SIDED and not taught[other] for one, other in pairs),
-    )
 
 
 def _preview(history: TrainingHistory, seconds: float) -> LastExamples:

@@ -161,6 +161,7 @@ def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]
         "/api/gallery": "coaching",
         "/api/challenge": "challenge",
         "/api/world": "simulator",
+        "/metrics": "monitoring",
         "/api/pair": "access",
     }
     for path, home in {**paths, "/api/episodes": "recordings", "/api/session": "study"}.items():
@@ -182,7 +183,9 @@ WORDS = {
     "coaching": r"readiness|\bgallery\b|\btrail\b|coach",
     "devkit": r"\bdevkit\b|ConnectedDriver|WatchedCamera|UsbCamera",
     "exchange": r"donkeycar|lerobot",
+    "fastpath": r"fast ?path",
     "lab": r"ablation|benchmark",
+    "monitoring": r"prometheus|/metrics|render_metrics",
     "recordings": r"episode|recorder",
     "simulator": r"simulator|--robot sim|simulation",
     "study": r"\bstud(y|ies)\b|participant|questionnaire",

@@ -16,12 +16,10 @@ from robot.driver import (
     CLASSIC,
     Move,
     describe,
-    from_text,
     move_at,
     names,
     point_of,
     side_of,
-    to_text,
 )
 from robot.types import DEFAULT_MOVES, Action, Point
 
@@ -78,23 +76,6 @@ def test_what_is_no_name_is_refused(text: str) -> None:
 def test_names_that_would_break_a_file_or_a_page_are_refused(name: object) -> None:
     with pytest.raises(ValueError):
         Action(name)  # type: ignore[arg-type]
-
-
-@given(st.lists(moves(), max_size=8))
-def test_a_declaration_survives_a_recording(declared: list[Move]) -> None:
-    back = from_text(to_text(declared))
-    assert names(back) == names(declared)
-    for before, after in zip(declared, back, strict=True):
-        assert before.describe() == after.describe()
-        assert before.point == after.point
-
-
-@pytest.mark.parametrize(
-    "text", ["{", "[1]", '[{"name": "x"}]', '{"name": 1}', '[{"name": "X", "label": {}}]', "7"]
-)
-def test_a_damaged_declaration_says_so(text: str) -> None:
-    with pytest.raises(ValueError):
-        from_text(text)
 
 
 def test_known_moves_need_no_declaration_and_unknown_ones_have_their_name() -> None:

@@ -11,11 +11,11 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from server.hosting.serving import DIRECT
+
 if TYPE_CHECKING:
     from websockets.http11 import Request
 
-EXTENSION = "drivelesson.direct"
-"""Key of the protocol in `scope["extensions"]`, set if there is the fast path."""
 FRAME_S, BURST_S = 0.004, 3.0
 """Rate limit of received frames: seconds per frame, and the burst allowed, in seconds. Frames
 beyond it stay unread, so that the network holds them back."""
@@ -49,7 +49,7 @@ def make_protocol() -> type[Any] | None:
             super().handle_connect(event)
             if hasattr(self, "scope"):  # not so when the handshake was refused
                 scope: dict[str, Any] = self.scope  # type: ignore[assignment]
-                scope["extensions"] = {**scope["extensions"], EXTENSION: self}
+                scope["extensions"] = {**scope["extensions"], DIRECT: self}
 
         def handle_bytes(self, event: Frame) -> None:
             if self.on_bytes is not None and event.fin:
