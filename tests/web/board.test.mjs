@@ -1,10 +1,11 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
-import { who } from '../../web/board/card.js';
+import { figures, who } from '../../web/board/card.js';
 import { ClassLink } from '../../web/board/class-link.js';
 import { Panel } from '../../web/board/panel.js';
 import { parsePictures } from '../../web/board/pictures.js';
+import { loadLanguage } from '../../web/js/i18n.js';
 import { encodePicture } from '../../web/js/protocol.js';
 
 const picture = (frameId, bytes) => ({ frameId, capturedMs: 5, encoding: 'jpeg', width: 160, height: 120, nonce: 0, data: Uint8Array.from(bytes) });
@@ -282,4 +283,14 @@ test('where one robot is away, what the others took is shown at once', async (t)
   await new Promise(setImmediate);
   assert.equal(panel.said.textContent, 'It is away.');
   assert.deepEqual(shown(), ['models', 'gallery']);
+});
+
+test('a robot that stands is not said to be slow, and what its pilots chose to show is shown', async (t) => {
+  globalThis.document = { documentElement: {} };
+  t.after(() => { delete globalThis.document; });
+  await loadLanguage([(code) => import(`../../web/board/messages/${code}.js`)]);
+  const robot = { address: 'http://10.0.0.7:8000', agreement: null, lessons: 40, battery: null, busy: true, link: 'slow', delay_ms: null, shown: { challenge: { best_m: 3.25, tries: 3 } } };
+  assert.deepEqual(figures({ ...robot, mode: 'stopped' }), ['challenge 3.25 m']);
+  assert.deepEqual(figures({ ...robot, mode: 'train', shown: {} }), ['computer busy']);
+  assert.deepEqual(figures({ ...robot, mode: 'train', shown: {}, busy: false }), ['slow link']);
 });

@@ -112,15 +112,16 @@ export const codeOf = (robot) => `api/robots/${robot.number}/qr.svg?${robot.invi
 const plain = (values) => Object.fromEntries(Object.entries(values).map(([name, value]) => [name, value.toLocaleString(language)]));
 
 /** @param {Robot} robot @returns {string[]} */
-function figures(robot) {
+export function figures(robot) {
   const found = [];
   if (robot.agreement !== null) found.push(t('board.agrees', { share: percent(robot.agreement) }));
   else if (robot.lessons === 0) found.push(t('board.untaught'));
   for (const [what, values] of Object.entries(robot.shown ?? {})) found.push(t(`board.shown.${what}`, plain(values)));
   if (robot.battery !== null) found.push(t('board.battery', { share: percent(robot.battery) }));
   const isHere = /^https?:\/\/(127\.|localhost|\[::1\])/.test(robot.address);
-  if (robot.busy || (isHere && robot.link && robot.link !== 'good')) found.push(t('board.busy'));
-  else if (robot.link && robot.link !== 'good') found.push(t('board.link_slow'));
+  const isSlow = robot.mode !== 'stopped' && robot.link && robot.link !== 'good'; // nobody waits for one that stands
+  if (robot.mode !== 'stopped' && robot.busy || (isHere && isSlow)) found.push(t('board.busy'));
+  else if (isSlow) found.push(t('board.link_slow'));
   if (robot.delay_ms !== null) found.push(t('board.delay', { ms: Math.round(robot.delay_ms) }));
   return found;
 }

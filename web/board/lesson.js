@@ -21,7 +21,7 @@ const text = await fetch(`lesson/${language}`).then((answer) => answer.text());
 const parts = [];
 for (const piece of piecesIn(text)) {
   if (piece.kind === 'h2') parts.push([]);
-  parts.at(-1)?.push(piece);
+  parts[parts.length - 1]?.push(piece);
 }
 
 /** @param {Word[]} words */
