@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from robot.types import Mode
+from tests.kit.sizes import few
 
 from .hand import Fingers, choose, hold_until
 from .world import (
@@ -50,12 +51,20 @@ def complaints(page: Any) -> list[str]:
     return list(found)
 
 
-@pytest.mark.parametrize(("size", "scheme"), [(PHONE, "light"), (DESKTOP, "dark")])
+@pytest.mark.parametrize(
+    ("size", "scheme", "language"),
+    few([(PHONE, "light", "es"), (PHONE, "dark", "en"), (DESKTOP, "dark", "zh")], 2),
+)
 def test_axe_finds_nothing_on_any_screen_and_each_target_has_room_for_a_thumb(
-    chromium: Any, world: World, npm_modules: Path, size: dict[str, int], scheme: Any
+    chromium: Any,
+    world: World,
+    npm_modules: Path,
+    size: dict[str, int],
+    scheme: Any,
+    language: str,
 ) -> None:
     axe = (npm_modules / "axe-core" / "axe.min.js").read_text()
-    context = new_context(chromium, size, color_scheme=scheme, has_touch=True)
+    context = new_context(chromium, size, color_scheme=scheme, has_touch=True, locale=language)
     page = open_page(context, world.address)
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
