@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
+import ipaddress
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from robot.errors import MissingExtraError
 from server.access.config import DEFAULT_HOSTNAME, NetworkConfig
 from server.access.network import ADDRESS, ROBOT, lan_addresses
-from server.config import as_address
+from server.config import Address, as_address
 
 log = logging.getLogger(__name__)
 PROBE_MS = 700
 """How long other machines are asked whether a name is taken, in ms; as RFC 6762 probes."""
+_HEARD_MS = 15_000.0
+"""An answer that is older tells nothing: that robot may be gone. Asked is every 10 s."""
+_A, _AAAA = 1, 28
 _MOST_NAMES = 50
 
 
@@ -106,6 +111,30 @@ class Announcement:
         own = {str(as_address(address)) for address in addresses}
         return {one.partition("%")[0] for one in asked.parsed_addresses()} - own
 
+    def must_yield(self, addresses: Sequence[str]) -> bool:
+        """True if another robot has this name, too, and this one has to take another.
+
+        The one with the lowest address keeps it, so that only one of them gives way. A name that
+        somebody chose is kept.
+        """
+        if self._responder is None or self._config.hostname != DEFAULT_HOSTNAME:
+            return False
+        zeroconf: Any = importlib.import_module("zeroconf")
+        name = f"{self.hostname}.local."
+        heard_ms = zeroconf.current_time_millis() - _HEARD_MS
+        own = {one for one in map(as_address, addresses) if one is not None}
+        others: set[Address] = {
+            ipaddress.ip_address(record.address)
+            for record in self._responder.cache.entries_with_name(name)
+            if isinstance(record, zeroconf.DNSAddress) and record.created > heard_ms
+        } - own
+        question = zeroconf.DNSOutgoing(0)
+        for kind in (_A, _AAAA):
+            question.add_question(zeroconf.DNSQuestion(name, kind, 1))
+        with contextlib.suppress(OSError):
+            self._responder.send(question)  # the answers are looked at the next time
+        return bool(others) and _lowest(own) > _lowest(others)
+
     def close(self) -> None:
         """Take the announcement back; idempotent."""
         responder, self._responder = self._responder, None
@@ -123,6 +152,10 @@ def announced(config: NetworkConfig, robot: str) -> Iterator[None]:
         yield
     finally:
         announcement.close()
+
+
+def _lowest(addresses: Iterable[Address]) -> tuple[int, bytes]:
+    return min((address.version, address.packed) for address in addresses)
 
 
 def _is_6(address: str) -> bool:

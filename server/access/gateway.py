@@ -116,7 +116,7 @@ class NetworkGateway(Gateway):
         text = f"with --lan, answer to this name with .local behind it{shown}"
         add("--hostname", type=host_name, default=DEFAULT_HOSTNAME, help=text)
         text = "a further name that this machine has in its network, such as rover.fritz.box; may "
-        text += "be repeated"
+        text += "be repeated, or be several with commas"
         add("--also-at", action="append", default=[], metavar="NAME", help=text)
 
     @classmethod
@@ -128,7 +128,12 @@ class NetworkGateway(Gateway):
             public=tuple(map(PublicAddress.parse, filter(None, args.behind_proxy.split(",")))),
             proxies=read_networks(args.proxy_at),
             hostname=args.hostname,
-            also_at=tuple(name.strip().lower().rstrip(".") for name in args.also_at),
+            also_at=tuple(
+                name.strip().lower().rstrip(".")
+                for names in args.also_at
+                for name in names.split(",")
+                if name.strip()
+            ),
             **given,
         )
 
@@ -136,7 +141,10 @@ class NetworkGateway(Gateway):
         config, self._show = self.config, show
         if config.lan:
             self._announcement = Announcement(config, robot)
-            self.surroundings = Surroundings(config, claim=self._announcement.announce)
+            announcement = self._announcement
+            self.surroundings = Surroundings(
+                config, claim=announcement.announce, is_taken=announcement.must_yield
+            )
             self._watch = Watch(self.surroundings, self.clock)
             self._watch.start()
         if config.tls:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
+import socket
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,17 +21,24 @@ log = logging.getLogger(__name__)
 LOOK_EVERY_S = 1.0
 """Time between two looks, in seconds. A change is announced some three seconds after it is shown,
 because probing and announcing a name take that long."""
+CLAIM_EVERY_S = 10.0
+"""How often a robot asks whether another one has its name, in seconds: robots that start at the
+same moment, as from one switch, do not hear each other when they first ask."""
 ASK_EVERY_S = 60.0
 """How often the resolver is asked for this machine's names, in seconds, apart from changes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """The robot's place on the network: its name without `.local`, addresses, names."""
+    """The robot's place on the network: its name without `.local`, addresses, names.
+
+    `machine` is the computer's own name, which a person or the network may change.
+    """
 
     hostname: str
     addresses: tuple[str, ...]
     names: tuple[str, ...] = ()
+    machine: str = ""
 
 
 class Surroundings:
@@ -41,6 +49,7 @@ class Surroundings:
         addresses: Returns this machine's addresses, the best first.
         ask_names: Asks the resolver for this machine's names; may take long.
         claim: Announces the robot at these addresses and returns the name it got.
+        is_taken: Asks whether another robot has that name, too, and may keep it.
     """
 
     def __init__(
@@ -50,10 +59,12 @@ class Surroundings:
         addresses: Callable[[NetworkConfig], Sequence[str]] = lan_addresses,
         ask_names: Callable[[str, Sequence[str]], Sequence[str]] = names_in_network,
         claim: Callable[[Sequence[str]], str] | None = None,
+        is_taken: Callable[[Sequence[str]], bool] = lambda _: False,
     ) -> None:
         self._config, self._look, self._ask, self._claim = config, addresses, ask_names, claim
+        self._is_taken = is_taken
         found = tuple(addresses(config)) if config.lan else ()
-        self.now = Place(config.hostname, found)
+        self.now = Place(config.hostname, found, machine=socket.gethostname())
         self._known = self._names_known()
         self.listeners: list[Callable[[Place, Place], None]] = []
         """Called on the watch's thread with the previous and the new place."""
@@ -61,6 +72,7 @@ class Surroundings:
         """Called at every look, for anything that depends on the wall clock."""
         self._is_claimed = claim is None
         self._asked_s: float | None = None
+        self._claimed_s = 0.0
 
     def __contains__(self, name: object) -> bool:
         """True if the robot answers to this name.
@@ -93,17 +105,24 @@ class Surroundings:
         place = self.now
         return list(dict.fromkeys([*host_names(self.config_now), *place.names, *place.addresses]))
 
-    def look(self) -> bool:
+    def look(self, now_s: float = 0.0) -> bool:
         """Look once; True if something has changed."""
         before = self.now
-        addresses = tuple(self._look(self._config))
+        addresses, machine = tuple(self._look(self._config)), socket.gethostname()
         is_new = addresses != before.addresses
-        self._change(dataclasses.replace(before, addresses=addresses))  # they serve already
-        if is_new or not self._is_claimed:
-            self._is_claimed, self._asked_s = True, None
+        if is_new or machine != before.machine:
+            self._asked_s = None
+        # They serve already.
+        self._change(dataclasses.replace(before, addresses=addresses, machine=machine))
+        is_due = bool(addresses) and now_s - self._claimed_s >= CLAIM_EVERY_S
+        if is_new or not self._is_claimed or (is_due and self._is_taken(addresses)):
+            self._is_claimed = True
             if self._claim is not None:
                 hostname = self._claim(addresses)
                 self._change(dataclasses.replace(self.now, hostname=hostname))
+            self._claimed_s = now_s
+        elif is_due:
+            self._claimed_s = now_s
         for tick in self.ticks:
             tick(self.now)
         return self.now != before
@@ -158,7 +177,7 @@ class Watch:
     def _run(self) -> None:
         while not self._ending.is_set():
             try:
-                self._surroundings.look()
+                self._surroundings.look(self._clock.now_s())
             except Exception:  # the robot drives on, whatever the network does
                 log.exception("the network cannot be looked at")
             self._looked.set()

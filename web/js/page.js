@@ -116,7 +116,7 @@ export class Page {
     declare(hello.declared_moves ?? []);
     this.devices = { drive_fault: hello.device, camera_fault: hello.camera_device };
     this.beginEra();
-    this.store.set({ link: 'open', isWatching: false, role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
+    this.store.set({ isWatching: false, role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
     this.followPreferences();
   }
 
@@ -135,13 +135,14 @@ export class Page {
     const moves = Object.keys(robot.taught);
     helm.follow(robot, moves);
     if (robot.emergency) this.endStop();
-    if (!this.isWorthShowing(robot)) return;
+    if (!this.isWorthShowing(robot) && store.state.link === 'open') return;
     const isSame = String(moves) === String(store.state.moves);
     const before = store.state.robot;
     const device = before?.fault && !robot.fault && this.devices[before.stop_reason ?? ''];
     if (device) this.toast(t('device_back', { device }));
     const hasGotIt = before && !before.you_are_pilot && before.pilot !== null && robot.you_are_pilot;
     store.set({
+      link: 'open', // not before: what is known from an earlier link may be over
       robot,
       pictureAgeMs: this.lastAgeMs,
       drawnAgeMs: this.drawnAgeMs,

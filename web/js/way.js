@@ -4,6 +4,8 @@
 /** Connections that are cut this soon, again and again, are cut by something on the way. */
 const CUT_MS = 20_000;
 const CUTS = 3;
+/** So are those that do not open. */
+const UNOPENED = 2;
 const PICTURE_MS = 500;
 
 /**
@@ -37,15 +39,15 @@ export class WayFinder {
     this.isAsking = false;
     this.isOpen = false;
     this.openedMs = -Infinity;
-    /** How many connections in a row were lost soon after they opened, while the robot answered requests. */
+    /** How the connection was lost last: soon after it opened, later, or before; null once it is counted.
+     * @type {'cut' | 'ended' | 'unopened' | null} */
+    this.loss = null;
+    /** How many connections in a row were cut, and did not open, while the robot answered requests. */
     this.cuts = 0;
-    /** Whether the connection that was lost last had opened, and soon before; null once it is counted.
-     * @type {boolean | null} */
-    this.wasShort = null;
-    this.hadOpened = false;
-    /** A request was answered since the link was lost; a websocket that fails after that is blocked. */
-    this.isAnswered = false;
+    this.unopened = 0;
     this.era = 0;
+    /** How many requests in a row got no answer: one may be late on a busy machine. */
+    this.silences = 0;
     /** @type {Way | null} */
     this.told = null;
   }
@@ -58,7 +60,6 @@ export class WayFinder {
 
   opened() {
     this.isOpen = true;
-    this.isAnswered = false;
     this.era += 1;
     this.openedMs = this.parts.nowMs();
     this.tell(null);
@@ -70,10 +71,21 @@ export class WayFinder {
   }
 
   async lost() {
-    this.hadOpened = this.isOpen;
-    if (this.isOpen) this.wasShort = this.parts.nowMs() - this.openedMs < CUT_MS;
+    const isShort = this.parts.nowMs() - this.openedMs < CUT_MS;
+    this.loss = this.isOpen ? (isShort ? 'cut' : 'ended') : 'unopened';
     this.isOpen = false;
     await this.look();
+  }
+
+  /** The robot answers requests: what of it is the network's doing shows only when it happens again. */
+  count() {
+    const { loss } = this;
+    this.loss = null;
+    if (loss) this.unopened = loss === 'unopened' ? this.unopened + 1 : 0;
+    if (loss === 'cut') this.cuts += 1;
+    if (loss === 'ended') this.cuts = 0;
+    if (this.unopened >= UNOPENED) return 'blocked';
+    return this.unopened === 0 && this.cuts >= CUTS ? 'cut' : 'checking';
   }
 
   async look() {
@@ -89,23 +101,17 @@ export class WayFinder {
   /** @returns {Promise<Way>} */
   async find() {
     if (!this.parts.isOnline()) return { kind: 'offline', robot: 'unknown' };
-    const wasAnswered = this.isAnswered;
     try {
       const answer = await this.parts.askState();
+      this.silences = 0;
       if (!isRobots(answer)) return { kind: 'foreign', robot: 'unknown' };
-      this.isAnswered = true;
-      const robot = doingOf(answer);
-      if (answer.is_full) return { kind: 'full', robot };
-      if (this.wasShort !== null) this.cuts = this.wasShort ? this.cuts + 1 : 0;
-      this.wasShort = null;
-      if (this.hadOpened && this.cuts >= CUTS) return { kind: 'cut', robot };
-      return { kind: wasAnswered ? 'blocked' : 'checking', robot };
+      return { kind: answer.is_full ? 'full' : this.count(), robot: doingOf(answer) };
     } catch (error) {
-      this.isAnswered = false;
-      this.cuts = 0; // the robot itself was away, or the whole way
-      this.wasShort = null;
+      this.cuts = this.unopened = 0; // the robot itself was away, or the whole way
+      this.loss = null;
       const { status, robot, message } = /** @type {{status?: number, robot?: string, message: string}} */ (error);
-      if (status === undefined) return { kind: 'silent', robot: 'unknown' };
+      this.silences = status === undefined ? this.silences + 1 : 0;
+      if (status === undefined) return { kind: this.silences > 1 ? 'silent' : 'checking', robot: 'unknown' };
       if (robot === 'starts') return { kind: 'starting', robot: 'unknown' };
       if (robot) return { kind: 'refused', robot: 'unknown', words: message };
       return { kind: status >= 502 && status <= 504 ? 'gateway' : 'foreign', robot: 'unknown' };

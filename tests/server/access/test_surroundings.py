@@ -21,11 +21,12 @@ from server.access.config import NetworkConfig
 from server.access.gateway import NetworkGateway
 from server.access.network import lan_addresses, names_in_network, page_addresses
 from server.access.pairing import Pairing
-from server.access.surroundings import LOOK_EVERY_S, Surroundings, Watch
+from server.access.surroundings import CLAIM_EVERY_S, LOOK_EVERY_S, Surroundings, Watch
 from server.access.unknown_name import explain_unknown_name
 from server.gateway.roles import Role
 from server.gateway.rules import AccessRules
 from server.hosting.serving import open_sockets
+from tests.kit.wait import wait_until
 
 LAN = NetworkConfig(host="::", lan=True, port=8000)
 
@@ -238,6 +239,49 @@ def test_of_two_robots_that_nobody_named_the_second_takes_another_name(
     finally:
         for each in (one, two, named):
             each.close()
+
+
+def test_of_two_robots_that_start_at_the_same_moment_the_second_gives_way() -> None:
+    zeroconf = pytest.importorskip("zeroconf")
+    if not hasattr(zeroconf, "AddressResolver"):
+        pytest.skip("this zeroconf cannot ask for a host's addresses")
+    config, places = NetworkConfig(lan=True, port=8135), ["127.0.0.7", "127.0.0.10"]
+    robots = [Announcement(config, "Ada") for _ in places]
+    try:
+        for robot, place in zip(robots, places, strict=True):
+            with mock.patch.object(robot, "_free_name", lambda _: "drivelesson"):
+                robot.announce([place])  # neither hears the other one
+        first, second = robots
+        wait_until(lambda: second.must_yield([places[1]]), "the second hears the first")
+        wait_until(lambda: not first.must_yield([places[0]]), "the first keeps the name")
+        assert second.announce([places[1]]) == "drivelesson-2"
+        assert not second.must_yield([places[1]])
+    finally:
+        for robot in robots:
+            robot.close()
+
+
+def test_the_computers_own_name_may_change_and_a_taken_name_is_given_up_while_it_serves() -> None:
+    network, taken = Network("10.0.0.1"), [False]
+    around = Surroundings(
+        LAN,
+        addresses=lambda _: ["10.0.0.1"],
+        ask_names=lambda *_: [f"{socket.gethostname()}.school.example"],
+        claim=network.claim,
+        is_taken=lambda _: taken[0],
+    )
+    with mock.patch("socket.gethostname", lambda: "old"):
+        around.look(0.0)
+        around.ask(0.0)
+    assert "old.local" in around and "old.school.example" in around
+    with mock.patch("socket.gethostname", lambda: "new"):
+        assert around.look(1.0)
+        around.ask(1.0)
+        assert "new.local" in around and "new.school.example" in around
+        assert "old.local" not in around and len(network.claimed) == 1
+        taken[0], network.hostname = True, "drivelesson-2"
+        assert not around.look(2.0), "it is asked every ten seconds"
+        assert around.look(1.0 + CLAIM_EVERY_S) and "drivelesson-2.local" in around
 
 
 def test_addresses_of_six_are_announced_and_served(caplog: pytest.LogCaptureFixture) -> None:
