@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -10,6 +11,7 @@ from typing import Any
 from fastapi import APIRouter, HTTPException, Request, Response
 
 from robot.devices.raw_value import text
+from robot.errors import RobotError
 from robot.store.models.model import decode_model
 from robot.store.models.store import StoredModel
 from server.routes.answers import PNG, Route, answer, attachment, media, png
@@ -100,13 +102,18 @@ def load_model(request: Request, name: str) -> dict[str, str | bool]:
 
 @router.patch("/{name}")
 def change_model(request: Request, name: str, body: ModelChange) -> dict[str, str]:
-    """Rename a model, or set the place where it was taught."""
+    """Rename a model, or set the place where it was taught; both, or none."""
     autosave = persistence_of(request).autosave
+    renamed = name if body.name is None or body.name == name else autosave.rename(name, body.name)
     if body.place is not None:
-        autosave.set_place(name, body.place)
-    if body.name not in (None, name):
-        name = autosave.rename(name, body.name)
-    return {"name": name}
+        try:
+            autosave.set_place(renamed, body.place)
+        except (OSError, RobotError):
+            if renamed != name:
+                with contextlib.suppress(OSError, RobotError):
+                    autosave.rename(renamed, name)
+            raise
+    return {"name": renamed}
 
 
 @router.post("/{name}/copy", status_code=201)

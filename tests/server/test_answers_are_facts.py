@@ -3,16 +3,13 @@
 Each write route runs on a robot in virtual time whose disk refuses one call, or all from one on.
 The folder is copied when the answer has come, as a kill leaves it, and read by another start. It
 must hold what it holds where the disk is sound, unless the answer is a refusal or has `kept` false.
+So does each command that ends with 0; one that fails has done all of it or nothing.
 """
 
 from __future__ import annotations
 
-import errno
-import io
-import os
 import random
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,17 +20,20 @@ from robot.coaching.gallery import images
 from robot.store.folder import Storage
 from robot.types import Example, Mode
 from server.access.pairing import Pairing, cookie_name
+from server.cli.main import main as run_command
 from server.gateway.roles import Role
 from server.identity import IdentityFile
 from server.recordings.part import Recordings
+from tests.client.disk import Disk
 from tests.kit.sizes import few, size
 from tests.robot.recordings.drives import record_drive
 
 from .test_damaged_folder import running
 from .virtual_server import VirtualServer
 
-CASES = size("DISK_CASES", 2, 12)
-"""How many failures of the disk each write meets."""
+MANY = 10**6
+CASES = size("DISK_CASES", 2, MANY)
+"""How many failures of the disk each write meets; CI: each call in turn, once and from it on."""
 EPISODE = "/api/episodes/{episode}"
 WRITES: dict[str, tuple[str, str, Any]] = {
     "pin": ("POST", "/api/gallery/{node}", {"verb": "pin", "value": True}),
@@ -61,63 +61,6 @@ WRITES: dict[str, tuple[str, str, Any]] = {
     "unpair": ("POST", "/api/unpair", None),
     "pair": ("POST", "/api/pair", {"token": "{token}"}),
 }
-
-
-class DiskThatFails:
-    """Counts what changes a folder, and refuses the call of one number, or all from it on."""
-
-    def __init__(self, root: Path, first: int, *, for_ever: bool) -> None:
-        self.root, self.first, self.for_ever = os.fspath(root), first, for_ever
-        self.calls = 0
-        self.is_armed = False
-
-    def _count(self, path: Any) -> None:
-        if not self.is_armed or not os.fspath(path).startswith(self.root):
-            return
-        self.calls += 1
-        if self.calls == self.first or (self.for_ever and self.calls > self.first):
-            raise OSError(errno.EIO, os.strerror(errno.EIO), os.fspath(path))
-
-    def install(self, patch: pytest.MonkeyPatch) -> None:
-        def counted(module: Any, name: str, writes: Callable[..., bool] = lambda *_: True) -> None:
-            real = getattr(module, name)
-
-            def call(path: Any, *args: Any, **named: Any) -> Any:
-                if not isinstance(path, int) and writes(*args, *named.values()):
-                    self._count(path)
-                return real(path, *args, **named)
-
-            patch.setattr(module, name, call)
-
-        for name in ("mkdir", "rename", "replace", "unlink", "rmdir"):
-            counted(os, name)
-        writing = os.O_WRONLY | os.O_RDWR | os.O_CREAT
-        counted(os, "open", lambda flags=0, *_: bool(flags & writing))
-        counted(io, "open", lambda mode="r", *_: bool(set(str(mode)) & set("wax+")))
-        real_sync = os.fsync
-
-        def sync(handle: Any) -> None:
-            self._count(self.root)
-            real_sync(handle)
-
-        patch.setattr(os, "fsync", sync)
-
-    def take(self, files: list[Any]) -> list[Any]:
-        """Put this disk beneath files that are open already."""
-        disk = self
-
-        class File:
-            def __init__(self, file: Any) -> None:
-                self._file = file
-
-            def write(self, data: bytes) -> int:
-                disk._count(disk.root)
-                return int(self._file.write(data))
-
-            def __getattr__(self, name: str) -> Any:
-                return getattr(self._file, name)
-
-        return [File(file) for file in files]
 
 
 def teach_unlike(server: VirtualServer) -> None:
@@ -210,10 +153,10 @@ def ask(
             else "",
             "token": pairing.tokens[Role.PILOT],
         }
-        disk = DiskThatFails(root, first, for_ever=for_ever)
-        disk.install(patch)
+        disk = Disk(root)
+        disk.install(patch.setattr)
         if (writer := kept.journal._writer) is not None:
-            writer._files = disk.take(writer._files)
+            writer._files = disk.lay_beneath(writer._files)
         options: dict[str, Any] = {}
         if isinstance(body, bytes):
             options["content"] = kept.models.read_file("other")
@@ -223,7 +166,7 @@ def ask(
                 for key, value in body.items()
             }
         cookie = {"cookie": f"{cookie_name(server.services.gateway.config)}={secret.secret}"}
-        disk.is_armed = True
+        disk.fail(first - 1 if first else MANY, lasts=for_ever)
         answer = httpx.request(
             method,
             server.address + path.format(**known),
@@ -232,9 +175,16 @@ def ask(
             verify=False,
             **options,
         )
-        disk.is_armed = False
+        disk.heal()
         shutil.copytree(root, scratch / "killed")
     return answer, holds(scratch / "killed"), disk.calls
+
+
+def failures(calls: int) -> list[tuple[int, bool]]:
+    """Return which call fails, and whether all later ones do: the first, and others by chance."""
+    assert calls, "it writes something"
+    cases = [(first, always) for first in range(1, calls + 1) for always in (True, False)]
+    return [cases[0], *random.Random(1).sample(cases[1:], min(CASES, len(cases)) - 1)]
 
 
 @pytest.mark.parametrize("write", ["pin", "undo", *few(list(WRITES)[3:], 4)])
@@ -246,13 +196,69 @@ def test_nothing_answered_as_kept_is_gone(folder: Path, tmp_path: Path, write: s
 
     answer, wanted, calls = make(0, for_ever=False)
     assert answer.is_success and answer.json().get("kept", True), answer.text
-    assert calls, "it writes something"
-    cases = [(first, always) for first in range(1, calls + 1) for always in (True, False)]
-    for first, always in [
-        cases[0],
-        *random.Random(1).sample(cases[1:], min(CASES, len(cases)) - 1),
-    ]:
+    for first, always in failures(calls):
         answer, held, _ = make(first, for_ever=always)
         assert answer.status_code in (200, 201, 404, 409, 422, 507), answer.text
         if answer.is_success and answer.json().get("kept", True):
             assert held == wanted, f"call {first} failed, all later ones: {always}"
+
+
+COMMANDS = {
+    "title": ["title", "last", "a title"],
+    "protect": ["protect", "last"],
+    "trim": ["trim", "last", "--from", "0.1", "--to", "0.5"],
+    "relabel": ["relabel", "last", "left", "--from", "0.1", "--to", "0.5"],
+    "delete a range": ["delete", "last", "--from", "0.1", "--to", "0.3"],
+    "undo": ["undo", "last"],
+    "compact": ["compact", "last"],
+    "delete": ["delete", "last"],
+    "restore": ["restore"],
+    "empty the trash": ["empty-trash"],
+    "import": ["import", "{source}"],
+    "learn": ["learn", "last"],
+}
+BEFORE = {
+    "undo": ["trim", "last", "--from", "0.1", "--to", "0.5"],
+    "compact": ["trim", "last", "--from", "0.1", "--to", "0.5"],
+    "restore": ["delete", "last"],
+}
+"""What is done before, on a disk that is sound."""
+
+
+@pytest.mark.parametrize("command", few(COMMANDS, 2))
+def test_a_command_that_says_it_is_done_has_done_it(
+    folder: Path, tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "tub"
+
+    def run(words: list[str], root: Path) -> tuple[int, str]:
+        given = [word.format(source=source) for word in words]
+        verb = given if given[0] == "learn" else ["episodes", *given]
+        status = run_command([*verb, "--data", str(root)])
+        return status, capsys.readouterr().err
+
+    def make(first: int, *, for_ever: bool) -> tuple[int, str, dict[str, Any], int]:
+        root = tmp_path / f"{first} {for_ever}"
+        shutil.copytree(folder, root)
+        if command in BEFORE:
+            assert run(BEFORE[command], root)[0] == 0
+        disk = Disk(root)
+        with pytest.MonkeyPatch.context() as patch:
+            disk.install(patch.setattr)
+            disk.fail(first - 1 if first else MANY, lasts=for_ever)
+            status, said = run(COMMANDS[command], root)
+        return status, said, holds(root), disk.calls
+
+    if command == "import":
+        assert run(["export", "last", "--as", "tub", str(source)], folder)[0] == 0
+    before = holds(folder) if command not in BEFORE else None
+    status, said, wanted, calls = make(0, for_ever=False)
+    assert status == 0, said
+    for first, always in failures(calls):
+        status, said, held, _ = make(first, for_ever=always)
+        assert "Traceback" not in said
+        if status == 0:
+            assert held == wanted, f"call {first} failed, all later ones: {always}"
+        else:
+            assert said.strip(), "it says why not"
+            assert before is None or held in (before, wanted), f"half done at call {first}"

@@ -125,6 +125,10 @@ def test_rename_copy_delete_and_undo(bench: Bench) -> None:
     assert sorted(bench.names()) == ["Küche", "Küche (2)"]
     bench.teach(1)
     assert bench.client.post("/api/models/save").json() == {"name": "Küche"}
+    change = {"name": "Küche (2)", "place": "elsewhere"}
+    assert bench.client.patch("/api/models/Küche", json=change).status_code == 409
+    models = bench.client.get("/api/models").json()["models"]
+    assert {one["place"] for one in models} == {"home"}, "a refusal changes nothing"
 
 
 def test_download_and_upload(bench: Bench) -> None:

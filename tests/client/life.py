@@ -1,0 +1,530 @@
+"""One life of a served robot: it starts on a folder, random things happen, and it is killed.
+
+Everything runs in virtual time in one process, which is killed for real (SIGKILL) where its parent
+or its disk decides. What was answered is told to the parent before the next step begins.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import logging
+import random
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from robot.control.state import Tick
+from robot.devices.rig import Rig
+from robot.policy.registry import make_policy
+from robot.store.prepare import prepare
+from robot.testing import FakeCamera, FakeDriver, LinkConditions, VirtualClock
+from robot.types import Action
+from server.access.config import NetworkConfig, NetworkLimits
+from server.access.pairing import Pairing, cookie_name
+from server.gateway.roles import Role
+from server.identity import IdentityFile
+from tests.client.bodies import Pool, Requests, Route
+from tests.client.disk import Disk
+from tests.client.facts import GROUPS, Facts, lost, read
+from tests.server.live_robot import WEB
+from tests.server.test_fuzz import drive_message
+from tests.server.virtual_pilot import VirtualPilot
+from tests.server.virtual_server import VirtualServer
+
+WATCHED_S = 0.5
+"""How long after its pilot's last message a wheel may turn, in seconds."""
+_MANY = 10**9
+LATE_S = 2.0
+"""The longest that a message is on a disturbed link, in seconds."""
+_LATER = 40
+"""How many steps a life waits for the call of the disk that ends it."""
+LIMITS = NetworkLimits(
+    messages_per_second=_MANY,
+    messages_burst=_MANY,
+    requests_per_second=_MANY,
+    requests_burst=_MANY,
+    refused_before_closing=_MANY,
+    pairing_failures=_MANY,
+)
+TOUCHED = (
+    ("/api/models", ("models", "learner")),
+    ("/api/teaching", ("learner",)),
+    ("/api/gallery", ("learner",)),
+    ("/api/retraining", ("models", "learner")),
+    ("/api/settings", ("models", "learner", "identity")),
+    ("/api/episodes", ("episodes",)),
+    ("/api/trash", ("episodes", "models")),
+    ("/api/session", ("models", "learner", "episodes")),
+    ("/api/studies", ("models", "learner", "episodes")),
+    ("/api/pair", ("sessions",)),
+)
+"""What a request to change something may change, by the beginning of its path."""
+SPOKEN_OF = {"drive_fault": "driver", "camera_fault": "camera", "loop_fault": "sleep"}
+"""Reasons that are false unless this happened."""
+PEOPLE = ("owner", "pupil", "viewer")
+Tell = Callable[[dict[str, Any]], None]
+
+
+class Page:
+    """A browser; its life is told when it says something."""
+
+    def __init__(self, life: Life, person: str) -> None:
+        self._life = life
+        self.pilot = VirtualPilot(life.server, headers=life.cookies[person])
+        real = self.pilot.page.send
+
+        def send(**message: Any) -> None:
+            self.note_said()
+            real(**message)
+
+        self.pilot.page.send = send  # type: ignore[method-assign]
+        self.note_said()
+
+    def note_said(self) -> None:
+        client = str(self.pilot.page.hello["client"])
+        self._life.said_s[client] = self._life.server.clock.now_s()
+
+
+class Errors(logging.Handler):
+    """Collects what the server logs as an error."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.ERROR)
+        self.found: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.found.append(self.format(record))
+
+
+def make_rig() -> Rig:
+    """Return a robot in virtual time whose camera gives few pictures, which costs less."""
+    clock = VirtualClock(100.0)
+    camera = FakeCamera(clock, rate_hz=12.0)
+    return Rig(FakeDriver(clock=clock), camera, make_policy("published-8"), clock)
+
+
+def describe(folder: Path) -> dict[str, Any]:
+    """Return the routes' description; it also loads what every life needs before they begin."""
+    with VirtualServer(data=folder, rig=make_rig()) as server:
+        server.forward(0.1)
+        return server.app.openapi()
+
+
+class Life:
+    """Runs steps until it is killed, or has done all of them.
+
+    Args:
+        root: The data folder, as the last life left it.
+        secrets: Of the paired browsers, by name.
+        wanted: What was answered: groups that are missing are not known.
+        tell: Tells the parent.
+        spec: The description of the routes.
+    """
+
+    def __init__(
+        self,
+        root: Path,
+        seed: int,
+        secrets: dict[str, str],
+        wanted: Facts,
+        tell: Tell,
+        spec: dict[str, Any],
+    ) -> None:
+        self.spec = spec
+        self.root, self.dice, self.secrets = root, random.Random(seed), secrets
+        self.wanted, self.tell = wanted, tell
+        self.disk = Disk(root)
+        self.caused: Counter[str] = Counter()
+        self.pages: list[Page] = []
+        self.said_s: dict[str, float] = {}
+        """When each client last said something."""
+        self._driver_id = ""
+        self._bad_s = 0.0
+        self._was_latched = False
+        self.step = self.kind = "start"
+        self.errors = Errors()
+        self._steps: list[tuple[Callable[[], None], int]] = [
+            (self.ask, 25),
+            (self.drive, 30),
+            (self.set_off, 10),
+            (self.talk, 12),
+            (self.come_or_go, 8),
+            (self.pass_time, 20),
+            (self.stop, 4),
+            (self.release, 4),
+            (self.pair, 2),
+            (self.disturb_link, 3),
+            (self.disturb_body, 3),
+            (self.disturb_disk, 3),
+            (self.sleep, 1),
+            (self.move_house, 2),
+        ]
+
+    def run(self, steps: int, *, dies: bool) -> None:
+        """Start, compare with what was answered, and do the steps.
+
+        If it `dies`, a call of the disk after them is the last thing that this process does.
+        """
+        self.disk.install()
+        logging.getLogger().addHandler(self.errors)
+        logging.getLogger().setLevel(logging.WARNING)
+        self.tell({"begin": list(GROUPS), "step": "start", "keeps": True})
+        prepare(self.root)
+        pairing = Pairing(_MANY, file=self.root / "paired.json")
+        config = NetworkConfig(
+            port=0, web=WEB, lan=True, data=self.root, limits=LIMITS, host="127.0.0.1"
+        )
+        rig = make_rig()
+        with VirtualServer(
+            config, pairing=pairing, data=self.root, rig=rig, name="bench"
+        ) as server:
+            self.server, self.pairing = server, pairing
+            identity = server.services.identity
+            identity._path = self.root / "robot.json"
+            if (saved := IdentityFile(self.root).now) is not None:
+                identity.now = saved
+            server.persistence.autosave.load_last()
+            server.forward(0.5)
+            name = cookie_name(server.services.gateway.config)  # type: ignore[arg-type]
+            self.cookies = {
+                person: {"cookie": f"{name}={secret}"} for person, secret in self.secrets.items()
+            } | {"stranger": {}}
+            self._cookie = name
+            if (writer := server.persistence.journal._writer) is not None:
+                writer._files = self.disk.lay_beneath(writer._files)
+            found = read(server, self.secrets, GROUPS)
+            for sentence in lost(self.wanted, found):
+                self.violate(sentence)
+            self.wanted = found
+            self.tell({"facts": found})
+            self.pool = Pool()
+            self.requests = Requests(self.spec, self.dice, self.pool)
+            self.pool.model = self._export()
+            server.rig.loop.subscribe(self.watch)
+            calls, weights = zip(*self._steps, strict=True)
+            for number in range(steps + _LATER * dies):
+                if dies and number == steps:
+                    self.disk.kill(self.dice.randrange(12))
+                [call] = self.dice.choices(calls, weights)
+                self.step = self.kind = call.__name__
+                call()
+                self.check()
+                self.tell({"done": number, "kind": self.kind, "moves": self._moves()})
+            self.disk.heal()
+            for page in self.pages:
+                page.pilot.vanish()
+
+    def violate(self, sentence: str) -> None:
+        self.tell({"violation": f"{self.step}: {sentence}"})
+
+    # What must hold ----------------------------------------------------------------------------
+
+    def watch(self, tick: Tick) -> None:
+        """After each tick, on the loop's thread."""
+        drivers = {one.pilot for one in tick.commands}
+        if len(drivers) > 1:
+            self.violate(f"two drivers in one tick: {sorted(drivers)}")
+        if drivers:
+            self._driver_id = drivers.pop()
+        self._was_latched |= tick.emergency
+        now_s = self.server.clock.now_s()
+        if tick.sent is not Action.STOP:
+            if tick.emergency:
+                self.violate("an order to move after a STOP")
+            drivers = {self._driver_id, self.server.hub.lease.owner or ""}
+            said_s = max(self.said_s.get(one, -1.0) for one in drivers)
+            if now_s - said_s > WATCHED_S:
+                self.violate(f"an order to move {now_s - said_s:.2f} s after the pilot")
+        reason = tick.decision.stop_reason
+        cause = SPOKEN_OF.get(reason.value) if reason is not None else None
+        if reason is not None and cause is not None and not self.caused[cause]:
+            self.violate(f"{reason.value} is said, but nothing of the kind happened")
+
+    def check(self) -> None:
+        """After each step."""
+        state, driver = self.server.rig.loop.state, self.server.driver
+        if driver.now is not Action.STOP:
+            if state.emergency:
+                self.violate("the wheels turn after a STOP")
+            said_s = max(self.said_s.values(), default=-1.0)
+            if self.server.clock.now_s() - said_s > WATCHED_S:
+                self.violate("the wheels turn without a pilot")
+        if state.fault is not None and not self.caused:
+            self.violate(f"a fault is said without cause: {state.fault}")
+        found, self.errors.found = self.errors.found, []
+        for line in found:
+            self.violate(f"logged: {line}")
+
+    # Steps ---------------------------------------------------------------------------------------
+
+    def ask(self) -> None:
+        """Any request by anybody."""
+        route = self.dice.choice(self.requests.routes)
+        if route.path in ("/api/unpair", "/api/stop") or "zip" in route.path:
+            return
+        person = self.dice.choice(["owner", "owner", "owner", "pupil", "viewer", "stranger"])
+        self._know()
+        self.request(route, self.cookies[person])
+
+    def request(self, route: Route, headers: dict[str, str]) -> httpx.Response:
+        """Make one request, and judge its answer."""
+        path, body = self.requests.target(route), self.requests.body(route)
+        self.step = f"{route.method} {path} {body if not isinstance(body, bytes) else '(file)'}"
+        changes = route.method != "GET"
+        touched = next((groups for start, groups in TOUCHED if path.startswith(start)), ())
+        touched = touched if changes else ()
+        self.tell({"begin": list(touched), "step": self.step})
+        answer = self._send(route.method, path, body, headers)
+        self.kind = f"{route.method} {answer.status_code}"
+        if answer.status_code >= 500:
+            is_explained = answer.status_code == 507 and self.disk.is_failing
+            if not (is_explained or answer.status_code == 503):
+                self.violate(f"answered {answer.status_code}: {answer.text[:300]}")
+        told = _json(answer)
+        self._learn(told)
+        if answer.status_code >= 400 and answer.status_code != 404 and not told:
+            self.violate(f"answered {answer.status_code} without a sentence")
+        if touched:
+            self._judge(touched, answer, told)
+        return answer
+
+    def _judge(self, touched: tuple[str, ...], answer: httpx.Response, told: Any) -> None:
+        is_kept = not isinstance(told, dict) or told.get("kept") is not False
+        known = answer.is_success and is_kept
+        if not known and (self.disk.is_failing or answer.is_success):
+            for group in touched:  # some of it may have been done
+                self.wanted.pop(group, None)
+            self.tell({"unknown": list(touched)})
+            return
+        found = read(self.server, self.secrets, touched)
+        if not answer.is_success:
+            before = {group: self.wanted[group] for group in touched if group in self.wanted}
+            for sentence in lost(before, found):
+                self.violate(f"a refusal ({answer.status_code}) changed {sentence}")
+        self.wanted.update(found)
+        self.tell({"facts": found})
+
+    def set_off(self) -> None:
+        """All is well again, and a page gets the robot moving, if it may."""
+        if self._is_link_bad():
+            self._bad_s = self.server.clock.now_s()
+        self.server.link.conditions = LinkConditions()
+        self.server.driver.failure, self.server.camera.is_frozen = None, False
+        page = self._page()
+        if page is None:
+            self.come_or_go()
+            return
+        self.server.rig.loop.release_emergency()
+        page.pilot.is_silent = False
+        page.pilot.send(type="take")
+        self.server.forward(0.1)
+        page.pilot.mode(self.dice.choice(["train", "train", "autonomous"]))
+        page.pilot.hold(self.dice.choice(["forward", "left", None]))
+        self.server.forward(self.dice.choice([0.05, 0.3]))
+
+    def drive(self) -> None:
+        """Have a page hold, let go, or choose a mode."""
+        page = self._page()
+        if page is None:
+            return
+        what = self.dice.randrange(6)
+        if what == 0:
+            page.pilot.mode(self.dice.choice(["train", "train", "autonomous", "stopped"]))
+        elif what == 1:
+            page.pilot.hold(None)
+        elif what == 2:
+            page.pilot.is_silent = not page.pilot.is_silent
+        else:
+            page.pilot.hold(self.dice.choice(["forward", "left", "right"]))
+        self.server.forward(self.dice.choice([0.0, 0.02, 0.1]))
+
+    def talk(self) -> None:
+        """Send any message: a right one, or nonsense."""
+        page = self._page()
+        if page is None:
+            return
+        kind = self.dice.randrange(3)
+        if kind == 0:
+            message = drive_message(self.dice)
+
+            async def send() -> None:
+                page.note_said()
+                page.pilot.page.socket.send(message)
+
+            self.server.run(send())
+        else:
+            page.pilot.send(type=self.dice.choice(["take", "yield", "ping", "idle", "watch"]))
+        self.server.forward(0.0)
+
+    def come_or_go(self) -> None:
+        """A tab is opened, closed, or dies."""
+        open_pages = [page for page in self.pages if not page.pilot.page.socket.is_closed]
+        if len(open_pages) < 4 and self.dice.random() < 0.6 and not self._is_link_bad():
+            self.pages.append(Page(self, self.dice.choice(PEOPLE)))
+        elif open_pages:
+            page = self.dice.choice(open_pages)
+            (page.pilot.close if self.dice.random() < 0.5 else page.pilot.vanish)()
+        self.pages = [one for one in self.pages if not one.pilot.page.has_ended][-6:]
+
+    def pass_time(self) -> None:
+        self.server.forward(self.dice.choice([0.03, 0.03, 0.1, 0.3, 1.0]))
+
+    def stop(self) -> None:
+        """Anybody's STOP is obeyed: within 100 ms, or when what is late has come."""
+        is_late = self._was_latched = False
+        if self.dice.random() < 0.5:
+            person = self.dice.choice(PEOPLE)
+            answer = self._send("POST", "/api/stop", None, self.cookies[person])
+            if not answer.is_success:
+                self.violate(f"a STOP was answered {answer.status_code}")
+        else:
+            page = self._page()
+            if page is None or self._is_link_bad():
+                return
+            page.pilot.send(type="stop")
+            is_late = self.server.clock.now_s() - self._bad_s < LATE_S
+        self.server.forward(LATE_S if is_late else 0.1)
+        if not self._was_latched:  # a release that was late may have come since
+            self.violate("a STOP was not obeyed")
+
+    def release(self) -> None:
+        page = self._page()
+        if page is not None:
+            page.pilot.send(type="release")
+            self.server.forward(0.05)
+
+    def pair(self) -> None:
+        """Pair another browser, or unpair it."""
+        more = [name for name in self.secrets if name.startswith("more")]
+        self.tell({"begin": ["sessions"], "step": "pair"})
+        if len(more) > 3:
+            name = self.dice.choice(more)
+            answer = self._send("POST", "/api/unpair", None, self.cookies[name])
+        else:
+            token = {"token": self.pairing.tokens[self.dice.choice([Role.PILOT, Role.VIEWER])]}
+            name = f"more {self.dice.randrange(10**6)}"
+            answer = self._send("POST", "/api/pair", token, {})
+            cookie = answer.headers.get("set-cookie", "").split(";")[0]
+            if answer.is_success:
+                self.secrets[name] = cookie.partition("=")[2]
+                self.cookies[name] = {"cookie": cookie}
+                self.tell({"secret": [name, self.secrets[name]]})
+        self._judge(("sessions",), answer, _json(answer))
+        if len(more) > 3 and "sessions" in self.wanted:
+            del self.secrets[name], self.wanted["sessions"][name]
+            self.tell({"secret": [name, ""], "facts": {"sessions": self.wanted["sessions"]}})
+
+    def disturb_link(self) -> None:
+        link, dice = self.server.link, self.dice
+        self._bad_s = self.server.clock.now_s()
+        self.caused["link"] += 1
+        link.conditions = dice.choice(
+            [
+                LinkConditions(),
+                LinkConditions(),
+                LinkConditions(delay_s=dice.uniform(0.0, 0.6)),
+                LinkConditions(delay_s=0.05, jitter_s=0.4),
+                LinkConditions(is_silent=True),
+                LinkConditions(stall_share=0.2, stall_s=0.5),
+            ]
+        )
+
+    def disturb_body(self) -> None:
+        server, what = self.server, self.dice.randrange(5)
+        server.driver.failure, server.camera.is_frozen = None, False
+        if what == 0:
+            self.caused["driver"] += 1
+            server.driver.failure = "The left motor does not answer."
+        elif what == 1:
+            self.caused["camera"] += 1
+            server.camera.is_frozen = True
+        elif what == 2:
+            self.caused["camera"] += 1
+            server.camera.break_down("The camera was unplugged.")
+
+    def disturb_disk(self) -> None:
+        self.disk.heal()
+        if self.dice.random() < 0.6:
+            self.caused["disk"] += 1
+            why = self.dice.choice([errno.EIO, errno.ENOSPC, errno.EROFS])
+            self.disk.fail(self.dice.randrange(8), lasts=self.dice.random() < 0.5, why=why)
+        else:
+            self.server.forward(1.5)
+
+    def sleep(self) -> None:
+        """The computer sleeps; nothing may move when it wakes."""
+        self.caused["sleep"] += 1
+        self.server.clock.advance(self.dice.choice([0.4, 5.0, 3600.0]))
+        before = self.server.driver.moved_s
+        self.server.forward(0.0)
+        if self.server.driver.moved_s != before and self.server.driver.now is not Action.STOP:
+            self.violate("it moves when its computer wakes")
+
+    def move_house(self) -> None:
+        """The address changes; the robot answers at the new one."""
+        place = self.server.services.gateway.surroundings  # type: ignore[attr-defined]
+        address = f"10.0.0.{self.dice.randrange(1, 250)}"
+        place._look = lambda config: (address,)
+        place.look()
+        host = {"host": f"{address}:{self.server.port}"}
+        answer = self._send("GET", "/api/state", None, self.cookies["owner"] | host)
+        if answer.status_code != 200:
+            self.violate(f"at the new address {address} it answers {answer.status_code}")
+
+    def _moves(self) -> bool:
+        return self.server.driver.now is not Action.STOP
+
+    # Help ----------------------------------------------------------------------------------------
+
+    def _page(self) -> Page | None:
+        pages = [page for page in self.pages if not page.pilot.page.socket.is_closed]
+        return self.dice.choice(pages) if pages else None
+
+    def _is_link_bad(self) -> bool:
+        return self.server.link.conditions != LinkConditions()
+
+    def _send(self, method: str, path: str, body: Any, headers: dict[str, str]) -> httpx.Response:
+        content: dict[str, Any] = {}
+        if isinstance(body, bytes):
+            content["content"] = body
+        elif body is not None:
+            content["json"] = body
+        address = f"http://127.0.0.1:{self.server.port}{path}"
+        answer = self.server.request(httpx.Request(method, address, headers=headers, **content))
+        if "multipart" not in answer.headers.get("content-type", ""):
+            answer.read()
+        return answer
+
+    def _know(self) -> None:
+        """Look at what there is, to name it in requests."""
+        if self.dice.random() < 0.1:
+            self.pool.names = [
+                *(one.name for one in self.server.persistence.models.saved()),
+                "new one",
+            ]
+            headers = self.cookies["owner"]
+            found = _json(self._send("GET", "/api/episodes", None, headers)) or {}
+            self.pool.episodes = [one["id"] for one in found.get("episodes", [])]
+            gallery = _json(self._send("GET", "/api/gallery", None, headers)) or {}
+            self.pool.nodes = [one["node"] for one in gallery.get("images", [])]
+
+    def _learn(self, told: Any) -> None:
+        if isinstance(told, dict) and isinstance(key := told.get("undo"), str):
+            self.pool.keys = [*self.pool.keys[-5:], key]
+
+    def _export(self) -> bytes:
+        with contextlib.suppress(Exception):
+            names = [one.name for one in self.server.persistence.models.saved()]
+            return self.server.persistence.models.read_file(names[0])
+        return b""
+
+
+def _json(answer: httpx.Response) -> Any:
+    with contextlib.suppress(ValueError, UnicodeDecodeError):
+        return json.loads(answer.text)
+    return None
