@@ -16,7 +16,6 @@ import unicodedata
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from itertools import chain, count
 from pathlib import Path
 from threading import get_native_id
 from typing import BinaryIO
@@ -144,14 +143,6 @@ def free_name(wanted: str, taken: set[str]) -> str:
         candidate = wanted[: _LONGEST_NAME - len(ending)].rstrip() + ending
         number += 1
     return candidate
-
-
-def free_path(folder: Path, stem: str, ending: str) -> Path:
-    """Return the first of `stem`, `stem-2` and so on that is not taken in a folder."""
-    names = chain([stem], (f"{stem}-{again}" for again in count(2)))
-    return next(
-        path for path in (folder / f"{name}{ending}" for name in names) if not path.exists()
-    )
 
 
 def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
-from server.clients.rate_limit import RateLimits
+from server.access.rate_limits import RateLimits
 from server.config import Limits, as_address
 from server.gateway.roles import Role, Session
 

@@ -25,7 +25,7 @@ from robot.store.folder import FolderKind
 from robot.store.presence import require_present
 from robot.store.records import read_regular
 from server.access.config import NetworkConfig
-from server.clients.rate_limit import RateLimits
+from server.access.rate_limits import RateLimits
 from server.gateway.roles import Refusal, Role, Session, browser_roles
 
 log = logging.getLogger(__name__)

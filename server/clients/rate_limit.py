@@ -1,11 +1,6 @@
-"""Rate limits for clients and addresses. Pure: the time is an argument."""
+"""Rate limits for clients. Pure: the time is an argument."""
 
 from __future__ import annotations
-
-from functools import lru_cache
-
-_NAMES = 1024
-"""Number of names whose rate is remembered."""
 
 
 class RateLimit:
@@ -27,14 +22,3 @@ class RateLimit:
             return False
         self._tokens -= 1.0
         return True
-
-
-class RateLimits:
-    """A token bucket for each of many names; the least recently used one is forgotten."""
-
-    def __init__(self) -> None:
-        self._of = lru_cache(_NAMES)(lambda _, rate, burst: RateLimit(per_second=rate, burst=burst))
-
-    def allows(self, name: str, now_s: float, *, per_second: float, burst: float) -> bool:
-        """Take one of this name's tokens; False if there is none."""
-        return self._of(name, per_second, burst).allows(now_s)

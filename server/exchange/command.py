@@ -24,10 +24,11 @@ from robot.exchange.sources import Source, find_drives, unpacked
 from robot.exchange.timeline import make_timeline
 from robot.exchange.tub import write_tub
 from robot.recordings.editing import EpisodeFrame, moments
+from robot.recordings.free_path import free_path
 from robot.recordings.reading import reading
 from robot.recordings.store import EpisodeStore
 from robot.recordings.teaching import EditedEpisode
-from robot.store.folder import Storage, check_name, free_path
+from robot.store.folder import Storage, check_name
 from server.cli.parser import progress, whole
 from server.recordings.selection import EPISODE_HELP, EpisodeVerb, find_paths, open_all
 

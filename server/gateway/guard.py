@@ -27,7 +27,7 @@ log = logging.getLogger(__name__)
 
 _PARTS = ("/js/", "/css/", "/icons/")
 _ROLE, _PERSON = "drivelesson.role", "drivelesson.person"
-_UPLOADS = re.compile(r"/api/models/[^/]+/file")
+_UPLOADS = re.compile(r"/api/[a-z]+/[^/]+/file")
 """Paths whose bodies may be as large as a model."""
 _TOO_LARGE = Refusal(413, "size", "That is too large.")
 _TOO_MANY_S = 0.5

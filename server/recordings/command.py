@@ -17,6 +17,7 @@ from robot.recordings.editing import EpisodeFrame, edit_of, labels, sample
 from robot.recordings.edits import Notes
 from robot.recordings.episode import Episode
 from robot.recordings.folder import NAME
+from robot.recordings.free_path import free_path
 from robot.recordings.reading import reading
 from robot.recordings.store import EpisodeStore
 from robot.recordings.summary import EpisodeSummary
@@ -24,7 +25,6 @@ from robot.store.folder import (
     TRASH_DAYS,
     Storage,
     default_root,
-    free_path,
     size_of,
     whole_file,
 )

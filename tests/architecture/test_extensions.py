@@ -151,7 +151,7 @@ def booted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]
 @pytest.mark.parametrize("extension", EXTENSIONS)
 def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]]) -> None:
     boot = booted[extension]
-    assert "/api/stop" in boot["paths"] and "/api/models" in boot["paths"]
+    assert "/api/stop" in boot["paths"] and "/api/settings" in boot["paths"]
     assert not uses(set(boot["modules"]), packages_of(gone_with(extension)))
     homes = {"board": "board", "study": "study", "evaluate": "lab", "episodes": "recordings"}
     for command, home in {**homes, "brick": "bodies", "export": "exchange"}.items():
@@ -161,7 +161,8 @@ def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]
         "/api/gallery": "coaching",
         "/api/challenge": "challenge",
         "/api/world": "simulator",
-        "/metrics": "monitoring",
+        "/metrics": "integrations",
+        "/api/models": "library",
         "/api/pair": "access",
     }
     for path, home in {**paths, "/api/episodes": "recordings", "/api/session": "study"}.items():
@@ -185,7 +186,8 @@ WORDS = {
     "exchange": r"donkeycar|lerobot",
     "fastpath": r"fast ?path",
     "lab": r"ablation|benchmark",
-    "monitoring": r"prometheus|/metrics|render_metrics",
+    "library": r"/api/models|LibraryExtension",
+    "integrations": r"prometheus|/metrics|render_metrics|\bVLC\b|x-mixed-replace",
     "recordings": r"episode|recorder",
     "simulator": r"simulator|--robot sim|simulation",
     "study": r"\bstud(y|ies)\b|participant|questionnaire",

@@ -14,7 +14,7 @@ from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
-from server.monitoring.metrics import render_metrics
+from server.integrations.metrics import render_metrics
 from tests.robot.exchange.sim_drive import drive_in_simulator
 from tests.server.virtual import ServedWorld, virtually
 

@@ -16,9 +16,8 @@ from robot.store.models.replay import recover
 from robot.store.models.store import ModelStore
 from robot.types import Action, Example, Mode
 from server.config import Config
-
-from .live_robot import WEB
-from .virtual_server import VirtualServer
+from tests.server.live_robot import WEB
+from tests.server.virtual_server import VirtualServer
 
 
 class Bench:

@@ -1,4 +1,4 @@
-"""`/api/models`: the models on this robot. Documented in docs/reference/http.md."""
+"""`/api/models`: a person's models: list, names, copies, files. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot.store.models.model import decode_model
 from robot.store.models.store import StoredModel
 from server.routes.answers import PNG, Route, answer, attachment, media, png
 from server.routes.bodies import FREE_MODEL, NAMED, Key, Named, do
-from server.services import persistence_of
+from server.services import Extension, persistence_of
 
 router = APIRouter(prefix="/api/models", route_class=Route)
 
@@ -174,3 +174,9 @@ def _describe(saved: StoredModel) -> ModelAnswer:
         lessons=known.n_examples,
         nodes=known.n_nodes,
     )
+
+
+class LibraryExtension(Extension):
+    """Adds the routes to a robot's server; the core saves and loads models by itself."""
+
+    routers = (router,)

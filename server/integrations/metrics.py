@@ -13,16 +13,10 @@ from fastapi.responses import PlainTextResponse, Response
 from robot.types import Mode, StopReason
 from server.protocol import ErrorCode
 from server.routes.answers import Route
-from server.services import Extension, Services, services_of
+from server.services import Services, services_of
 
 router = APIRouter(route_class=Route)
 _CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
-
-
-class MonitoringExtension(Extension):
-    """Adds the measurements to a robot's server."""
-
-    routers = (router,)
 
 
 @router.get("/metrics", response_class=PlainTextResponse)

@@ -1,0 +1,12 @@
+"""Addresses for other programs: Prometheus, players and dashboards."""
+
+from __future__ import annotations
+
+from server.integrations import metrics, mjpeg
+from server.services import Extension
+
+
+class IntegrationsExtension(Extension):
+    """Adds `/metrics` and `/video.mjpg` to a robot's server."""
+
+    routers = (metrics.router, mjpeg.router)

@@ -1,0 +1,97 @@
+"""`/video.mjpg`: the video for VLC, dashboards and an `<img>`.
+
+Such a stream cannot acknowledge, so the server checks the unread bytes of its connection.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+from collections.abc import AsyncGenerator, AsyncIterator, Callable
+
+from fastapi import APIRouter, Request
+from fastapi.responses import StreamingResponse
+
+from server.gateway.roles import Refusal, Session
+from server.routes.answers import Route
+from server.services import services_of
+
+router = APIRouter(route_class=Route)
+_LEAST_ROOM = 2048
+"""Number of unread bytes that never count, because a window is known only to the kilobyte."""
+_LOOKS = 2000
+"""Number of polls, 10 ms each, after which a viewer that seems not to read gets a frame."""
+_KEY_EVERY = 32
+"""Number of frames between two checks of the key in the address."""
+_BOUNDARY, _END_OF_HEADER = b"--frame\r\nContent-Type: image/jpeg\r\n", b"\r\n"
+_MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
+
+
+@router.get("/video.mjpg", include_in_schema=False)
+async def mjpeg(request: Request) -> StreamingResponse:
+    """Stream the newest frames until the viewer disconnects, or its key is replaced."""
+    hub = services_of(request).hub
+    frame = hub.robot.camera.latest()
+    if frame is not None:
+        hub.video.encoder.encode_jpeg(frame)  # 501 where that needs OpenCV
+    gateway, looks = services_of(request).gateway, itertools.count(1)
+    sent = itertools.count(1)
+
+    def has_room(n_bytes: int) -> bool:
+        """Return True if at most one and a half frames are unread.
+
+        Occasionally a frame is sent anyway, because a system may shrink a connection's window.
+        """
+        unread = gateway.unread(request.scope)
+        return unread <= max(1.5 * n_bytes, _LEAST_ROOM) or next(looks) % _LOOKS == 0
+
+    def is_allowed() -> bool:
+        """Return False once the key in the address is no longer valid."""
+        is_due = next(sent) % _KEY_EVERY == 0
+        return not (is_due and isinstance(gateway.session_by_address(request.scope), Refusal))
+
+    form = _for_browsers if _is_browser(request) else _for_players
+    headers = {"x-accel-buffering": "no"}  # by a proxy: it would keep old frames
+    if isinstance(gateway.session_by_address(request.scope), Session):
+        headers |= {"cross-origin-resource-policy": "cross-origin"}
+        headers |= {"access-control-allow-origin": "*"}
+    parts = form(hub.video.stream(has_room), is_allowed)
+    hub.show_newest()
+    return StreamingResponse(parts, media_type=_MEDIA_TYPE, headers=headers)
+
+
+def _is_browser(request: Request) -> bool:
+    """Browsers ask for pages or for pictures; players ask for anything."""
+    accept = request.headers.get("accept", "")
+    return "sec-fetch-mode" in request.headers or "image/" in accept or "text/html" in accept
+
+
+async def _for_browsers(
+    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
+) -> AsyncIterator[bytes]:
+    """Yield frames, each followed by the next part's header.
+
+    Browsers show a part only when the header of the next one has arrived; sending it with the
+    frame saves one frame's time.
+    """
+    yield _BOUNDARY + _END_OF_HEADER
+    async with contextlib.aclosing(stream) as frames:
+        async for jpeg in frames:
+            yield jpeg + b"\r\n" + _BOUNDARY + _END_OF_HEADER
+            if not is_allowed():
+                return
+
+
+async def _for_players(
+    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
+) -> AsyncIterator[bytes]:
+    """Yield frames, each with its length: players show it as soon as it is complete.
+
+    Without the length the FFmpeg family looks for the next part's header, and for the one after.
+    """
+    async with contextlib.aclosing(stream) as frames:
+        async for jpeg in frames:
+            length = b"Content-Length: %d\r\n" % len(jpeg)
+            yield _BOUNDARY + length + _END_OF_HEADER + jpeg + b"\r\n"
+            if not is_allowed():
+                return
