@@ -39,7 +39,6 @@ SKIPPED = {
     **dict.fromkeys([f"{ITSELF}[{kind}" for kind in ("dangling", "loop")], LINKS),
     "server/test_strangers.py::test_a_flood": KERNEL + "a limit of descriptors",
     "robot/lab/test_evaluation.py::test_the_command_writes": NO_EXTRA.format("evaluate"),
-    "robot/lab/eyes/test_weights.py::test_a_broken_installation": "importlib there is of two kinds",
     "robot/bodies/ev3/test_agent_syntax.py": "the brick's Python is asked, which is not there",
     "robot/bodies/ev3/test_installer.py": "a stand-in for ssh, a script that Linux runs",
     "robot/bodies/ev3/test_stock.py::test_the_cable_carries": KERNEL + "packets of a local socket",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from robot.errors import CameraError, MissingExtraError
+from robot.errors import CameraError
 from robot.lab.eyes.features import EyesFeatures
 from robot.policy.features import GreyFeatures
 from robot.policy.registry import make_policy
@@ -16,10 +16,7 @@ Pixels = NDArray[np.uint8]
 
 @pytest.fixture(scope="module")
 def features() -> EyesFeatures:
-    try:
-        return EyesFeatures()
-    except MissingExtraError as error:
-        pytest.skip(f"NOT TESTED: {error}")
+    return EyesFeatures()
 
 
 def room(seed: int) -> Pixels:
