@@ -39,11 +39,6 @@ class Images(Stateful):
         self._x_norm = 0.0
         self._set_origin(np.zeros(0, np.float32))
 
-    @property
-    def is_empty(self) -> bool:
-        """True before the first vector."""
-        return self._rows.size == 0
-
     def begin(self, x: Vector) -> None:
         """Fix length and origin by the first vector."""
         origin = checked_vector(x).astype(np.float32)

@@ -347,13 +347,6 @@ class Storage:
                 path.unlink()
         self.empty_trash(older_than_days=TRASH_DAYS)
 
-    def usage(self) -> dict[str, int]:
-        """Return the bytes of each folder and of the trash, and of the disk's `free` space."""
-        sizes, free = {folder.name: _size(folder) for folder in self.kept()}, 0
-        with contextlib.suppress(OSError):
-            free = shutil.disk_usage(self.root).free
-        return {**sizes, "free": free}
-
     def discard(self, *paths: Path) -> str:
         """Move files or folders to the trash together, or none of them (OSError).
 
@@ -414,7 +407,7 @@ class Storage:
 
     def trash_bytes(self) -> int:
         """Return what emptying the trash would free."""
-        return sum(map(_size, self._ours_in_trash()))
+        return sum(map(size_below, self._ours_in_trash()))
 
     def empty_trash(self, older_than_days: float = 0.0) -> int:
         """Delete for good what is in the trash, or what is older; return the bytes freed."""
@@ -424,15 +417,15 @@ class Storage:
             places = [p for p in places if _KEY.fullmatch(p.name) and p.name < latest]
             if not places:
                 return 0
-        size = _size(self.trash)
+        size = size_below(self.trash)
         for place in places:
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
                     FolderLock(place).start()  # refuses while an import unpacks there
                 shutil.rmtree(place, ignore_errors=True)
-        return size - _size(self.trash)
+        return size - size_below(self.trash)
 
 
-def _size(folder: Path) -> int:
+def size_below(folder: Path) -> int:
     """Count the bytes of all files below; unreadable files count as 0."""
     return sum(size_of(Path(at, name)) for at, _, names in os.walk(folder) for name in names)

@@ -16,17 +16,19 @@ import secrets
 import unicodedata
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote
 
+from robot.entry_points import points
 from robot.errors import UNREADABLE
 from robot.store.folder import FolderKind
 from robot.store.presence import require_present
 from robot.store.records import read_regular
 from server.access.config import NetworkConfig
 from server.access.rate_limits import RateLimits
-from server.gateway.roles import Refusal, Role, Session, browser_roles
+from server.gateway.roles import Refusal, Role, Session
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +36,8 @@ ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """The characters of a token, without letters and digits that look alike."""
 TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _TOKEN = re.compile(rf"\b(?:[{ALPHABET}]{{{_GROUP}}}\W?){{{TOKEN_LETTERS // _GROUP}}}(?!\w)")
+ROLES = "drivelesson.roles"
+"""Group of the entry points of roles that browsers can get."""
 FOLDER = FolderKind(name="tls", files=("paired.json",), secrets=("paired.json", "tls/", "*.key"))
 """The files of this extension in the data folder."""
 LONGEST_TEXT = 2000
@@ -44,6 +48,12 @@ exceeds the number of websockets, so nobody can keep all of them in use."""
 INVITATION_S = 300.0
 """How long a token on a class's board is valid for any number of phones, in seconds."""
 _INVITATIONS = 16
+
+
+@cache
+def browser_roles() -> tuple[Role, ...]:
+    """Return the roles that a browser can get, those of extensions last."""
+    return Role.VIEWER, Role.PILOT, *(role for p in points(ROLES) if (role := p.load()).purpose)
 
 
 class Paired(NamedTuple):

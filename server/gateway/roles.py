@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import entry_points
 from typing import ClassVar
-
-ROLES = "drivelesson.roles"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,13 +37,6 @@ class Role:
 
 Role.VIEWER = Role(value="viewer", purpose="watch")
 Role.PILOT = Role(value="pilot", may_change=True, may_drive=True, purpose="drive")
-
-
-@cache
-def browser_roles() -> tuple[Role, ...]:
-    """Return the roles that a browser can get, those of extensions last."""
-    points = sorted(entry_points(group=ROLES), key=lambda point: point.name)
-    return Role.VIEWER, Role.PILOT, *(role for p in points if (role := p.load()).purpose)
 
 
 @dataclass(frozen=True, slots=True)

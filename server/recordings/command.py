@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import shutil
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -25,6 +27,7 @@ from robot.store.folder import (
     TRASH_DAYS,
     Storage,
     default_root,
+    size_below,
     size_of,
     whole_file,
 )
@@ -286,7 +289,10 @@ def show_budget(args: argparse.Namespace, store: EpisodeStore, storage: Storage)
     if args.gigabytes is not None:
         store.budget_bytes = round(args.gigabytes * 1e9)
     print(f"data folder  {storage.root}")
-    for name, size in storage.usage().items():
+    sizes = {folder.name: size_below(folder) for folder in storage.kept()}
+    with contextlib.suppress(OSError):
+        sizes["free"] = shutil.disk_usage(storage.root).free
+    for name, size in sizes.items():
         print(f"{name:12} {size / 1e6:10.1f} MB")
     print(f"{'budget':12} {store.budget_bytes / 1e6:10.1f} MB for episodes")
     for summary in store.offered():

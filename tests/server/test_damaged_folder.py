@@ -174,7 +174,6 @@ def test_every_start_serves_drives_and_keeps(whole: Path, tmp_path: Path, seed: 
         persistence.models.saved()
         persistence.part(Recordings).episodes.summaries()
         persistence.part(Recordings).episodes.offered()
-        persistence.storage.usage()
         name = persistence.autosave.save()
         assert persistence.models.load(name).summary.n_examples == lessons, done
         assert persistence.part(Recordings).recorder.queue.fault is None, done
