@@ -89,8 +89,8 @@ class Pictures:
     def find(self, name: str) -> str:
         """Return a picture's path in the folder, by its name in a table.
 
-        It is the name itself; or else, of the pictures with the same last part, the one whose
-        folders match most of the parts before. ValueError if several match equally.
+        It is the name itself, if there is such a file. Otherwise it is a picture of the same file
+        name; of several, the one in the folders that match best. ValueError if several match equally.
         """
         parts = [part for part in re.split(r"[\\/]+", name.strip()) if part != "."]
         if not parts:

@@ -69,7 +69,7 @@ def run_all(
         ConfigurationError: If the cluster cannot be used, or a file that a task names is changed
             meanwhile: nobody knows what was run then.
     """
-    keys = [task.key() for task in tasks]  # once: each reads the files that its task names
+    keys = [task.key() for task in tasks]  # computed once: a key reads all files of its task
     done: dict[str, Result] = {}
     waiting: dict[str, Task] = {}
     for key, task in zip(keys, tasks, strict=True):

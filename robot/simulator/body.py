@@ -99,7 +99,7 @@ def _ranges_to_m(
     obstacle: Obstacle, pose: Pose, steps_x: NDArray[np.float64], steps_y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the distance to one thing along each ray; infinite if the ray misses it."""
-    turn_rad = -obstacle.heading_rad  # into the thing's own axes
+    turn_rad = -obstacle.heading_rad  # to the axes of the obstacle
     from_x, from_y = _turned(turn_rad, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
     rays_x, rays_y = _turned(turn_rad, steps_x, steps_y)
     if obstacle.shape == "cylinder":

@@ -19,7 +19,7 @@ class FakePolicy(Policy):
 
     Attributes:
         first: The label that it learned first.
-        point: The move that it learned first, by degrees.
+        point: The steering and throttle of the first example.
     """
 
     def __init__(self) -> None:

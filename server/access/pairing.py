@@ -209,7 +209,7 @@ class Pairing:
             idle = [name for name in same if not self.is_in_use(name)]
             if not idle:
                 return Refusal(503, "sessions", "Too many browsers are connected.")
-            # Of used ones the newest goes: a client that keeps redeeming evicts itself.
+            # If all were used, the newest is evicted: a client that keeps redeeming evicts itself.
             del self._sessions[next((name for name in idle if name in self._unused), idle[-1])]
         self._sessions.pop(hash_of(before), None)
         secret = secrets.token_urlsafe(32)

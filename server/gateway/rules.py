@@ -62,8 +62,8 @@ class AccessRules:
     ) -> Refusal | None:
         """Refuse a request that a page of another site has sent.
 
-        A page cannot forge these headers; programs that are no browsers send neither, and could
-        send anything. `method` is the request's, None for a websocket.
+        A page cannot forge these headers; other programs send neither of them, or
+        any text they like. `method` is the request's, None for a websocket.
         """
         origin, host = headers.get("origin"), headers.get("host", "")
         if origin is not None:

@@ -57,7 +57,7 @@ class Answer(HTTPResponse):
         text, self._rest = head[:end].lstrip(), head[end:]
         status = _STATUS.match(text)
         self.headers = self.msg = HTTPMessage()
-        for field in text.splitlines():  # what is no field costs no other
+        for field in text.splitlines():  # a line that is no field is skipped
             name, colon, value = field.decode("latin-1").partition(":")
             if colon:
                 self.headers[name.strip()] = value.strip()

@@ -21,7 +21,7 @@ BATTERY_S = 5.0
 class SensorGroup:
     """Sensors of one kind: "auto" takes what is there, by port, "none" nothing, else named ports.
 
-    Several are in the order in which their ports are named, or by port; `most` is how many count.
+    Several are sorted as their ports are named, or by port. `most` limits how many are used.
     """
 
     def __init__(
