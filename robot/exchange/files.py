@@ -90,7 +90,10 @@ class Pictures:
         """Return a picture's path in the folder, by its name in a table.
 
         It is the name itself, if there is such a file. Otherwise it is a picture of the same file
-        name; of several, the one in the folders that match best. ValueError if several match equally.
+        name; of several, the one in the folders that match best.
+
+        Raises:
+            ValueError: If several match equally.
         """
         parts = [part for part in re.split(r"[\\/]+", name.strip()) if part != "."]
         if not parts:
