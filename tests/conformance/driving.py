@@ -105,6 +105,13 @@ def tries(python: Path, out: Path) -> Iterator[Tried]:
             lambda: drives("lerobot_record", f"{both.removesuffix(' --fps=10')} {recording}"),
         )
         yield "its recording comes in", lambda: imports_of(driven)
+        replay = f"--dataset.repo_id=me/driven --dataset.root={driven} --dataset.episode=0"
+        yield (
+            "lerobot-replay",
+            lambda: drives(
+                "lerobot_replay", f"{robot} --robot.restarts=true {replay} --play_sounds=false"
+            ),
+        )
         yield (
             "lerobot-teleoperate",
             lambda: drives("lerobot_teleoperate", f"{both} --teleop_time_s=5"),

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 import os
 import random
+import subprocess
 import sys
 import types
 from collections.abc import Iterator
@@ -120,6 +121,26 @@ def test_without_the_wheel_it_does_not_begin(
             assert server.driver.now is Action.FORWARD, "and nobody was disturbed"
         finally:
             line.close()
+        a_line_that_nobody_closes_lets_the_program_end(server)
+
+
+def a_line_that_nobody_closes_lets_the_program_end(server: LiveServer) -> None:
+    """LeRobot leaves a teleoperator to `__del__` where its robot has refused to connect."""
+    program = (
+        "import sys, types\n"
+        f"bare = types.ModuleType({PACKAGE!r}); bare.__path__ = [{str(FOLDER)!r}]\n"
+        f"sys.modules[{PACKAGE!r}] = bare\n"
+        f"from {PACKAGE}.line import Line\n"
+        f"line = Line({server.address!r}, '', drives=False); line.open()\n"
+        "class Left:\n"
+        "    def __del__(self): line.close()\n"
+        "left = Left()\n"
+        "raise ConnectionError('no wheel')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 1 and done.stderr.strip().endswith("no wheel"), done.stderr
 
 
 @pytest.mark.realtime

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import logging
 import math
@@ -86,6 +87,9 @@ class Line:
 
     def open(self) -> None:
         """Connect, and wait for what the robot says of itself and for a picture."""
+        # Once the interpreter ends, closing waits for threads that do not run any more: LeRobot
+        # leaves it to `__del__` where something else fails.
+        atexit.register(self.close)
         self._drive = self._connect("/ws/drive")
         self._video = self._connect("/ws/video")
         for work in (self._hear, self._watch, *([self._beat] if self._drives else [])):
@@ -168,6 +172,7 @@ class Line:
 
     def close(self) -> None:
         """Let go, stop and disconnect."""
+        atexit.unregister(self.close)
         self._held = None
         if self._drives and not self._ended.is_set():
             with suppress(Exception):
