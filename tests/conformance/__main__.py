@@ -131,6 +131,22 @@ def check_lerobot_robot(home: Path, samples: Samples) -> Iterator[Result]:
         yield Result(peer=home.name, version=version, check=check, outcome=outcome)
 
 
+def check_fastdds(home: Path, samples: Samples) -> Iterator[Result]:
+    """Drive a ROS 2 robot's base by DDS, see its pictures, and disturb it; with its processes."""
+    from . import on_dds
+
+    program = home / "fastdds"
+    source = HERE / "fastdds.cpp"
+    _get([_program("g++"), "-O1", "-o", program, source, "-lfastrtps", "-lfastcdr"])
+    said = _said(["dpkg-query", "-W", "-f", "${Version}", "libfastrtps-dev"])
+    for attempt in on_dds.attempts(program):
+        try:
+            told, outcome = attempt(), "passed"
+        except Exception as error:
+            told, outcome = "", f"FAILED: {str(error)[:200]}"
+        yield Result(peer=home.name, version=said, check=told, outcome=outcome)
+
+
 def check_pythons(home: Path, samples: Samples) -> Iterator[Result]:
     """Install the wheel on every Python that this machine has, and start it."""
     dist = _fresh(home / "dist")
@@ -154,6 +170,7 @@ CHECKS: dict[str, Callable[[Path, Samples], Iterator[Result]]] = {
     "donkeycar": check_donkeycar,
     "lerobot": check_lerobot,
     "lerobot_robot": check_lerobot_robot,
+    "fastdds": check_fastdds,
     "python": check_pythons,
 }
 

@@ -1,0 +1,341 @@
+"""A ROS 2 robot's DDS against Fast DDS in another process, and against processes that are killed.
+
+`make conformance ARGS="--only fastdds"` builds fastdds.cpp and reports all of it. Run as a program,
+this is one of the processes.
+"""
+
+from __future__ import annotations
+
+import base64
+import functools
+import json
+import random
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from robot.bodies.ros.camera import RosCamera, RosCameraOptions
+from robot.bodies.ros.driver import RosDriver, RosOptions
+from robot.bodies.ros.topics import COMPRESSED, STAMPED, TWIST
+from robot.clock import RealClock
+from robot.driver import point_of
+from robot.errors import DriveError
+from robot.types import Action
+from tests.standins.dds_robot import BASE, HERE, IMAGES, own_domain
+
+ROS = get_typestore(Stores.ROS2_JAZZY)
+DDS_TYPE = {
+    TWIST: "geometry_msgs::msg::dds_::Twist_",
+    STAMPED: "geometry_msgs::msg::dds_::TwistStamped_",
+}
+PICTURE_TYPE = "sensor_msgs::msg::dds_::CompressedImage_"
+_SELF = "tests.conformance.on_dds"
+N_ORDERS, PICTURES_A_SECOND = 1000, 30
+_WATCHED_S = 0.45
+"""How long a base is watched after it stood first, in seconds; then the driver here tries again."""
+_STAMP = struct.Struct("<d")
+
+
+def options(**more: Any) -> dict[str, Any]:
+    return {"transport": "dds", "address": HERE[0], "domain": own_domain(), **more}
+
+
+@contextmanager
+def process(*words: object) -> Iterator[subprocess.Popen[str]]:
+    pipe = subprocess.PIPE
+    running = subprocess.Popen(
+        list(map(str, words)),
+        stdin=pipe,
+        stdout=pipe,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        bufsize=1,
+    )
+    try:
+        yield running
+    finally:
+        running.kill()
+        running.communicate()
+
+
+def lines_of(running: subprocess.Popen[str]) -> list[str]:
+    """Return the lines of a process's output, which grow."""
+    lines: list[str] = []
+    threading.Thread(
+        target=lambda: lines.extend(iter(running.stdout.readline, "")),  # type: ignore[union-attr]
+        daemon=True,
+    ).start()
+    return lines
+
+
+def orders(program: Path, *, stamped: bool) -> str:
+    """Have Fast DDS read what the driver writes; each order must come exactly, and in order."""
+    kind, chance = (STAMPED if stamped else TWIST), random.Random(1)
+    with process(program, own_domain(), "read", f"rt{BASE}", DDS_TYPE[kind]) as reader:
+        lines, wanted = lines_of(reader), []
+        with RosDriver(RosOptions(**options(stamped=stamped))) as driver:
+            for _ in range(N_ORDERS):
+                move, speed = chance.choice(driver.moves), chance.uniform(0.1, 1.0)
+                driver.send_action(move, speed_scale=speed)
+                point = point_of(move, driver.declared_moves)
+                assert point is not None
+                wanted.append(driver.velocity(speed * point.steering, speed * point.throttle))
+                time.sleep(0.02)
+            time.sleep(0.2)
+        told = [ROS.deserialize_cdr(bytes.fromhex(line), kind) for line in list(lines)]
+    twists = [getattr(message, "twist", message) for message in told]
+    speeds = [(twist.linear.x, twist.angular.z) for twist in twists]
+    exact = [
+        (plain["linear"]["x"], plain["angular"]["z"])
+        for message in wanted
+        for plain in (message.get("twist", message),)
+    ]
+    driven = [pair for pair in speeds if any(pair)]
+    n_equal = sum(a == b for a, b in zip(driven, exact, strict=False))
+    assert n_equal == len(driven) == N_ORDERS, f"{n_equal} of {N_ORDERS}, {len(driven)} came"
+    return f"{n_equal} of {N_ORDERS} orders exact"
+
+
+def pictures(program: Path, seconds: float) -> str:
+    """Feed a body by Fast DDS and one by rosbridge with the same pictures; compare age and CPU.
+
+    The age counts from when the publisher's process, Fast DDS's or rosbridge's, has the picture.
+    """
+    from tests.standins.rosbridge import RosBridgeServer
+
+    words = (sys.executable, "-m", _SELF, "watch")
+    with (
+        RosBridgeServer() as bridge,
+        process(program, own_domain(), "stamp", f"rt{IMAGES}", PICTURE_TYPE) as writer,
+        process(*words, json.dumps(options()), seconds) as by_dds,
+        process(*words, json.dumps({"address": bridge.address}), seconds) as by_bridge,
+    ):
+        bridge.images = lambda index: {}  # its own pictures are none
+        said = [lines_of(each) for each in (by_dds, by_bridge)]
+        noise = np.random.default_rng(1).integers(0, 256, (240, 320, 3), np.uint8)
+        body = cv2.imencode(".jpg", noise, [cv2.IMWRITE_JPEG_QUALITY, 80])[1].tobytes()
+        began_s = due_s = time.monotonic()
+        n_sent = 0
+        while not all(said):
+            due_s += 1.0 / PICTURES_A_SECOND
+            time.sleep(max(0.0, due_s - time.monotonic()))
+            ways = [functools.partial(_write, writer), functools.partial(_publish, bridge)]
+            for send in ways if n_sent % 2 else reversed(ways):
+                send(body + _STAMP.pack(time.monotonic()))
+            n_sent += 1
+            assert time.monotonic() - began_s < 3 * seconds + 60.0, "a body gives no pictures"
+    found = [json.loads(lines[0]) for lines in said]
+    dds, rosbridge = found
+    return (
+        f"{dds['pictures']} and {rosbridge['pictures']} pictures of {len(body)} bytes over DDS and "
+        f"rosbridge in {seconds:.0f} s; p95 age {dds['p95_ms']:.1f} and {rosbridge['p95_ms']:.1f} "
+        f"ms ({dds['p95_ms'] / rosbridge['p95_ms']:.2f}), median "
+        f"{dds['p50_ms']:.1f} and {rosbridge['p50_ms']:.1f} ms, CPU {dds['cpu_ms']:.2f} and "
+        f"{rosbridge['cpu_ms']:.2f} ms a picture ({dds['cpu_ms'] / rosbridge['cpu_ms']:.2f})"
+    )
+
+
+def _write(writer: subprocess.Popen[str], data: bytes) -> None:
+    kinds = ROS.types
+    header = kinds["std_msgs/msg/Header"](kinds["builtin_interfaces/msg/Time"](1, 2), "camera")
+    picture = kinds[COMPRESSED](header, "jpeg", np.frombuffer(data, np.uint8))
+    assert writer.stdin is not None
+    writer.stdin.write(bytes(ROS.serialize_cdr(picture, COMPRESSED)).hex() + "\n")
+    writer.stdin.flush()
+
+
+def _publish(bridge: Any, data: bytes) -> None:
+    header = {"stamp": {"sec": 1, "nanosec": 2}, "frame_id": "camera"}
+    message = {"header": header, "format": "jpeg", "data": base64.b64encode(data).decode()}
+    bridge.publish(IMAGES, COMPRESSED, message)
+    bridge.told[IMAGES].clear()
+
+
+class _Timed(RosCamera):
+    """Notes how old each picture is when it is shown."""
+
+    def __init__(self, given: RosCameraOptions) -> None:
+        super().__init__(given, RealClock())
+        self.ages_s: list[float] = []
+
+    def _show_picture(self, picture: Any, captured_s: float) -> None:
+        super()._show_picture(picture, captured_s)
+        self.ages_s.append(time.monotonic() - _STAMP.unpack(picture.data[-_STAMP.size :])[0])
+
+
+def watch(given: dict[str, Any], seconds: float) -> None:
+    """Run one body's camera, and print what it cost."""
+    with _Timed(RosCameraOptions(**given)) as camera:
+        while len(camera.ages_s) < PICTURES_A_SECOND:
+            time.sleep(0.01)
+        camera.ages_s.clear()
+        began_s, cpu_s = time.monotonic(), time.process_time()
+        time.sleep(seconds)
+        cpu_s, ages_s = time.process_time() - cpu_s, sorted(camera.ages_s)
+        took_s = time.monotonic() - began_s
+    told = {
+        "pictures": len(ages_s),
+        "rate": len(ages_s) / took_s,
+        "p50_ms": 1000 * ages_s[len(ages_s) // 2],
+        "p95_ms": 1000 * ages_s[int(0.95 * len(ages_s))],
+        "cpu_ms": 1000 * cpu_s / len(ages_s),
+    }
+    print(json.dumps(told), flush=True)
+    sys.stdin.read()
+
+
+# Killed, frozen, disturbed -----------------------------------------------------------------------
+
+
+class Robot:
+    """`tests.standins.dds_robot` in a process; `velocities` are time, way and turn."""
+
+    def __init__(self, running: subprocess.Popen[str]) -> None:
+        assert running.stdout is not None and running.stdout.readline() == "ready\n"
+        self.process, self._lines = running, lines_of(running)
+
+    @property
+    def velocities(self) -> list[tuple[float, float, float]]:
+        return [tuple(json.loads(line)) for line in list(self._lines)]
+
+    @property
+    def is_moving(self) -> bool:
+        velocities = self.velocities
+        return bool(velocities) and any(velocities[-1][1:])
+
+    def stood_after(self, since_s: float, seconds: float) -> str:
+        """Wait; say how soon after `since_s` it was told to stand, and how long it moved then."""
+        time.sleep(seconds)
+        told = [(at_s, any(speeds)) for at_s, *speeds in self.velocities if at_s >= since_s]
+        stood = [at_s for at_s, moves in told if not moves]
+        if not stood:
+            return "drives on"
+        ends = [at_s for at_s, _ in told[1:]] + [since_s + seconds]
+        later_s = sum(
+            max(0.0, min(end_s, stood[0] + _WATCHED_S) - at_s)
+            for (at_s, moves), end_s in zip(told, ends, strict=True)
+            if moves and at_s > stood[0]
+        )
+        return f"stands after {stood[0] - since_s:.2f} s, moves {1000 * later_s:.0f} ms then"
+
+
+@contextmanager
+def robot(*words: str) -> Iterator[Robot]:
+    with process(sys.executable, "-m", "tests.standins.dds_robot", own_domain(), *words) as running:
+        yield Robot(running)
+
+
+def drive(given: dict[str, Any]) -> None:
+    """Drive ahead for ever, as the loop does; print each fault."""
+    with RosDriver(RosOptions(**given)) as driver:
+        print("ready", flush=True)
+        while True:
+            try:
+                driver.send_action(Action.FORWARD)
+                driver.sense()
+            except DriveError as error:
+                print(error, flush=True)
+            time.sleep(0.05)
+
+
+def stands_after(fault: str, *, watchdog: bool) -> str:
+    """Drive, do what `fault` says, and say what the base did."""
+    given = json.dumps(options(watchdog=watchdog))
+    with (
+        robot(*(["watchdog"] if watchdog else [])) as body,
+        process(sys.executable, "-m", _SELF, "drive", given) as server,
+    ):
+        assert server.stdout is not None and server.stdout.readline() == "ready\n"
+        faults = lines_of(server)
+        _wait(lambda: body.is_moving)
+        time.sleep(0.3)
+        at_s = time.monotonic()
+        if fault == "robot frozen":  # what counts is when the server says so
+            body.process.send_signal(signal.SIGSTOP)
+            _wait(lambda: faults)
+            return f"the server says so after {time.monotonic() - at_s:.2f} s"
+        if fault.startswith("server"):
+            server.send_signal(signal.SIGKILL if "killed" in fault else signal.SIGSTOP)
+            return body.stood_after(at_s, 2.0)
+        words = (sys.executable, "-m", _SELF, "disturb", own_domain(), fault)
+        with process(*words) as other:
+            assert other.stdout is not None and other.stdout.readline() == "ready\n"
+            return body.stood_after(time.monotonic(), 2.0)
+
+
+def disturb(domain: int, how: str) -> None:
+    """Publish velocities beside the server, ten a second, or one only."""
+    from cyclonedds.domain import DomainParticipant
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.topic import Topic
+
+    from robot.bodies.ros.dds import Participant, configuration
+    from robot.bodies.ros.messages import Twist, Vector3
+    from tests.standins.dds_robot import AS_ROS
+
+    if how == "a second server":
+        drive({**options(watchdog=True), "domain": domain, "linear_mps": 0.3})
+    Participant.join(domain, configuration(HERE, ""))
+    other = DomainParticipant(domain)
+    writer = DataWriter(other, Topic(other, f"rt{BASE}", Twist), AS_ROS)
+    _wait(lambda: writer.get_matched_subscriptions())
+    print("ready", flush=True)
+    for _ in range(1 if how == "one velocity of another node" else 100):
+        writer.write(Twist(Vector3(x=0.77)))
+        time.sleep(0.1)
+    time.sleep(10.0)
+
+
+FAULTS = (
+    "server killed",
+    "server frozen",
+    "robot frozen",
+    "one velocity of another node",
+    "another node, ten a second",
+    "a second server",
+)
+
+
+def _wait(is_so: Callable[[], object]) -> None:
+    until_s = time.monotonic() + 60.0
+    while not is_so():
+        assert time.monotonic() < until_s
+        time.sleep(0.005)
+
+
+def attempts(program: Path) -> Iterator[Callable[[], str]]:
+    """Yield what is tried; each says what was seen, or fails."""
+    yield lambda: f"{orders(program, stamped=False)} (Twist)"
+    yield lambda: f"{orders(program, stamped=True)} (TwistStamped)"
+    yield lambda: pictures(program, 20.0)
+    for fault in FAULTS:
+        for watchdog in (True, False):
+            if watchdog or fault != "a second server":
+
+                def disturbed(fault: str = fault, watchdog: bool = watchdog) -> str:
+                    told = stands_after(fault, watchdog=watchdog)
+                    assert not watchdog or told != "drives on"
+                    return f"{fault}, {'with' if watchdog else 'without'} the watchdog: {told}"
+
+                yield disturbed
+
+
+if __name__ == "__main__":
+    match sys.argv[1:]:
+        case ["watch", given, seconds]:
+            watch(json.loads(given), float(seconds))
+        case ["drive", given]:
+            drive(json.loads(given))
+        case ["disturb", domain, how]:
+            disturb(int(domain), how)
