@@ -5,7 +5,8 @@
 # blocks multicast, discovery messages go to the peer at each SPDPInterval, so it is found within seconds of its
 # start, whenever that is.
 # Outcome: wrong. After 30 s without an answer the peer's address is dropped (`PruneDelay`), although a person
-# named it, and only a restart of the asking program finds it. `PruneDelay="inf"` does what was expected.
+# named it, and a robot that is not told of our address is found only when the asking program starts again.
+# `PruneDelay="inf"` does what was expected. (A peer on the same computer asks by itself, unless AddLocalhost is false.)
 set -euo pipefail
 folder=$(mktemp -d); trap 'rm -rf "$folder"' EXIT
 python3 -m venv "$folder/venv"
