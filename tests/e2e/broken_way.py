@@ -43,6 +43,7 @@ class BrokenWay:
         self.cut_s = 5.0
         self._fault = ""
         self._writers: set[Any] = set()
+        self._transports: list[Any] = []
         self._full: list[socket.socket] = []
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
@@ -106,6 +107,7 @@ class BrokenWay:
 
     async def _serve(self, reader: Any, writer: Any) -> None:
         self._writers.add(writer)
+        self._transports.append(writer.transport)
         try:
             await self._talk(reader, writer)
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
@@ -141,6 +143,7 @@ class BrokenWay:
                 await writer.drain()
             return
         self._writers.add(up[1])
+        self._transports.append(up[1].transport)
         if is_connect:
             writer.write(b"HTTP/1.1 200 Connection established\r\n\r\n")
         elif head:
@@ -177,8 +180,8 @@ class BrokenWay:
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
-        for writer in list(self._writers):
-            writer.transport.abort()
+        for transport in self._transports:
+            transport.abort()
         await asyncio.sleep(0.05)  # transports close a little later
 
     def close(self) -> None:

@@ -32,6 +32,10 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.timeout(900)]
 LAG_S = 6.0
 """How long a sentence may take to follow the truth, in seconds: the page asks once a second and
 waits 2 s for an answer, on a machine that may be busy."""
+SILENT_S = 2.0
+"""How long a page takes a silent link for a living one, in seconds."""
+NOTED_S = 0.5
+"""How much later than the page a busy machine may note what is true, in seconds."""
 WAYS = (
     *("refused", "no route", "asleep", "wrong port", "gateway", "websockets blocked"),
     *("captive portal, 200", "captive portal, 302", "captive portal, 401", "websockets cut"),
@@ -61,7 +65,7 @@ _RECORD = """
     if (String(now) !== last) window.said.push([Date.now() / 1000, ...now]);
     last = String(now);
   };
-  new MutationObserver(note).observe(document, {
+  new MutationObserver(() => requestAnimationFrame(note)).observe(document, {
     subtree: true, childList: true, characterData: true, attributes: true,
     attributeFilter: ['hidden', 'class'],
   });
@@ -87,12 +91,12 @@ class Log:
             self.entries.append((time.time(), value))
 
     def between(self, from_s: float, to_s: float) -> set[str]:
-        """Return all that was so at some moment of a span."""
+        """Return all that was so at some moment of a span, or is noted a little after it."""
         ends = [at_s for at_s, _ in self.entries[1:]] + [float("inf")]
         return {
             value
             for (at_s, value), end_s in zip(self.entries, ends, strict=True)
-            if at_s <= to_s and end_s >= from_s
+            if at_s <= to_s + NOTED_S and end_s >= from_s
         }
 
 
@@ -128,8 +132,9 @@ class Judge:
         if kind in ("way.blocked", "way.cut"):
             for moment_s in (at_s, until_s):
                 if doing not in self.doing.between(moment_s - LAG_S, moment_s):
-                    yield "the robot did something else"
-        is_open = bool({"", "websockets cut"} & self.way.between(at_s, until_s))
+                    since_s = [(round(at - moment_s, 1), what) for at, what in self.doing.entries]
+                    yield f"the robot did something else: {since_s[-4:]}"
+        is_open = bool({"", "websockets cut"} & self.way.between(at_s - SILENT_S, until_s))
         if who and not is_open:
             yield "nobody knows who drives"
         if who and _WHO.get(self._keys[who]) not in {None, *self.doing.between(at_s - LAG_S, at_s)}:
