@@ -35,6 +35,8 @@ _EXPORT = re.compile(r"^export (default|(?:async )?function|class|const) ?(\w*)"
 _DYNAMIC = re.compile(r"\bimport\(([^()]*)\)")
 _WORKER = re.compile(r"new Worker\('([^']+)', \{ type: 'module' \}\)")
 _CSS_COMMENT = re.compile(r"/\*.*?\*/", re.S)
+_HTML_COMMENT = re.compile(r"<!--.*?-->\n?", re.S)
+_CSS_SPACE = re.compile(r"\s*([{};])\s*|(?<=[:,]) ")
 _SENTENCE = re.compile(r"^  \S+: '(?:[^'\\]|\\.)*',\n", re.M)
 
 
@@ -50,12 +52,12 @@ def bundle(folder: Path, target: Path) -> None:
     shutil.copytree(folder, target, ignore=shutil.ignore_patterns("*.py", "__pycache__"))
     joiner = _Joiner(folder)
     style = "\n".join((folder / "css" / name).read_text("utf-8") for name in STYLES)
-    style = _INDENT.sub("", _CSS_COMMENT.sub("", style)).strip() + "\n"
+    style = _CSS_SPACE.sub(r"\1", _CSS_COMMENT.sub("", style)).strip() + "\n"
     languages = {
         path.stem: joiner.add(f"js/{path.name}", joiner.messages(path.name))
         for path in sorted((folder / "js/messages").glob("*.js"))
     }
-    html = (folder / "index.html").read_text("utf-8")
+    html = shrink(_HTML_COMMENT.sub("", (folder / "index.html").read_text("utf-8")))
     for place, put in {
         "'css/page.css'": f"'{joiner.add('css/page.css', style)}'",
         f"'{ENTRY}'": f"'{joiner.entry(languages)}'",
@@ -101,29 +103,46 @@ class _Joiner:
         sentences = "".join(line for text in texts for line in _SENTENCE.findall(text))
         return shrink(f"export default {{\n{sentences}}};\n")
 
+    def _sentences(self, path: Path, languages: dict[str, str]) -> str:
+        """Return the address of the file that has these sentences.
+
+        Those of a folder within an extension's have a file of their own: it fetches them when
+        they are needed.
+        """
+        parts = path.relative_to(self._folder / "js").parts
+        if len(parts) <= 3:  # the core's, or an extension's
+            return languages[path.stem]
+        return self.add(f"js/{_APART[1:]}{parts[0]}-{path.name}", shrink(path.read_text("utf-8")))
+
     def entry(self, languages: dict[str, str]) -> str:
         """Join all modules; return the address of the first file."""
         known = self._closure([ENTRY])
         addresses = {
-            path.relative_to(self._folder).as_posix(): [_beside(languages[path.stem])]
+            path.relative_to(self._folder).as_posix(): [_beside(self._sentences(path, languages))]
             for path in sorted((self._folder / "js").rglob("messages/*.js"))
         }
-        start, chunks = self._text(known), list[str]()
+        start, homes = self._text(known), dict[str, list[str]]()
         for room in sorted(path for path in (self._folder / "js").iterdir() if path.is_dir()):
             below = [f"js/{room.name}/{path.name}" for path in sorted(room.glob("*.js"))]
             modules = [module for module in self._closure(below) if module not in known]
             if room.name != "messages" and modules:
                 name = "screens" if room.name == "components" else f"apart-{room.name}"
                 text = "const { modules: $m, load: $load } = globalThis.joined;\n"
-                chunks.append(_beside(self.add(f"js/{name}.js", text + self._text(modules))))
-                addresses.update({module: list(chunks) for module in modules})
+                own = _beside(self.add(f"js/{name}.js", text + self._text(modules)))
+                # Those before it that have what its modules import, and it.
+                wanted = [homes[m] for m in self._closure(modules) if m in homes]
+                needed = [*dict.fromkeys(each for home in wanted for each in home), own]
+                addresses |= dict.fromkeys(modules, needed)
+                homes |= dict.fromkeys(modules, needed)
                 known += modules
+        urls = [*dict.fromkeys(url for each in addresses.values() for url in each)]
+        places = {module: [*map(urls.index, each)] for module, each in addresses.items()}
         loading = (
-            f"const $files = {json.dumps(addresses)};\n"
+            f"const $urls = {json.dumps(urls)}, $files = {json.dumps(places)};\n"
             "if (globalThis.joined) throw new Error('the page is there already');\n"
             "const $m = {}, $tries = {};\n"
             "const $load = async (path) => {\nlet got;\n"
-            "for (const url of $files[path]) {\n"
+            "for (const url of $files[path].map((i) => $urls[i])) {\n"
             "got = await import($tries[url] ? `${url}?${$tries[url]}` : url).catch((error) => {\n"
             "$tries[url] = ($tries[url] || 0) + 1;\nthrow error;\n});\n}\n"
             "return $m[path] || got;\n};\n"

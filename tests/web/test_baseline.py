@@ -46,7 +46,7 @@ STYLED = {
     "inset": r"[;{ ]inset:(?! auto;)",
     "a container": r"@container|container(-type)?:",
     ":has, :is, :where": r":(has|is|where)\(",
-    "aspect-ratio": r"aspect-ratio:",
+    "aspect-ratio": r"(?<!min-)aspect-ratio:",
     "a small, large or dynamic height": r"(?<!\(height: 100)\b\d+[dsl]vh",
     "color-mix": r"color-mix\(",
     "nesting": r"&[ .:]",

@@ -7,9 +7,6 @@ import './extensions.js';
 import { Preferences, WakeLock } from './device.js';
 import { HEARTBEAT_MS } from './helm.js';
 import { loadLanguage } from './i18n.js';
-import { listenToGamepads } from './inputs/gamepad.js';
-import { padDesk } from './inputs/pad-desk.js';
-import { listenToKeyboard } from './inputs/keyboard.js';
 import { Page } from './page.js';
 import { parts } from './parts.js';
 import { followReadiness } from './readiness.js';
@@ -49,9 +46,8 @@ async function start() {
   addEventListener(NOT_KEPT, () => page.tellNotKept());
   new Router(page).start();
   followReadiness(store);
-  const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
-  listenToKeyboard(page.helm, reach);
-  listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });
+  // A computer's page waits for its keyboard. Few phones have one: it comes after their first picture.
+  if (store.state.hasKeys) await persist(() => listen(page));
   const way = new WayFinder({
     askState: () => ask('GET', 'api/state', undefined, WHY_MS),
     isOnline: () => store.state.isLocal || navigator.onLine !== false, // a computer's own page needs no network
@@ -77,8 +73,19 @@ async function start() {
   });
 }
 
+/** Let keys and game pads drive. @param {Page} page */
+async function listen(page) {
+  const { listenToKeyboard } = await import('./inputs/keyboard.js');
+  const { listenToGamepads } = await import('./inputs/gamepad.js');
+  const { padDesk } = await import('./inputs/pad-desk.js');
+  const reach = { stop: () => page.stop(), isDriving: () => page.isDriving() };
+  listenToKeyboard(page.helm, reach);
+  listenToGamepads(page.helm, { ...reach, desk: padDesk(page) });
+}
+
 /** @param {Page} page */
 async function addTheRest(page) {
+  if (!page.store.state.hasKeys) await persist(() => listen(page));
   await persist(() => import('./components/drive-map.js'));
   /** @type {any} */ (document.querySelector('drive-map')).start(page);
   for (const part of parts) part.startLater?.(page);

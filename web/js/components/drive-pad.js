@@ -6,8 +6,7 @@
 
 import { append, fill, h, hasLetGo, icon } from '../dom.js';
 import { t } from '../i18n.js';
-import { isEnter } from '../inputs/keys.js';
-import { Tilt } from '../inputs/tilt.js';
+import { isEnter } from '../inputs/key-name.js';
 import { inColumns, isOwn } from '../moves.js';
 import { makeStop } from '../stop.js';
 import { makeStick } from './thumb-stick.js';
@@ -22,11 +21,12 @@ export class DrivePad extends HTMLElement {
   fingers = new Set();
   /** @type {number | null} the one that holds the phone's tilt */
   tilting = null;
+  /** @type {import('../inputs/tilt.js').Tilt | null} fetched by those who drive so */
+  tilt = null;
 
   /** @param {import('../page.js').Page} page */
   start(page) {
     this.page = page;
-    this.tilt = new Tilt(page.helm);
     this.sizes = new ResizeObserver(() => this.measure());
     this.moves = h('div', { class: 'moves', role: 'group', 'aria-label': t('pad') });
     this.undo = h('a', { class: 'button undo', href: '#undo' }, icon('undo'), t('undo'));
@@ -41,6 +41,7 @@ export class DrivePad extends HTMLElement {
   build(moves, hasStick) {
     const page = /** @type {import('../page.js').Page} */ (this.page);
     const useTilt = page.preferences.tilt;
+    if (useTilt) import('../inputs/tilt.js').then(({ Tilt }) => { this.tilt ??= new Tilt(page.helm); }, () => {});
     if (hasStick && !this.sticks.length) this.sticks = ['left', 'right'].map((side) => makeStick(page, side));
     const controls = hasStick ? this.sticks : moves.map((move) => this.makeButton(move));
     fill(/** @type {Element} */ (this.moves), ...controls,

@@ -4,7 +4,9 @@
 // method no `key`. A stop counts if any of them says stop. Letters and figures count by their place, so
 // that each layout drives alike; an arrow also by what it says, wherever it lies.
 
-/** @typedef {{code?: string, key?: string, keyCode?: number, location?: number, repeat?: boolean}} Key  the part of a KeyboardEvent that is read here */
+import { nameOf } from './key-name.js';
+
+/** @typedef {import('./key-name.js').Key} Key */
 
 /** The space bar; the last two with Shift or Alt in some layouts, and in full width. */
 const SPACES = new Set([' ', 'Spacebar', '\u00a0', '\u3000']);
@@ -24,25 +26,11 @@ const ARROWS = /** @type {Record<string, string>} */ ({
   Up: 'forward', Left: 'left', Right: 'right', Down: 'backward',
   UIKeyInputUpArrow: 'forward', UIKeyInputLeftArrow: 'left', UIKeyInputRightArrow: 'right', UIKeyInputDownArrow: 'backward',
 });
-const ARROW_NUMBERS = ['ArrowLeft', 'ArrowUp', 'ArrowRight', 'ArrowDown'];
-const ENTERS = ['Enter', 'Select', 'Accept', 'OK'];
 const NUMPAD = 3;
 const LATIN = /^[a-z0-9]$/;
 
 /** @param {Key} event @returns {string} empty for a key without a place */
 const placeOf = ({ code }) => (code && code !== 'Unidentified' ? code : '');
-
-/** What a key says, or else what its number says; empty if neither says anything. @param {Key} event */
-function nameOf({ key, keyCode = 0 }) {
-  if (key && key !== 'Unidentified' && key !== 'Process') return key.length === 1 ? key.toLowerCase() : key;
-  if (keyCode >= 37 && keyCode <= 40) return ARROW_NUMBERS[keyCode - 37];
-  if (keyCode === 13) return 'Enter';
-  if ((keyCode >= 49 && keyCode <= 57) || (keyCode >= 65 && keyCode <= 90)) return String.fromCharCode(keyCode).toLowerCase();
-  return keyCode && keyCode !== 229 && keyCode !== 255 ? `#${keyCode}` : ''; // 229: composing; 255: no key of any layout
-}
-
-/** True if a key holds what has the focus, as Enter does. @param {Key} event */
-export const isEnter = (event) => ENTERS.includes(nameOf(event));
 
 /** How a key says stop: `space` and what a browser cannot name write in a text field, or may. @param {Key} event @returns {'space' | 'unnamed' | 'named' | null} */
 export function stopOf(event) {

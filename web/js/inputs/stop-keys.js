@@ -1,7 +1,8 @@
 // The keys that stop a robot that may move, wherever the focus is: before any button, list or dialog
 // gets them. In a text field beside no picture, space writes.
 
-import { isEnter, Presses, stopOf } from './keys.js';
+import { isEnter } from './key-name.js';
+import { Presses, stopOf } from './keys.js';
 
 const WRITTEN = 'textarea, input:not([type=button], [type=submit], [type=reset], [type=radio], [type=checkbox], [type=range], [type=color], [type=file], [type=image])';
 

@@ -1,16 +1,23 @@
 // The session of a study leads the pilot through its parts.
 
+import { language, learn } from '../i18n.js';
 import { register } from '../parts.js';
 import { followSession } from './session.js';
+
+/** Few pages are in a study: its sentences come when they are needed, in English where there are no others. */
+async function speakOf() {
+  const file = await import(`./session/messages/${language}.js`).catch(() => import('./session/messages/en.js'));
+  learn(file.default);
+}
 
 register({
   screens: {
     study: {
-      load: () => import('./study-screen.js'),
+      load: () => Promise.all([import('./study-screen.js'), speakOf()]),
       isOffered: ({ lead }) => Boolean(lead),
       settings: { title: 'settings.studies', hint: 'settings.studies_hint' },
     },
   },
   words: (code) => import(`./messages/${code}.js`),
-  start: followSession,
+  start: (page) => followSession(page, speakOf),
 });

@@ -29,8 +29,12 @@ const newest = inOrder();
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let timer;
 
-/** @param {import('../page.js').Page} page */
-export function followSession(page) {
+/** @type {() => Promise<void>} */
+let speak = async () => {};
+
+/** @param {import('../page.js').Page} page @param {() => Promise<void>} speakOf  fetches the sentences about a session */
+export function followSession(page, speakOf) {
+  speak = speakOf;
   page.connection.addEventListener('words', (event) => {
     const { type, name } = /** @type {CustomEvent} */ (event).detail;
     if (type === 'hello' || (type === 'event' && name === 'session')) refreshSession(page);
@@ -47,6 +51,7 @@ export async function refreshSession(page) {
 /** Take in where the session stands. @param {import('../page.js').Page} page @param {Promise<any>} question  whose answer tells it */
 export async function learnSession(page, question) {
   const answer = await newest(question);
+  if (answer?.session && !page.store.state.lead) await speak().catch(() => {}); // it is tried again with the next answer
   if (answer) page.store.set({ lead: leadOf(answer.session) });
   return page.store.state.lead?.own;
 }
