@@ -196,13 +196,18 @@ test('a STOP that has not come through is the first word on the next link, until
 });
 
 test('a body or camera that was lost is named when it is back, and another fault names neither', () => {
-  page.greet({ role: 'pilot', robot: 'Wren', moves: ['forward'], device: "'Anna' (00:16:53)", camera_device: 'C270 (/dev/video0)' });
   speak(en);
   const toasts = [];
   page.toast = (text) => toasts.push(text);
+  const hello = { role: 'pilot', robot: 'Wren', moves: ['forward'], device: "'Anna' (00:16:53)", camera_device: 'C270 (/dev/video0)' };
+  page.greet(hello);
+  page.greet(hello);
+  assert.deepEqual(toasts.splice(0), ["Connected to 'Anna' (00:16:53)."], 'once');
   for (const stop_reason of ['drive_fault', 'camera_fault', 'store_fault']) {
     follow({ fault: 'gone', stop_reason });
     follow({ stop_reason });
   }
-  assert.deepEqual(toasts, ["Connected to 'Anna' (00:16:53), as before.", 'Connected to C270 (/dev/video0), as before.']);
+  assert.deepEqual(toasts.splice(0), ["Connected to 'Anna' (00:16:53), as before.", 'Connected to C270 (/dev/video0), as before.']);
+  page.greet({ ...hello, device: "'Ben' (00:16:54)" });
+  assert.deepEqual(toasts, ["Now connected to 'Ben' (00:16:54). Before, it was 'Anna' (00:16:53)."]);
 });

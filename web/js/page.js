@@ -114,7 +114,10 @@ export class Page {
   greet(hello) {
     if (this.isStopping) this.connection.say('stop'); // a request may wait behind what the dead link still holds
     declare(hello.declared_moves ?? []);
-    this.devices = { drive_fault: hello.device, camera_fault: hello.camera_device };
+    const [before, device] = [this.devices.drive_fault, hello.device];
+    // After a restart it may be another one of the same name.
+    if (device && device !== before) this.toast(t(before ? 'device_other' : 'device_now', { device, before: before ?? '' }));
+    this.devices = { drive_fault: device ?? before, camera_fault: hello.camera_device };
     this.beginEra();
     this.store.set({ isWatching: false, role: hello.role, robotName: hello.robot, moves: hello.moves, takesPoints: hello.takes_points === true });
     this.followPreferences();

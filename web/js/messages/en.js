@@ -98,6 +98,8 @@ export default {
   'way.cut.alone': 'The network cuts live connections. Ask your school to allow WebSocket. It drives itself.',
   emergency: 'Emergency stop. The robot stays put until you release it.',
   fault: '{fault}',
+  device_now: 'Connected to {device}.',
+  device_other: 'Now connected to {device}. Before, it was {before}.',
   device_back: 'Connected to {device}, as before.',
   asks: "I don't know this view. Show me.",
   asks_help: 'I tried and got stuck. Show me the way out.',

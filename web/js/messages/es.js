@@ -97,6 +97,8 @@ export default {
   'way.cut.alone': 'La red corta WebSocket. Pide a tu escuela que lo permita. Conduce solo.',
   emergency: 'Parada de emergencia. El robot no se moverá hasta que lo liberes.',
   fault: '{fault}',
+  device_now: 'Conectado a {device}.',
+  device_other: 'Ahora conectado a {device}. Antes era {before}.',
   device_back: 'Conectado a {device}, como antes.',
   asks: 'No conozco esta vista. Enséñame.',
   asks_help: 'Lo he intentado y me he atascado. Enséñame la salida.',

@@ -97,6 +97,8 @@ export default {
   'way.cut.alone': '网络在几秒后就切断实时连接。请让学校允许这里使用 WebSocket。它在自己驾驶。',
   emergency: '已急停。解除之前机器人不会动。',
   fault: '{fault}',
+  device_now: '已连接到 {device}。',
+  device_other: '现在连接的是 {device}，之前是 {before}。',
   device_back: '已重新连接到 {device}，与之前相同。',
   asks: '我不认识这个画面。请教我。',
   asks_help: '我试过了，出不去。请教我怎么出来。',
