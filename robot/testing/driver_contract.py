@@ -169,8 +169,7 @@ class DriverContract:
                 pytest.skip("nobody can tell how this body drives; give the case a drives")
             turned = []
             for steering in (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0):
-                driver.send_point(Point(steering, 0.5))
-                now = drives()
+                now = _driven(driver_case, partial(driver.send_point, Point(steering, 0.5)))
                 turned.append(now.steering)
                 asked = f"asked for steering {steering}, throttle 0.5: it drives {tuple(now)}"
                 assert side_of(now.steering, 1e-9) == side_of(steering, 0.0), (
@@ -178,15 +177,15 @@ class DriverContract:
                 )
                 assert now.throttle > 0.0 or abs(steering) > 0.5, f"{asked}, which is not ahead"
             assert turned == sorted(turned), f"more steering turns less somewhere: {turned}"
-            driver.send_point(Point(0.0, -0.5))
-            back = drives()
+            back = _driven(driver_case, partial(driver.send_point, Point(0.0, -0.5)))
             assert back.throttle < 0.0, f"asked for throttle -0.5: it drives {tuple(back)}"
             for move in driver.declared_moves:
                 if move.point is not None:
-                    driver.send_action(move.name)
-                    as_move = drives()
-                    driver.send_point(move.point)
-                    _check_same(drives(), as_move, move.name)
+                    as_move = _driven(driver_case, partial(driver.send_action, move.name))
+                    driver.stop()
+                    _check_stands(driver_case, f"after stop(), called after {move.name}")
+                    as_point = _driven(driver_case, partial(driver.send_point, move.point))
+                    _check_same(as_point, as_move, f"the point of {move.name}")
 
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
         self, driver_case: DriverCase
@@ -201,10 +200,11 @@ class DriverContract:
                 pytest.skip("nobody can tell how this body drives; give the case a drives")
             reached: dict[Point, Point] = {}
             for point in CORNERS:
-                driver.send_point(point)
+                _driven(driver_case, partial(driver.send_point, point))
                 driver_case.forward(driver_case.ramp_s)
                 reached[point] = drives()
                 driver.stop()
+                _check_stands(driver_case, f"after stop(), called after {tuple(point)}")
             limits = [(min(of), max(of)) for of in zip(*reached.values(), strict=True)]
             for point in CORNERS[::-1] * 2:
                 for passing in (Point(-point.steering, -point.throttle), point):
@@ -215,7 +215,8 @@ class DriverContract:
                             f"[{least:.4g}, {most:.4g}], where it comes to at the corners"
                         )
                 driver_case.forward(driver_case.ramp_s)
-                _check_same(drives(), reached[point], str(point))
+                _comes(driver_case, lambda wanted=reached[point]: _is_same(drives(), wanted))
+                _check_same(drives(), reached[point], f"{tuple(point)}, after other points,")
 
     def test_it_senses(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
@@ -387,9 +388,31 @@ def _check_stands(case: DriverCase, when: str) -> None:
     assert stands, f"the body still moves {waited_ms:.0f} ms {when}"
 
 
+def _driven(case: DriverCase, send: Callable[[], object]) -> Point:
+    """Send an order to a body at rest or on another course, and return how it drives then."""
+    drives = case.drives
+    assert drives is not None
+    if not type(case.driver).is_remote:
+        send()
+        return drives()
+    before = drives()
+    send()
+    _comes(case, lambda: not _is_same(drives(), before))
+    return drives()
+
+
+def _away(now: Point, wanted: Point) -> float:
+    return max(abs(a - b) for a, b in zip(now, wanted, strict=True))
+
+
+def _is_same(now: Point, wanted: Point) -> bool:
+    return _away(now, wanted) <= 1e-6
+
+
 def _check_same(now: Point, wanted: Point, what: str) -> None:
-    away = max(abs(a - b) for a, b in zip(now, wanted, strict=True))
-    assert away <= 1e-6, f"{what} drives {tuple(now)}, not {tuple(wanted)}: {away:.3g} apart"
+    assert _is_same(now, wanted), (
+        f"{what} drives {tuple(now)}, not {tuple(wanted)}: {_away(now, wanted):.3g} apart"
+    )
 
 
 def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:

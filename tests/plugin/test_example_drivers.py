@@ -1,0 +1,147 @@
+"""Driver packages under docs/examples: real MAVLink bytes, and the Thymio manager's own classes."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot.errors import DriveError
+from robot.types import Action, Point
+from tests.kit.sizes import IS_FULL
+
+EXAMPLES = Path(__file__).parents[2] / "docs/examples"
+LIBRARIES = {"rover": "pymavlink", "thymio": "tdmclient"}
+QUICK = "every_move or ends_by_itself or is_cut or right_is"
+"""Four of the checks, for make test."""
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_it_passes_the_contract_as_a_package(name: str, tmp_path: Path) -> None:
+    pytest.importorskip(LIBRARIES[name])
+    installed = tmp_path / f"drivelesson_{name}-0.1.0.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text(
+        f"Metadata-Version: 2.1\nName: drivelesson-{name}\nVersion: 0.1.0\n"
+    )
+    made = f"drivelesson_{name}:{name.capitalize()}Driver"
+    (installed / "entry_points.txt").write_text(f"[drivelesson.drivers]\n{name} = {made}\n")
+    paths = [str(tmp_path), str(EXAMPLES / name), str(EXAMPLES.parents[1])]
+    chosen = [] if IS_FULL else ["-k", QUICK]
+    command = (
+        f"{sys.executable} -m pytest -q -W error -p no:cacheprovider -c {os.devnull} --rootdir ."
+    )
+    run = subprocess.run(
+        [*command.split(), "--drivelesson-driver", name, *chosen, "."],
+        cwd=EXAMPLES / name,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        timeout=250,
+        check=False,
+    )
+    said = run.stdout[-3000:] + run.stderr[-1000:]
+    assert run.returncode == 0 and "skipped" not in run.stdout, said
+    assert re.search(rf"\b{20 if IS_FULL else 4} passed", run.stdout), said
+
+
+def parts_of(name: str) -> Iterator[Any]:
+    pytest.importorskip(LIBRARIES[name])
+    sys.path.insert(0, str(EXAMPLES / name))
+    try:
+        yield importlib.import_module("conftest"), importlib.import_module(f"drivelesson_{name}")
+    finally:
+        sys.path.remove(str(EXAMPLES / name))
+        for module in ("conftest", f"drivelesson_{name}"):
+            sys.modules.pop(module, None)
+
+
+@pytest.fixture
+def rovers() -> Iterator[Any]:
+    yield from parts_of("rover")
+
+
+def until(is_so: Any) -> None:
+    end_s = time.monotonic() + 30.0
+    while not is_so():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("name", ["ArduPilot", "PX4"])
+def test_each_autopilot_gets_its_own_numbers_and_timeout(rovers: Any, name: str) -> None:
+    kit, module = rovers
+    [kind] = [kind for kind, (known, _) in module.AUTOPILOTS.items() if known == name]
+    with kit.rover(autopilot=kind) as body:
+        options = module.RoverOptions(
+            rover_address=body.address, rover_arm=True, rover_throttle=0.5
+        )
+        with module.RoverDriver(options) as driver:
+            assert list(body.parameters.values()) == [pytest.approx(0.4)]
+            assert driver.device == f"{name}, armed" and body.is_armed
+            driver.send_point(Point(-0.25, 0.8), speed_scale=0.5)
+            until(lambda: body.drives() == Point(-0.25, 0.2))
+            driver.send_action(Action.BACKWARD)
+            until(lambda: body.drives() == Point(0.0, -0.25))
+            until(lambda: body.drives() == Point(0.0, 0.0))
+            assert driver.sense().battery_share == 0.8
+        until(lambda: not body.is_armed)
+
+
+@pytest.mark.realtime
+def test_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(rovers: Any) -> None:
+    kit, module = rovers
+    with kit.rover(may_arm=False) as body:
+        with pytest.raises(DriveError, match=r"ARM_DISARM: MAV_RESULT_FAILED.*PreArm: no GPS"):
+            module.RoverDriver(
+                module.RoverOptions(rover_address=body.address, rover_arm=True)
+            ).connect()
+        with module.RoverDriver(module.RoverOptions(rover_address=body.address)) as driver:
+            assert driver.device == "ArduPilot, disarmed"
+            with pytest.raises(DriveError, match="disarmed; arm it, or start with --rover-arm"):
+                driver.send_action(Action.FORWARD)
+            driver.send_action(Action.STOP)
+            body.is_armed = True  # by its owner, whose switch is said by the next heartbeat
+            until(lambda: driver.sense() and driver.device == "ArduPilot, armed")
+            driver.send_action(Action.FORWARD)
+            until(lambda: body.drives().throttle > 0)
+
+
+@pytest.mark.realtime
+def test_an_autopilot_without_the_parameter_is_named(rovers: Any) -> None:
+    kit, module = rovers
+    with kit.rover() as body:
+        body.parameters = {"OTHER": 3.0}
+        body.drives = lambda: Point(0.0, 0.0)
+        with module.RoverDriver(module.RoverOptions(rover_address=body.address)) as driver:
+            assert driver.device == "ArduPilot, disarmed, without a timeout of its own"
+
+
+@pytest.mark.realtime
+def test_a_thymio_in_use_elsewhere_is_said() -> None:
+    for kit, module in parts_of("thymio"):
+        manager = kit.Manager()
+        manager.node.status = 3
+        options = module.ThymioOptions(thymio_manager=manager.address, thymio_speed=500)
+        with pytest.raises(DriveError, match="does another program use the Thymio"):
+            module.ThymioDriver(options).connect()
+        manager.node.status = 2
+        with module.ThymioDriver(options) as driver:
+            assert driver.device == "Anna"
+            driver.send_point(Point(0.0, 1.0))
+            assert manager.node.variables["motor.left.target"] == [500], "1000 wraps or is refused"
+        assert manager.node.status == 2 and manager.drives() == Point(0.0, 0.0)
+        with pytest.raises(DriveError, match="sees no Thymio named 'Bea'"):
+            other = module.ThymioOptions(thymio_manager=manager.address, thymio_name="Bea")
+            module.ThymioDriver(other).connect()
+        manager.end()
