@@ -98,7 +98,7 @@ class ThymioDriver(HostWatchdog[tdmclient.Client]):
         def found() -> list[Any]:
             return [node for node in client.nodes if name in ("", node.props.get("name"))]
 
-        if not self._await(found, FIRST_ANSWER_S):
+        if not self._await(client, found, FIRST_ANSWER_S):
             who = f"Thymio named {name!r}" if name else "Thymio"
             raise DriveError(
                 f"the device manager sees no {who}; is it on, with its cable or dongle?"
@@ -121,7 +121,7 @@ class ThymioDriver(HostWatchdog[tdmclient.Client]):
         node, self._node = self._node, None
         try:
             if node is not None:
-                node.send_unlock_node()
+                self._ask(node.send_unlock_node, client=connection)
         finally:
             connection.disconnect()
 
@@ -130,20 +130,26 @@ class ThymioDriver(HostWatchdog[tdmclient.Client]):
             raise DriveError("the line to the device manager is lost")
         return self._node
 
-    def _ask(self, send: Callable[..., Any], *what: Any, within_s: float = ANSWER_S) -> None:
+    def _ask(
+        self,
+        send: Callable[..., Any],
+        *what: Any,
+        within_s: float = ANSWER_S,
+        client: tdmclient.Client | None = None,
+    ) -> None:
         """Send a request, and wait for its answer; raises TimeoutError or DriveError."""
         answers: list[Any] = []
         with self._lock:
             send(*what, request_id_notify=answers.append)
-        if not self._await(lambda: answers, within_s):
+        if not self._await(client or self._connected(), lambda: answers, within_s):
             raise TimeoutError(f"no answer of the device manager in {within_s} s")
         if answers[0] is not None:
             raise DriveError(
                 f"the device manager refuses: {answers[0]}; does another program use the Thymio?"
             )
 
-    def _await(self, is_so: Callable[[], Any], within_s: float) -> bool:
-        client, end_s = self._connected(), self._clock.now_s() + within_s
+    def _await(self, client: tdmclient.Client, is_so: Callable[[], Any], within_s: float) -> bool:
+        end_s = self._clock.now_s() + within_s
         while not is_so():
             if self._clock.now_s() > end_s:
                 return False
