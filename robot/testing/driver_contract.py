@@ -215,7 +215,7 @@ class DriverContract:
                             f"[{least:.4g}, {most:.4g}], where it comes to at the corners"
                         )
                 driver_case.forward(driver_case.ramp_s)
-                _comes(driver_case, lambda wanted=reached[point]: _is_same(drives(), wanted))
+                _comes(driver_case, lambda: _is_same(drives(), reached[point]))  # noqa: B023
                 _check_same(drives(), reached[point], f"{tuple(point)}, after other points,")
 
     def test_it_senses(self, driver_case: DriverCase) -> None:
