@@ -18,7 +18,7 @@ from robot.policy.history import Edited, HistoryEvent, Taught, Undone
 from robot.recordings.images import FrameEntry
 from robot.recordings.messages import Fields, Topic
 from robot.recordings.reader import Block, MessageChannel
-from robot.store.models.events import read_event, read_point
+from robot.store.models.events import describe_event, read_event, read_point
 from robot.types import Action, Example, Point
 
 _FRAME = np.dtype(
@@ -62,6 +62,24 @@ class FrameTable(Mapping[int, FrameEntry]):
             if channel not in self._channels:
                 self._channels.append(channel)
             table["channel"][rows["channel"] == number] = self._channels.index(channel)
+        self._parts.append(table)
+        self._table = None
+
+    def dump(self) -> tuple[bytes, list[MessageChannel]]:
+        """Return the rows in the order of the file, and the channels that they number."""
+        return b"".join(part.tobytes() for part in self._parts), self._channels
+
+    def load(self, data: bytes, channels: Sequence[MessageChannel]) -> None:
+        """Add the rows of a `dump`; one of `UNREADABLE` if they cannot be."""
+        table = np.frombuffer(data, _FRAME).copy()
+        self._channels += [channel for channel in channels if channel not in self._channels]
+        numbers = np.array([self._channels.index(channel) for channel in channels], "<u2")
+        if len(table):
+            if int(table["channel"].max()) >= len(numbers):
+                raise RecordingError("a picture of an unknown channel")
+            table["channel"] = numbers[table["channel"]]
+            if int(table["chunk"].min()) < 0:
+                raise RecordingError("a picture before the beginning of the file")
         self._parts.append(table)
         self._table = None
 
@@ -220,6 +238,54 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._steering.append(point.steering)
         self._throttle.append(point.throttle)
 
+    def dump(self) -> tuple[bytes, Fields]:
+        """Return the columns, and what describes them."""
+        others = {str(i): describe_event(event) for i, event in self._others.items()}
+        about: Fields = {"count": len(self), "labels": self._labels, "others": others}
+        return b"".join(column.tobytes() for column in self._columns), about
+
+    def load(self, data: bytes, about: Fields) -> None:
+        """Add the events of a `dump`; one of `UNREADABLE` if they cannot be."""
+        count, before = int(about["count"]), len(self)
+        sizes = [count * column.itemsize for column in self._columns]
+        if sum(sizes) != len(data):
+            raise RecordingError("the columns have another length than they say")
+        numbers = [self._number(label) for label in about["labels"]]
+        if _NOT_PLAIN in numbers:
+            raise RecordingError("there are too many labels")
+        numbers += range(len(numbers), _NOT_PLAIN + 1)
+        parts, at = [], 0
+        for size in sizes:
+            parts.append(data[at : at + size])
+            at += size
+        labels = np.frombuffer(parts[2], np.uint8)
+        steering, throttle = (np.frombuffer(part, np.float64) for part in parts[5:])
+        is_other = labels == _NOT_PLAIN
+        if (
+            int(labels[~is_other].max(initial=0)) >= max(len(about["labels"]), 1)
+            or set(np.flatnonzero(is_other).tolist()) != set(map(int, about["others"]))
+            or (np.abs(steering) > 1).any()
+            or (np.abs(throttle) > 1).any()
+        ):
+            raise RecordingError("the columns do not fit together")
+        parts[2] = np.array(numbers, np.uint8)[labels].tobytes()
+        for column, part in zip(self._columns, parts, strict=True):
+            column.frombytes(part)
+        for row, fields in about["others"].items():
+            self._others[before + int(row)] = read_event(fields)
+
+    @property
+    def _columns(self) -> tuple[array[Any], ...]:
+        return (
+            self._now_s,
+            self._frame,
+            self._label,
+            self._is_intervention,
+            self._at_s,
+            self._steering,
+            self._throttle,
+        )
+
     def _number(self, name: str) -> int:
         if name not in self._labels:
             if len(self._labels) == _NOT_PLAIN:
@@ -334,6 +400,16 @@ class Span:
             if len(rows):
                 first, last = int(rows["log_ns"][0]), int(rows["log_ns"][-1])
                 self._ends[topic] = self._ends.get(topic, (first, last))[0], last
+
+    @property
+    def ends(self) -> dict[str, tuple[int, int]]:
+        """The first and last time of each topic."""
+        return self._ends
+
+    def load(self, ends: Mapping[str, Sequence[int]]) -> None:
+        """Add later `ends`."""
+        for topic, (first, last) in ends.items():
+            self._ends[topic] = self._ends.get(topic, (int(first), 0))[0], int(last)
 
     @property
     def ends_ns(self) -> list[int]:

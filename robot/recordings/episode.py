@@ -3,15 +3,21 @@ when they are asked for."""
 
 from __future__ import annotations
 
-import math
+import contextlib
+import struct
+import threading
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from robot.driver import Move
 from robot.errors import UNREADABLE, RecordingError
-from robot.recordings.columns import FrameTable, Labels, LessonTable, Span, read_fields
+from robot.recordings.columns import FrameTable, Labels, LessonTable, read_fields
 from robot.recordings.images import decode_image
+from robot.recordings.index import INDEX, Columns, read_columns
 from robot.recordings.messages import MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY, Fields, Topic
 from robot.recordings.moves import from_text
 from robot.recordings.reader import (
@@ -29,33 +35,47 @@ from robot.recordings.writer import FORMAT
 from robot.store.models.model import Model, decode_model
 from robot.types import Action, Frame
 
-_CHUNKS_KEPT = 4
-_MOST_RESULTS = 1000
-"""Number of results that are kept of a recording, the latest."""
+_CHUNKS_BYTES = 8 * 2**20
+"""Most bytes of unpacked chunks that an open recording keeps."""
 _LATEST_S = 2.5e11  # the year 9892: later ones have no date
-_READ = set(Topic) - {Topic.POSE}  # which the sensors have, too
 
 
 @dataclass(slots=True, kw_only=True)
 class Episode:
     """The content of a recording. Times are seconds of the run's clock.
 
-    `results` are what extensions measured: `of` names the kind, `at_s` is its time from the start.
-
     `on_read` is called for each picture that is read, for a command's progress display.
     """
 
     path: Path
     run: dict[str, str] = field(default_factory=dict)
-    frames: FrameTable = field(default_factory=FrameTable)
-    events: LessonTable = field(default_factory=LessonTable)
-    results: list[Fields] = field(default_factory=list)
-    span: Span = field(default_factory=Span)
+    columns: Columns = field(default_factory=Columns)
     channels: Mapping[int, MessageChannel] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
     on_read: Callable[[], None] = lambda: None
     _chunks: dict[int, bytes] = field(default_factory=dict)
+    _chunks_bytes: int = 0
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False)
+
+    @property
+    def frames(self) -> FrameTable:
+        """The places of its pictures."""
+        return self.columns.frames
+
+    @property
+    def events(self) -> LessonTable:
+        """What was taught and undone."""
+        return self.columns.lessons
+
+    @property
+    def results(self) -> list[Fields]:
+        """What extensions measured: `of` names the kind, `at_s` is its time from the start."""
+        origin_ns, start_s = self.origin_ns, self.start_s
+        return [
+            {**fields, "at_s": round((stamp_ns - origin_ns) / 1e9 - start_s, 3)}
+            for stamp_ns, fields in self.columns.results
+        ]
 
     @property
     def id(self) -> str:
@@ -92,8 +112,8 @@ class Episode:
 
     def _ends(self) -> Iterator[float]:
         if len(self.frames):
-            yield from self.frames.captured_s[[0, -1]].tolist()
-        yield from ((end_ns - self.origin_ns) / 1e9 for end_ns in self.span.ends_ns)
+            yield from self.frames.captured_s_of(np.array([0, -1])).tolist()
+        yield from ((end_ns - self.origin_ns) / 1e9 for end_ns in self.columns.span.ends_ns)
 
     def frame(self, frame_id: int) -> Frame:
         entry = self.frames.get(frame_id)
@@ -108,10 +128,16 @@ class Episode:
         return self._keep(offset, read_chunk(self.path, offset)) if data is None else data
 
     def _keep(self, offset: int, data: bytes) -> bytes:
-        """Cache the last few chunks: their pictures are mostly needed soon, and in order."""
-        self._chunks[offset] = data
-        for old in list(self._chunks)[:-_CHUNKS_KEPT]:
-            self._chunks.pop(old, None)
+        """Cache the last chunks: their pictures are needed soon, in order, and some seconds late.
+
+        They are few and large in an imported recording, five a second in a driven one.
+        """
+        with self._lock:
+            if offset not in self._chunks:
+                self._chunks[offset] = data
+                self._chunks_bytes += len(data)
+            while self._chunks_bytes > _CHUNKS_BYTES and len(self._chunks) > 1:
+                self._chunks_bytes -= len(self._chunks.pop(next(iter(self._chunks))))
         return data
 
     def blocks(self, offset: int = 0) -> Iterator[Block]:
@@ -150,6 +176,17 @@ def open_episode(path: Path) -> Episode:
 
     RecordingError if it is not a recording of this program, or of a newer format.
     """
+    with contextlib.suppress(*UNREADABLE, OSError, MemoryError, struct.error, zlib.error):
+        if (found := read_columns(path)) is not None:
+            ends, columns = found
+            return Episode(
+                path=path,
+                run=check_run(ends.metadata[RUN]),
+                columns=columns,
+                channels=ends.channels,
+                attachments=ends.attachments,
+                damage=ends.metadata[SUMMARY].get("damage"),
+            )
     episode = Episode(path=path)
     for part in walk(path):
         try:
@@ -167,9 +204,11 @@ def open_episode(path: Path) -> Episode:
 def _take(episode: Episode, part: Block | Metadata | Attachment | Cut) -> None:
     if isinstance(part, Block):
         if episode.run:
-            _take_block(episode, part)
+            episode.channels = part.channels
+            episode.columns.add(part)
     elif isinstance(part, Attachment):
-        episode.attachments[part.name] = part.data
+        if part.name != INDEX:
+            episode.attachments[part.name] = part.data
     elif isinstance(part, Cut):
         episode.damage = part.reason
     elif part.name == RUN:
@@ -177,27 +216,6 @@ def _take(episode: Episode, part: Block | Metadata | Attachment | Cut) -> None:
         episode.frames.origin_ns = episode.origin_ns
     elif part.name == SUMMARY:
         episode.damage = part.values.get("damage")
-
-
-def _take_block(episode: Episode, block: Block) -> None:
-    episode.channels = block.channels
-    episode.frames.add(block)
-    lessons = block.of(Topic.LESSON)
-    times_s = ((lessons["log_ns"].astype("<i8") - episode.origin_ns) / 1e9).tolist()
-    episode.span.add(block, _READ - {Topic.CAMERA})
-    episode.events.add(times_s, block.texts(lessons))
-    results = block.of(Topic.RESULT)
-    stamps_ns = results["log_ns"].astype("<i8").tolist()
-    for stamp_ns, fields in zip(stamps_ns, read_fields(block.texts(results)), strict=True):
-        at_s = (stamp_ns - episode.origin_ns) / 1e9 - episode.start_s
-        plain = {name: value for name, value in fields.items() if _is_plain(value)}
-        episode.results.append({**plain, "at_s": round(at_s, 3)})
-    del episode.results[:-_MOST_RESULTS]
-
-
-def _is_plain(value: object) -> bool:
-    """True for what every export can write: a text, a truth value or a finite number."""
-    return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
 
 
 def check_run(values: dict[str, str]) -> dict[str, str]:

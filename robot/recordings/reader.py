@@ -8,6 +8,7 @@ of a record: it trusts lengths, and takes a truncated file for a whole one.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import struct
@@ -29,7 +30,8 @@ MAX_CHUNK_BYTES = 64 * 2**20
 MAGIC = b"\x89MCAP0\r\n"
 CUT_SHORT = "the file was cut short"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX = 2, 3, 4, 5, 6, 7
-_ATTACHMENT, _METADATA, _METADATA_INDEX, _DATA_END = 9, 12, 13, 15
+_CHUNK_INDEX, _ATTACHMENT, _ATTACHMENT_INDEX, _METADATA, _METADATA_INDEX = 8, 9, 10, 12, 13
+_SUMMARY_OFFSET, _DATA_END = 14, 15
 _HEAD = struct.Struct("<BQ")
 _END = struct.Struct("<BQQQI8s")
 """The end of a file: its footer, whose third value is the summary's offset, and `MAGIC`."""
@@ -95,7 +97,11 @@ class Block(NamedTuple):
     def of(self, topic: str) -> NDArray[np.void]:
         """Return the rows of one topic, in the order of the file."""
         numbers = [number for number, channel in self.channels.items() if channel.topic == topic]
-        own: NDArray[np.void] = self.rows[np.isin(self.rows["channel"], numbers)]
+        if not numbers:
+            return self.rows[:0]
+        named = self.rows["channel"]
+        is_own = named == numbers[0] if len(numbers) == 1 else np.isin(named, numbers)
+        own: NDArray[np.void] = self.rows[is_own]
         return own
 
     def texts(self, rows: NDArray[np.void]) -> list[bytes]:
@@ -116,6 +122,23 @@ class Attachment(NamedTuple):
 
     name: str
     data: bytes
+
+
+class Attached(NamedTuple):
+    """An attachment that was found by a file's summary, and its place."""
+
+    offset: int
+    name: str
+    data: bytes
+
+
+class Ends(NamedTuple):
+    """What a whole file's summary leads to, without its chunks."""
+
+    metadata: dict[str, dict[str, str]]
+    channels: Mapping[int, MessageChannel]
+    attachments: dict[str, bytes]
+    sections: list[Attached]
 
 
 class Cut(NamedTuple):
@@ -207,19 +230,81 @@ def read_metadata(path: Path) -> dict[str, dict[str, str]]:
 
 def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
     """Return the same as `read_metadata`, from an open file."""
+    indexes = [body for kind, body in _summary(file) if kind == _METADATA_INDEX]
+    return _metadata_at(file, [int.from_bytes(body[:8], "little") for body in indexes])
+
+
+def read_ends(path: Path, sections: str, attachments: Sequence[str]) -> Ends:
+    """Read a whole file's metadata, channels, and the attachments of these names, without its
+    chunks. RecordingError if it has no summary."""
+    require_mcap()
+    content, places, attached = _Content(), [], []
+    with path.open("rb") as file:
+        for kind, body in _summary(file):
+            if kind in (_SCHEMA, _CHANNEL):
+                for _ in content.read(kind, body):
+                    pass
+            elif kind == _METADATA_INDEX:
+                places.append(int.from_bytes(body[:8], "little"))
+            elif kind == _ATTACHMENT_INDEX:
+                record = _parse("AttachmentIndex", body)
+                if record.name in (sections, *attachments):
+                    attached.append(_attachment_at(file, record.offset))
+        return Ends(
+            metadata=_metadata_at(file, places),
+            channels=content.channels,
+            attachments={one.name: one.data for one in attached if one.name != sections},
+            sections=[one for one in attached if one.name == sections],
+        )
+
+
+def _attachment_at(file: BinaryIO, offset: int) -> Attached:
+    here = file.tell()
+    file.seek(offset)
+    _, opcode, body = next(_records(file))
+    file.seek(here)
+    if opcode != _ATTACHMENT:
+        raise RecordingError("an attachment is not where the summary says")
+    record = _parse("Attachment", body)
+    return Attached(offset, record.name, record.data)
+
+
+def _summary(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Yield the kind and body of each record of the summary; where it says how to skip the index
+    of the chunks, which grows with the file, that is skipped."""
     end_at = file.seek(0, os.SEEK_END) - _END.size
     file.seek(max(end_at, 0))
     end = file.read()
     if len(end) < _END.size or end[-len(MAGIC) :] != MAGIC or end[0] != _FOOTER:
         raise RecordingError("the file's end is missing")
-    start = _END.unpack(end)[2]
-    if not 0 < start < end_at <= start + _MOST_SUMMARY_BYTES:
+    _, _, start, offsets_at, _, _ = _END.unpack(end)
+    chunks_at, after = _chunk_group(file, offsets_at, end_at)
+    if not 0 < start < end_at <= start + _MOST_SUMMARY_BYTES + after - chunks_at:
         raise RecordingError("the file has no summary")
     file.seek(start)
-    indexes = [body for _, kind, body in _records(file) if kind == _METADATA_INDEX]
-    found = {}
-    for place in (int.from_bytes(body[:8], "little") for body in indexes):
-        file.seek(min(place, end_at))
+    for offset, kind, body in _records(file):
+        if offset == chunks_at:
+            file.seek(after)
+            continue
+        yield kind, body
+
+
+def _chunk_group(file: BinaryIO, offsets_at: int, end_at: int) -> tuple[int, int]:
+    """Return begin and end of the index of the chunks; 0 and 0 if the summary does not say."""
+    if 0 < offsets_at < end_at:
+        file.seek(offsets_at)
+        for _, kind, body in _records(file, _MOST_SUMMARY_BYTES):
+            if kind == _SUMMARY_OFFSET and len(body) == 17 and body[0] == _CHUNK_INDEX:
+                begin, length = struct.unpack_from("<QQ", body, 1)
+                if begin > 0 and length > 0 and begin + length <= offsets_at:
+                    return begin, begin + length
+    return 0, 0
+
+
+def _metadata_at(file: BinaryIO, places: Sequence[int]) -> dict[str, dict[str, str]]:
+    size, found = file.seek(0, os.SEEK_END), {}
+    for place in places:
+        file.seek(min(place, size))
         _, opcode, body = next(_records(file, _MOST_SUMMARY_BYTES))
         if opcode != _METADATA:
             raise RecordingError("the metadata are not where the summary says")
@@ -228,11 +313,32 @@ def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
     return found
 
 
+class Follower:
+    """Reads the chunks of a file as they are written."""
+
+    def __init__(self) -> None:
+        self._content = _Content()
+
+    @property
+    def channels(self) -> Mapping[int, MessageChannel]:
+        """The channels so far, by number."""
+        return self._content.channels
+
+    def blocks(self, data: bytes, offset: int) -> Iterator[Block]:
+        """Yield the chunks among whole records that were written at an offset."""
+        with contextlib.suppress(CutError):  # the file goes on
+            for part in self._content.parts(io.BytesIO(data)):
+                if isinstance(part, Block):
+                    yield part._replace(offset=offset + part.offset)
+
+
 def _records(
     file: BinaryIO, most_bytes: int = MAX_RECORD_BYTES
 ) -> Iterator[tuple[int, int, bytes]]:
     """Yield each record's place, opcode and body, up to the footer."""
-    size = os.fstat(file.fileno()).st_size
+    start = file.tell()
+    size = file.seek(0, os.SEEK_END)
+    file.seek(start)
     while True:
         offset = file.tell()
         head = file.read(_HEAD.size)
@@ -261,13 +367,13 @@ def _parse(kind: str, body: bytes) -> Any:
 
 
 class _Content:
-    """The content of a file, with the channels known so far; `end` is the end of the last whole
+    """The content of a file, with the `channels` known so far; `end` is the end of the last whole
     record."""
 
     def __init__(self, channels: Mapping[int, MessageChannel] | None = None) -> None:
         self.end = len(MAGIC)
         self._schemas = {0: Schema("", "", b"")}
-        self._channels = dict(channels or {})
+        self.channels = dict(channels or {})
 
     def parts(self, file: BinaryIO) -> Iterator[Part]:
         """Yield the parts, up to the end of the data: the summary after it only repeats."""
@@ -296,7 +402,7 @@ class _Content:
             if opcode == _CHUNK and not has_all:
                 chunk = offset, body
             elif not has_all:
-                yield from self._read(opcode, body)
+                yield from self.read(opcode, body)
             self.end = file.tell()
 
     def _block(self, offset: int, body: bytes, indexes: list[bytes]) -> Iterator[Block]:
@@ -306,9 +412,9 @@ class _Content:
             places, trouble = self._walked(data)
         rows = _rows(data, places)
         for number in np.unique(rows["channel"]).tolist():
-            if number not in self._channels:
+            if number not in self.channels:
                 raise RecordingError("a message of an unknown channel")
-        yield Block(offset, self._channels, data, rows)
+        yield Block(offset, self.channels, data, rows)
         if trouble is not None:
             raise trouble
 
@@ -328,19 +434,19 @@ class _Content:
             if opcode == _MESSAGE:
                 places.append((at, stop))
             else:
-                for _ in self._read(opcode, data[at:stop]):
+                for _ in self.read(opcode, data[at:stop]):
                     pass
             at = stop
         return np.array(places, np.int64).reshape(-1, 2), trouble
 
-    def _read(self, opcode: int, body: bytes) -> Iterator[Metadata | Attachment]:
+    def read(self, opcode: int, body: bytes) -> Iterator[Metadata | Attachment]:
         if opcode == _SCHEMA:
             record = _parse("Schema", body)
             self._schemas[record.id] = Schema(record.name, record.encoding, record.data)
         elif opcode == _CHANNEL:
             record = _parse("Channel", body)
             schema = self._schemas.get(record.schema_id, self._schemas[0])
-            self._channels[record.id] = MessageChannel(
+            self.channels[record.id] = MessageChannel(
                 record.topic, record.message_encoding, schema, tuple(record.metadata.items())
             )
         elif opcode == _METADATA:

@@ -11,7 +11,9 @@ from functools import cache
 from typing import Any, BinaryIO
 
 from robot.driver import Move
+from robot.errors import UNREADABLE
 from robot.recordings.images import camera_channel, encode_image
+from robot.recordings.index import INDEX, SECTION_FRAMES, Columns, encode
 from robot.recordings.marks import Tally
 from robot.recordings.messages import (
     MODEL_AFTER,
@@ -26,6 +28,7 @@ from robot.recordings.messages import (
 from robot.recordings.moves import to_text
 from robot.recordings.reader import (
     Attachment,
+    Follower,
     Message,
     MessageChannel,
     Metadata,
@@ -90,6 +93,7 @@ class EpisodeWriter:
         file: BinaryIO,
         run: Mapping[str, str],
         model_before: bytes | None = None,
+        section_frames: int = SECTION_FRAMES,
     ) -> None:
         self._file = file
         self._origin_ns = int(run["origin_ns"])
@@ -97,15 +101,25 @@ class EpisodeWriter:
         require_mcap()
         from mcap.writer import CompressionType, Writer
 
-        self._writer = Writer(file, chunk_size=_CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._written = _Written(file)
+        self._writer = Writer(
+            self._written,
+            chunk_size=_CHUNK_BYTES,
+            compression=CompressionType.ZSTD,
+        )
         self._schema = cache(lambda schema: self._writer.register_schema(*schema))
         self._channel = cache(self._register)
         self._tally = Tally()
         self._first_ns, self._last_ns = 2**64, 0
+        self._section_frames = section_frames
+        self._follower = Follower()
+        self._columns: Columns | None = Columns(self._origin_ns)
+        self._section_at = 0
         self._writer.start(profile="", library="drivelesson")
         self._writer.add_metadata(RUN, dict(run))
         if model_before is not None:
             self._attach(MODEL_BEFORE, model_before)
+        self._written.take()
         self.flush()
 
     @property
@@ -131,18 +145,23 @@ class EpisodeWriter:
         if isinstance(record, Metadata):
             self._writer.add_metadata(record.name, record.values)
         elif isinstance(record, Attachment):
-            self._attach(record.name, record.data)
+            if record.name != INDEX:
+                self._attach(record.name, record.data)
         else:
             self._add(record.channel, record.log_ns, record.data, record.sequence)
 
     def flush(self) -> None:
         """Flush to the disk, so that a kill or a power cut loses nothing written before."""
         self._writer.flush()
+        self._follow()
         _sync(self._file)
 
     def close(self, summary: Mapping[str, str], model_after: bytes | None = None) -> None:
         """Write the end: attachments, summary and index; then close the file."""
         try:
+            self._writer.flush()
+            self._follow()
+            self._write_index(is_last=True)
             if model_after is not None:
                 self._attach(MODEL_AFTER, model_after)
             lasted_s = (self._last_ns - self._first_ns) / 1e9
@@ -153,6 +172,31 @@ class EpisodeWriter:
             _sync(self._file)
         finally:
             self._file.close()
+
+    def _follow(self) -> None:
+        """Take what was written into the index; write its section once it is large."""
+        offset, data = self._written.take()
+        if self._columns is None:
+            return
+        try:
+            for block in self._follower.blocks(data, offset):
+                self._columns.add(block)
+        except UNREADABLE:  # a damaged message was copied: whoever reads it is told
+            self._columns = None
+            return
+        if self._columns.pictures >= self._section_frames:
+            self._write_index(is_last=False)
+
+    def _write_index(self, *, is_last: bool) -> None:
+        """Write what came since the last section."""
+        if self._columns is None:
+            return
+        self._writer.flush()
+        at, channels = self._written.tell(), self._follower.channels
+        section = encode(self._columns, channels, at, self._section_at, is_last=is_last)
+        self._attach(INDEX, section)
+        self._section_at, self._columns = at, Columns(self._origin_ns)
+        self._written.take()
 
     def abandon(self) -> None:
         """Close the file as it is, after the disk refused."""
@@ -174,6 +218,8 @@ class EpisodeWriter:
         elif channel.topic == Topic.LESSON:
             self._tally.note(read_event(json.loads(data)))
         self._writer.add_message(self._channel(channel), stamp_ns, data, stamp_ns, sequence)
+        if self._written.waiting:
+            self._follow()
 
     def _register(self, channel: MessageChannel) -> int:
         topic, encoding, schema, metadata = channel
@@ -181,6 +227,31 @@ class EpisodeWriter:
             topic, encoding, self._schema(schema), dict(metadata)
         )
         return number
+
+
+class _Written:
+    """A file to write to that keeps what was written until it is taken."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._offset, self._data = 0, bytearray()
+        self.tell, self.flush = file.tell, file.flush
+
+    @property
+    def waiting(self) -> int:
+        """Number of bytes that were not taken yet."""
+        return len(self._data)
+
+    def write(self, data: bytes) -> int:
+        self._data += data
+        return self._file.write(data)
+
+    def take(self) -> tuple[int, bytes]:
+        """Return what was written since the last time, and where it begins in the file."""
+        offset, data = self._offset, bytes(self._data)
+        self._data.clear()
+        self._offset += len(data)
+        return offset, data
 
 
 def _sync(file: BinaryIO) -> None:

@@ -1,0 +1,142 @@
+"""The index of a recording: its columns, written as attachments while it is recorded.
+
+A recording with an index is opened without reading its chunks. Each section of some thousand
+pictures has its own attachment, so that the recorder keeps the columns of one section. A section
+names its own place in the file and that of the section before: another program that moved chunks
+has moved these attachments, too, and then they are not used.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+import zlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from robot.errors import RecordingError
+from robot.recordings.columns import FrameTable, LessonTable, Span, read_fields
+from robot.recordings.messages import MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY, Fields, Topic
+from robot.recordings.reader import Attached, Block, Ends, MessageChannel, read_ends
+from robot.store.models.events import to_json
+
+INDEX = "drivelesson.index"
+SECTION_FRAMES = 8192
+"""Number of pictures in a section: some five minutes, whose columns take 0.6 MB."""
+_FORMAT = 1
+_MOST_RESULTS = 1000
+"""Number of results that are kept of a recording, the latest."""
+_MOST_BYTES = 2**26
+_HEAD = struct.Struct("<II")
+"""The checksum of a section, and the length of its description."""
+READ = set(Topic) - {Topic.POSE}  # which the sensors have, too
+
+
+class Columns:
+    """The columns of a recording, or of one section of it."""
+
+    def __init__(self, origin_ns: int = 0) -> None:
+        self.frames, self.lessons, self.span = FrameTable(origin_ns), LessonTable(), Span()
+        self.pictures = 0
+        """Number of pictures that were added, with duplicates."""
+        self.results: list[tuple[int, Fields]] = []
+        """What extensions measured, the latest, each with its time in nanoseconds since 1970."""
+
+    def add(self, block: Block) -> None:
+        """Add the messages of a chunk; RecordingError, or another of `UNREADABLE`, if one is
+        damaged."""
+        self.frames.add(block)
+        self.pictures += len(block.of(Topic.CAMERA))
+        rows = block.of(Topic.LESSON)
+        times_s = ((rows["log_ns"].astype("<i8") - self.frames.origin_ns) / 1e9).tolist()
+        self.span.add(block, READ - {Topic.CAMERA})
+        self.lessons.add(times_s, block.texts(rows))
+        rows = block.of(Topic.RESULT)
+        told = read_fields(block.texts(rows))
+        self.add_results(zip(rows["log_ns"].astype("<i8").tolist(), told, strict=True))
+
+    def add_results(self, results: Iterable[tuple[int, Fields]]) -> None:
+        for stamp_ns, fields in results:
+            plain = {name: value for name, value in fields.items() if _is_plain(value)}
+            self.results.append((int(stamp_ns), plain))
+        del self.results[:-_MOST_RESULTS]
+
+
+def _is_plain(value: object) -> bool:
+    """True for what every export can write: a text, a truth value or a finite number."""
+    return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
+
+
+def encode(
+    columns: Columns,
+    channels: Mapping[int, MessageChannel],
+    place: int,
+    since: int,
+    *,
+    is_last: bool,
+) -> bytes:
+    """Return a section that will be at a place in the file; the one before it is at `since`."""
+    numbers = {channel: number for number, channel in channels.items()}
+    frames, used = columns.frames.dump()
+    lessons, about = columns.lessons.dump()
+    description = to_json(
+        {
+            "format": _FORMAT,
+            "place": place,
+            "since": since,
+            "is_last": is_last,
+            "channels": [numbers[channel] for channel in used],
+            "frames": len(frames),
+            "lessons": about,
+            "span": columns.span.ends,
+            "results": columns.results,
+        }
+    )
+    packed = zlib.compress(description + frames + lessons, 1)
+    return _HEAD.pack(zlib.crc32(packed), len(description)) + packed
+
+
+def read_columns(path: Path) -> tuple[Ends, Columns] | None:
+    """Read a whole recording's columns from its index; None if it has none that fits.
+
+    RecordingError, or another of `UNREADABLE`, or OSError, if it cannot be read.
+    """
+    ends = read_ends(path, INDEX, (MODEL_BEFORE, MODEL_AFTER))
+    sections = sorted(ends.sections, key=lambda one: one.offset)
+    if RUN not in ends.metadata or SUMMARY not in ends.metadata or not sections:
+        return None
+    columns, since = Columns(int(ends.metadata[RUN]["origin_ns"])), 0
+    for section in sections:
+        is_last = section is sections[-1]
+        if not _load(columns, section, ends.channels, since, is_last=is_last):
+            return None
+        since = section.offset
+    is_complete = len(columns.frames) == int(ends.metadata[SUMMARY]["frames"])
+    return (ends, columns) if is_complete else None
+
+
+def _load(
+    columns: Columns,
+    section: Attached,
+    channels: Mapping[int, MessageChannel],
+    since: int,
+    *,
+    is_last: bool,
+) -> bool:
+    checksum, length = _HEAD.unpack_from(section.data)
+    packed = section.data[_HEAD.size :]
+    if zlib.crc32(packed) != checksum:
+        raise RecordingError("the index is damaged")
+    unpacker = zlib.decompressobj()
+    data = unpacker.decompress(packed, _MOST_BYTES)
+    about = json.loads(data[:length])
+    found = about["format"], about["place"], about["since"], about["is_last"]
+    if found != (_FORMAT, section.offset, since, is_last) or unpacker.unconsumed_tail:
+        return False
+    middle = length + int(about["frames"])
+    columns.frames.load(data[length:middle], [channels[n] for n in about["channels"]])
+    columns.lessons.load(data[middle:], about["lessons"])
+    columns.span.load(about["span"])
+    columns.add_results(about["results"])
+    return True
