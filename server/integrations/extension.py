@@ -1,4 +1,4 @@
-"""Addresses for other programs: Prometheus, players and dashboards."""
+"""For other programs: addresses for Prometheus and players, and completion for shells."""
 
 from __future__ import annotations
 

@@ -154,7 +154,12 @@ def test_the_core_boots_without(extension: str, booted: dict[str, dict[str, Any]
     assert "/api/stop" in boot["paths"] and "/api/settings" in boot["paths"]
     assert not uses(set(boot["modules"]), packages_of(gone_with(extension)))
     homes = {"board": "board", "study": "study", "evaluate": "lab", "episodes": "recordings"}
-    for command, home in {**homes, "brick": "bodies", "export": "exchange"}.items():
+    for command, home in {
+        **homes,
+        "brick": "bodies",
+        "completion": "integrations",
+        "export": "exchange",
+    }.items():
         if command != "export":
             assert (command in boot["commands"]) is (home not in gone_with(extension)), command
     paths = {
