@@ -1,0 +1,33 @@
+#!/bin/sh
+# gpiozero 2.0.1.post3: a pair of speeds that Robot refuses has changed the left wheel already.
+#
+# Guess before running: `robot.value = (0.2, -2)` raises, and the robot keeps the speeds that it had.
+# Outcome: half wrong. It raises OutputDeviceBadValue, but the two motors are set one after the other:
+# the left one runs at .2 afterwards, and the right one as before. A program that catches the error has
+# a robot that turns in place. The order counts: (-2, .2) changes nothing.
+set -eu
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/env"
+"$folder/env/bin/pip" install --quiet gpiozero==2.0.1.post3
+"$folder/env/bin/python" - <<'EOF'
+from gpiozero import Device, OutputDeviceBadValue, Robot
+from gpiozero.pins.mock import MockFactory, MockPWMPin
+
+Device.pin_factory = MockFactory(pin_class=MockPWMPin)
+robot = Robot(left=(2, 3), right=(4, 5))
+
+
+def after(speeds: tuple[float, float]) -> tuple[float, float]:
+    robot.stop()
+    try:
+        robot.value = speeds
+    except OutputDeviceBadValue:
+        return tuple(robot.value)
+    raise AssertionError("it was not refused")
+
+
+found = {speeds: after(speeds) for speeds in ((0.2, -2), (-2, 0.2))}
+print(found)
+assert found == {(0.2, -2): (0.2, 0.0), (-2, 0.2): (0.0, 0.0)}
+EOF
