@@ -9,7 +9,9 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Self
 
 from robot.clock import Clock
+from robot.corrections import Mounting, RawPicture
 from robot.driver import Driver
+from robot.errors import ConfigurationError, need
 from robot.types import Encoding, Frame, StartStop
 
 
@@ -43,6 +45,8 @@ class Camera(StartStop):
     world_waits: ClassVar[bool] = False
     """True if the world waits until the loop has acted on the newest picture: then a picture is
     never too old to drive by, however slow the computer is."""
+    can_be_turned: ClassVar[bool] = True
+    """False if its pictures are upright already: they were recorded."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
@@ -52,6 +56,7 @@ class Camera(StartStop):
         self.fault: str | None = None
         self.source_age_s: float | None = None
         self._on_frame: Callable[[], None] = lambda: None
+        self.mounting = Mounting()
 
     @property
     def device(self) -> str:
@@ -99,6 +104,21 @@ class Camera(StartStop):
         """
         return frame
 
+    def mount(self, mounting: Mounting) -> None:
+        """Turn all further pictures upright: for page, recordings and learner alike.
+
+        Raises:
+            ConfigurationError: If this camera's pictures are not to be turned.
+            MissingExtraError: If that needs OpenCV, and it is not installed.
+        """
+        if not mounting.is_upright:
+            if not self.can_be_turned:
+                raise ConfigurationError(f"pictures of the camera {self.name!r} are not turned")
+            newest = self.latest()
+            if newest is None or newest.encoding is Encoding.JPEG:
+                need("cv2", "turning a camera's pictures", "camera")
+        self.mounting = mounting
+
     def rest(self, every_s: float) -> None:
         """Set that one picture in `every_s` is enough, until the next call.
 
@@ -122,16 +142,20 @@ class Camera(StartStop):
     def _publish(
         self, data: bytes, *, width: int, height: int, encoding: Encoding, captured_s: float
     ) -> Frame:
-        """Make these bytes the newest frame, with the next frame id; the future counts as now."""
+        """Make these bytes the newest frame, with the next frame id; the future counts as now.
+
+        The picture is as the camera took it; the frame is upright.
+        """
+        upright = self.mounting.upright(RawPicture(data, width, height, encoding))
         with self._slot_lock:
             self._last_frame_id += 1
             frame = Frame(
                 frame_id=self._last_frame_id,
                 captured_s=min(self.clock.now_s(), captured_s),
-                width=width,
-                height=height,
-                encoding=encoding,
-                data=data,
+                width=upright.width,
+                height=upright.height,
+                encoding=upright.encoding,
+                data=upright.data,
             )
             self._latest = frame
             self.fault = None

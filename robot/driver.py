@@ -14,6 +14,8 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any, ClassVar, Self
 
+from robot.corrections import BodyCorrection
+from robot.errors import ConfigurationError
 from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
@@ -144,6 +146,15 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
     return min(choice, key=lambda move: math.dist(move[1], point))[0] if choice else None
 
 
+_OTHER = {"left": "right", "right": "left"}
+_NOT_CORRECTED = {
+    "reverse": "its own program turns the motors, so reverse them there",
+    "swap_sides": "it has no moves to the left and to the right",
+    "trim": "it is not steered by degrees",
+}
+"""Why a correction does not apply to a body."""
+
+
 class BodyButton(StrEnum):
     """The request of a button on the body."""
 
@@ -179,6 +190,11 @@ class Driver(ABC):
     None: the body has another drive, or the distance is not known."""
     takes_points: bool = False
     """True for a body that also takes steering and throttle in degrees: see `send_point`."""
+    turns_motors: ClassVar[bool] = False
+    """True for a body whose driver turns each motor: it heeds `correction.motors`. Others send
+    moves or points to a program that does, and a reversed motor must be told to that program."""
+    correction: BodyCorrection = BodyCorrection()
+    """How this body differs from what its driver expects; set by `correct`."""
     is_remote: ClassVar[bool] = False
     """True for a body that answers over a network: `send_action`, `sense`, `stop`, `take_button`
     and `show` may then block for up to half a second, and are called on a thread of their own."""
@@ -259,11 +275,59 @@ class Driver(ABC):
     ) -> Action:
         """Drive the point, if there is one and this body takes points, or else the move.
 
-        Result and errors are those of `send_action`.
+        This is where the loop's orders come: they are corrected here (`correct`), and the result
+        is the move that was meant. Errors are those of `send_action`.
         """
-        if point is not None and self.takes_points:
-            return self.send_point(point, speed_scale=speed_scale)
-        return self.send_action(action, speed_scale=speed_scale)
+        by_degrees = point is not None and self.takes_points
+        if not self.correction.is_steering:
+            if point is not None and by_degrees:
+                return self.send_point(point, speed_scale=speed_scale)
+            return self.send_action(action, speed_scale=speed_scale)
+        meant = self.move_of(point) if point is not None and by_degrees else action
+        self.check_action(meant, speed_scale)
+        at = point if by_degrees else point_of(meant, self.declared_moves)
+        if at is not None and self.takes_points and meant is not Action.STOP:
+            self.send_point(self.correction.point(at), speed_scale=speed_scale)
+        else:
+            sent = self._mirrored(meant) if self.correction.swap_sides else meant
+            self.send_action(sent, speed_scale=speed_scale)
+        return meant
+
+    def correct(self, correction: BodyCorrection) -> None:
+        """Heed a correction from now on; the caller has stopped the body.
+
+        Raises:
+            ConfigurationError: As `check_correction`.
+        """
+        self.check_correction(correction)
+        self.correction = correction
+
+    def check_correction(self, correction: BodyCorrection) -> None:
+        """Raise ConfigurationError if a correction does not apply to this body; says why."""
+        possible, wanted = self.possible_corrections, BodyCorrection()
+        for name in ("reverse", "swap_sides", "trim"):
+            if name not in possible and getattr(correction, name) != getattr(wanted, name):
+                raise ConfigurationError(
+                    f"{name!r} does not apply to the robot {self.name!r}: {_NOT_CORRECTED[name]}"
+                )
+
+    @property
+    def possible_corrections(self) -> tuple[str, ...]:
+        """The fields of `BodyCorrection` that apply to this body."""
+        names = ["reverse"] if self.turns_motors else []
+        if any(self._mirrored(move) is not move for move in self.moves):
+            names.append("swap_sides")
+        return (*names, "trim") if self.takes_points else tuple(names)
+
+    def _mirrored(self, action: Action) -> Action:
+        """Return the move that does the same to the other side; one straight on is its own."""
+        name = Action("_".join(_OTHER.get(word, word) for word in action.split("_")))
+        at = point_of(action, self.declared_moves)
+        if name is not action and name in self.moves:
+            return name
+        if at is None or not at.steering:
+            return action
+        return move_at(Point(-at.steering, at.throttle), self.declared_moves) or action
 
     def move_of(self, point: Point) -> Action:
         """Return the move of this body that a point counts as (`move_at`), or STOP."""

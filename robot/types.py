@@ -129,7 +129,7 @@ class Encoding(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """One picture as the camera gave it, never re-encoded on the way.
+    """One picture, upright; re-encoded on the way only if it had to be turned (`Mounting`).
 
     `frame_id` counts up from 1 within one run and is the key that commands, examples and
     recordings use; `captured_s` is the clock's time at which the picture was taken.

@@ -48,6 +48,9 @@ class PersistencePart(StartStop):
     def resume(self) -> None:
         """Save again: the data folder is back."""
 
+    def end_run(self) -> None:
+        """End the present run: the robot is set up otherwise from now on; on the loop's thread."""
+
     def keep_run(self) -> None:
         """Keep the present run, even if it is empty."""
 
@@ -75,7 +78,8 @@ class Persistence(StartStop):
         settings: Mapping[str, Any] | None = None,
     ) -> None:
         self.storage = storage
-        self.robot_name, self.options, self.settings = name, options, settings or {}
+        self.robot_name, self.settings = name, settings or {}
+        self.options = dict(options or {})
         self.announce = announce
         self._lock = FolderLock(storage.root)
         self._loop = rig.loop
@@ -113,6 +117,12 @@ class Persistence(StartStop):
         """Have every part keep the present run, even if it is empty."""
         for part in self._parts.values():
             part.keep_run()
+
+    def note_options(self, options: Mapping[str, Any]) -> None:
+        """Note with each further run how the robot is set up now; on the loop's thread."""
+        self.options.update({name: str(value) for name, value in options.items()})
+        for part in self._parts.values():
+            part.end_run()
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
         """Have every part add a result of the kind `of` to the run; on the loop's thread."""

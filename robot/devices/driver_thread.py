@@ -16,6 +16,7 @@ from operator import attrgetter
 from typing import Any
 
 from robot.clock import Clock, Worker
+from robot.corrections import BodyCorrection
 from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
 from robot.errors import DriveError, NotConnectedError
 from robot.types import Action, Mode, Point, Sensors
@@ -59,6 +60,7 @@ class DriverThread(Driver):
         self._order: _Order | None = None
         self._must_stop = False
         self._mode: Mode | None = None
+        self._correction: BodyCorrection | None = None
         self._sensors = Sensors()
         self._sensed_s = -SENSE_EVERY_S
         self._button: BodyButton | None = None
@@ -74,6 +76,8 @@ class DriverThread(Driver):
     moves = _of_body("moves")
     takes_points = _of_body("takes_points")
     track_m = _of_body("track_m")
+    correction = _of_body("correction")
+    possible_corrections = _of_body("possible_corrections")
     wheels_mps = _of_body("wheels_mps")
     is_connected = _of_body("is_connected")
     takes_advice = _of_body("takes_advice")
@@ -143,6 +147,19 @@ class DriverThread(Driver):
             self._mode = mode
         self._due.set()
 
+    def correct(self, correction: BodyCorrection) -> None:
+        """Have the body heed a correction before any further action; those that wait are dropped.
+
+        The body may have to be connected anew. A fault of that is raised by the next `drive`.
+        """
+        self.driver.check_correction(correction)
+        if self._thread is None:
+            self.driver.correct(correction)
+            return
+        with self._lock:
+            self._order, self._must_stop, self._correction = None, True, correction
+        self._due.set()
+
     # On the thread -----------------------------------------------------------------------------
 
     def step(self) -> bool:
@@ -174,6 +191,10 @@ class DriverThread(Driver):
         if self._must_stop:
             self._must_stop = False
             return "drive", self._stop
+        if self._correction is not None:
+            correction, self._correction = self._correction, None
+            self._order = None
+            return "drive", partial(self.driver.correct, correction)
         if since_s >= SENSE_EVERY_S and not (is_new and (is_stop or since_s < 2 * SENSE_EVERY_S)):
             return "sense", partial(self._sense, now_s)
         if order is not None:

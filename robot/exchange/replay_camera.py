@@ -43,6 +43,7 @@ class ReplayCamera(ThreadedCamera):
 
     name: ClassVar[str] = "replay"
     options_type: ClassVar[type[Any]] = ReplayCameraOptions
+    can_be_turned: ClassVar[bool] = False
 
     def __init__(self, options: ReplayCameraOptions, clock: Clock) -> None:
         super().__init__(options, clock)

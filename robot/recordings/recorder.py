@@ -148,6 +148,11 @@ class Recorder:
             self._base = self._take()
             self._close(final=self._base)
 
+    def begin_anew(self) -> None:
+        """Finish the present recording, and forget the pictures that were to lead the next one."""
+        self.finish()
+        self._lead.clear()
+
     def _own_events(self, events: tuple[HistoryEvent, ...]) -> tuple[HistoryEvent, ...]:
         """Begin a new recording when another policy took over."""
         if any(isinstance(event, Replaced) for event in events):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock
+from robot.corrections import RawPicture
 from robot.devices.options import Options, option
 from robot.devkit.world_camera import WorldCamera
 from robot.policy.image import jpeg_encoder
@@ -79,13 +80,16 @@ class SimCamera(WorldCamera[SimDriver]):
         captured_s = self.clock.now_s()
         jpeg = self._compress(self._body.simulation.render())
         if self._last_frame_id - self._asked_id < _ASKED_FRAMES:
+            data = self._compress(self._body.simulation.render_large())
+            taken = RawPicture(data, LARGE_WIDTH_PX, LARGE_HEIGHT_PX, Encoding.JPEG)
+            upright = self.mounting.upright(taken)
             self._large = Frame(  # set before the frame: its listeners may ask for this one
                 frame_id=self._last_frame_id + 1,
                 captured_s=captured_s,
-                width=LARGE_WIDTH_PX,
-                height=LARGE_HEIGHT_PX,
-                encoding=Encoding.JPEG,
-                data=self._compress(self._body.simulation.render_large()),
+                width=upright.width,
+                height=upright.height,
+                encoding=upright.encoding,
+                data=upright.data,
             )
         return self._show(jpeg, Encoding.JPEG, captured_s)
 

@@ -7,8 +7,10 @@ import threading
 import pytest
 
 from robot.camera import Camera
+from robot.corrections import Mounting
 from robot.devices.options import options_of
 from robot.devices.plugins import load_camera
+from robot.errors import ConfigurationError
 from robot.policy.image import to_grey, to_rgb
 from robot.testing.cases import CameraCase
 from robot.types import Frame
@@ -75,6 +77,20 @@ class CameraContract:
             frame = take(camera, 1)[0]
         assert to_rgb(frame).shape == (frame.height, frame.width, 3)
         assert to_grey(frame).shape == (frame.height, frame.width)
+
+    def test_it_can_be_mounted_on_its_side(self, camera_case: CameraCase) -> None:
+        """Pictures that were recorded lie as they did; all others are turned for everybody."""
+        camera = camera_case.camera
+        if not camera.can_be_turned:
+            with pytest.raises(ConfigurationError, match=camera.name):
+                camera.mount(Mounting(turn_deg=90))
+            return
+        with camera:
+            plain = take(camera, 1)[0]
+            camera.mount(Mounting(turn_deg=90))
+            turned = take(camera, 2)[-1]
+        assert (turned.width, turned.height) == (plain.height, plain.width)
+        assert to_rgb(turned).shape == (turned.height, turned.width, 3)
 
     def test_it_starts_again_after_a_stop_and_ids_go_on(self, camera_case: CameraCase) -> None:
         """Within one run of the program no id is given twice."""

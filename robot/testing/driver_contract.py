@@ -14,10 +14,11 @@ from pathlib import Path
 import pytest
 
 from robot.clock import RealClock
+from robot.corrections import BodyCorrection
 from robot.devices.options import options_of
 from robot.devices.plugins import camera_names, load_driver
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC, describe, side_of
-from robot.errors import DriveError, NotConnectedError
+from robot.errors import ConfigurationError, DriveError, NotConnectedError
 from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point, Sensors
 
@@ -41,6 +42,11 @@ _REAL = RealClock()
 _REQUESTS = 20
 _PATIENCE_S = 5.0
 _LOOK_EVERY_S = 0.01
+_CORRECTIONS = {
+    "reverse": BodyCorrection(reverse="both"),
+    "swap_sides": BodyCorrection(swap_sides=True),
+    "trim": BodyCorrection(trim=0.1),
+}
 _STEP_S, _HALF_WAY_S = 0.1, ACTION_TIMEOUT_S / 2
 
 
@@ -186,6 +192,33 @@ class DriverContract:
                     _check_stands(driver_case, f"after stop(), called after {move.name}")
                     as_point = _driven(driver_case, partial(driver.send_point, move.point))
                     _check_same(as_point, as_move, f"the point of {move.name}")
+
+    def test_a_correction_changes_the_motors_and_not_the_move(
+        self, driver_case: DriverCase
+    ) -> None:
+        """What does not apply to the body is refused with its name."""
+        driver, drives = driver_case.driver, driver_case.drives
+        with driver:
+            possible = driver.possible_corrections
+            for name, wanted in _CORRECTIONS.items():
+                if name not in possible:
+                    with pytest.raises(ConfigurationError, match=name):
+                        driver.correct(wanted)
+            if "trim" not in possible or drives is None:
+                return
+            points = [Point(-0.6, 0.5), Point(0.0, 0.5), Point(0.6, 0.5)]
+            plain = [_steered_to(driver_case, point) for point in points]
+            driver.correct(_CORRECTIONS["swap_sides"])
+            swapped = [_steered_to(driver_case, point) for point in points]
+            for before, after in zip(plain, swapped[::-1], strict=True):
+                _check_same(after, before, "swapped sides")
+            for trim in (-0.2, 0.2):
+                driver.correct(BodyCorrection(trim=trim))
+                assert side_of(_steered_to(driver_case, points[1]).steering, 1e-9) == side_of(
+                    trim, 0.0
+                )
+            driver.correct(BodyCorrection())
+            _check_same(_steered_to(driver_case, points[0]), plain[0], "corrected no more")
 
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(
         self, driver_case: DriverCase
@@ -407,6 +440,17 @@ def _away(now: Point, wanted: Point) -> float:
 
 def _is_same(now: Point, wanted: Point) -> bool:
     return _away(now, wanted) <= 1e-6
+
+
+def _steered_to(case: DriverCase, point: Point) -> Point:
+    """Drive a point as the loop does, and return how the body drives; what it means stays."""
+    driver, drives = case.driver, case.drives
+    assert drives is not None
+    assert driver.drive(driver.move_of(point), point) is driver.move_of(point)
+    case.forward(case.ramp_s)
+    now = drives()
+    driver.stop()
+    return now
 
 
 def _check_same(now: Point, wanted: Point, what: str) -> None:

@@ -47,6 +47,9 @@ class Recordings(PersistencePart):
     def resume(self) -> None:
         self.recorder.queue.resume()
 
+    def end_run(self) -> None:
+        self.recorder.begin_anew()
+
     def keep_run(self) -> None:
         self.recorder.keep()
 

@@ -250,6 +250,7 @@ DRIVERS: dict[str, Callable[[], AbstractContextManager[DriverCase]]] = {
     "pybricks": partial(timed_driver, "pybricks"),
     "gpio": gpio_driver,
     "gpio, a car": partial(gpio_driver, "servo-esc"),
+    "gpio, phase-enable": partial(gpio_driver, "phase-enable"),
     "gymnasium": gymnasium_driver,
     "gymnasium, a box": partial(gymnasium_driver, BOX),
     "ros": ros_driver,

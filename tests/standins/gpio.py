@@ -22,7 +22,7 @@ class MockPins:
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
         self._motors: TimedMotors | None = None
-        self.is_silent = self.is_car = False
+        self.is_silent = self.is_car = self.has_phases = False
 
     def __enter__(self) -> Self:
         self._before = Device.pin_factory
@@ -40,6 +40,8 @@ class MockPins:
         ahead, back, right_ahead, right_back = (
             self.factory.pin(number).state for number in MOTOR_PINS
         )
+        if self.has_phases:  # the first pin of each motor is its direction
+            return (1 - 2 * ahead) * back, (1 - 2 * right_ahead) * right_back
         return ahead - back, right_ahead - right_back
 
     @property
@@ -75,13 +77,14 @@ class MockPins:
     def driver(self, options: GpioOptions) -> GpioDriver:
         """Return a driver whose keeper holds these pins."""
         driver = GpioDriver(options, self._clock)
-        driver._open_line = lambda: self.open_line(options.settings())  # type: ignore[method-assign]
+        driver._open_line = lambda: self.open_line(driver.settings())  # type: ignore[method-assign]
         return driver
 
     def open_line(self, settings: dict[str, Any]) -> MockPins.Line:
         self.factory.reset()
         self._motors = make_motors(settings)
         self.is_car = settings["servo_ends"] is not None
+        self.has_phases = settings["motor_board"] == "phase-enable"
         return MockPins.Line(self)
 
     def _now_ms(self) -> int:

@@ -49,7 +49,7 @@ class ChassisOptions(Options):
         "a turn drives one wheel backward (as the paper's), one forward, or both",
         choices=("backward", "forward", "both"),
     )
-    reversed_motors: bool = option(False, "the motors are mounted the other way round")
+    reversed_motors: bool = option(False, "both motors are mounted the other way round")
 
     def check(self) -> None:
         if self.left_port == self.right_port:
@@ -115,6 +115,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
     default_camera: ClassVar[str] = "v4l2"
     declared_moves = tuple(CLASSIC.values())
     takes_points = True
+    turns_motors: ClassVar[bool] = True
 
     options: ChassisOptions
 
@@ -175,13 +176,14 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
             connection.stop()
             return
         wheels_dps = self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps)
-        left, right = (speed_scale * dps for dps in wheels_dps)
+        left, right = self.correction.motors(wheels_dps)
+        left, right = speed_scale * left, speed_scale * right
         connection.run(left, right, round(1000 * ACTION_TIMEOUT_S))
 
     def sense(self) -> Sensors:
         read = self._connected().sense()
         turned_deg = read.pop("wheels_deg", None)  # an agent of another release sends none
-        wheels_m = self._in_m(*turned_deg) if turned_deg else None
+        wheels_m = self._in_m(*self.correction.wheels(turned_deg)) if turned_deg else None
         bumpers = tuple(read.pop("bumpers", None) or ())
         return Sensors(**read, bumpers=bumpers, wheels_m=wheels_m)
 
@@ -191,7 +193,8 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     def rolled_m(self) -> Pair:
         """How far the left and the right wheel have rolled, as the motors count it now."""
-        return self._in_m(*self._connected().positions())
+        left_deg, right_deg = self._connected().positions()
+        return self._in_m(*self.correction.wheels((left_deg, right_deg)))
 
     def roll(self, action: Action, seconds: float) -> Pair:
         """Drive for some seconds; return how far each wheel rolled.

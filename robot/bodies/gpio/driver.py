@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 from robot.bodies.gpio.keeper_line import KeeperLine
 from robot.bodies.remote.driver import MessageLine, ReportingDriver
 from robot.clock import Clock
+from robot.corrections import BodyCorrection
 from robot.devices.options import Options, option
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError, MissingExtraError
@@ -102,6 +103,7 @@ class GpioDriver(ReportingDriver):
     options_type: ClassVar[type[Any]] = GpioOptions
     declared_moves = tuple(CLASSIC.values())
     takes_points = True
+    turns_motors: ClassVar[bool] = True
     no_answer = "is another program using its pins?"
     no_obedience = "restart this program"
 
@@ -113,5 +115,20 @@ class GpioDriver(ReportingDriver):
     def _open_line(self) -> MessageLine:
         if importlib.util.find_spec("gpiozero") is None:
             raise MissingExtraError("the robot 'gpio'", "gpio")
-        settings = json.dumps(self.options.settings())
+        settings = json.dumps(self.settings())
         return KeeperLine([sys.executable, "-m", "robot.bodies.gpio.keeper", settings], self._clock)
+
+    def settings(self) -> dict[str, Any]:
+        """Return what the process that holds the pins needs, corrections included."""
+        left, right = self.correction.signs
+        # A car has one motor, which is the first; its servo is turned by `--servo-ends`.
+        signs = (min(left, right), 1.0) if self.options.is_car else (left, right)
+        return {**self.options.settings(), "signs": signs}
+
+    def correct(self, correction: BodyCorrection) -> None:
+        """See `Driver`; for other motors to be reversed another process takes the pins."""
+        is_rewired = self.is_connected and correction.signs != self.correction.signs
+        super().correct(correction)
+        if is_rewired:
+            self.disconnect()
+            self.connect()

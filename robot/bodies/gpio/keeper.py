@@ -41,6 +41,7 @@ def make_motors(settings: dict[str, Any]) -> TimedMotors:
         [make(*pins) for pins in settings["motor_pins"]],
         tracked(*speeds) if ends is None else steered(*speeds, ends),
         None if bumper is None else (lambda: bool(bumper.is_pressed)),
+        settings["signs"],
     )
 
 

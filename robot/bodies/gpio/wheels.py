@@ -56,6 +56,7 @@ class TimedMotors:
     Args:
         motors: The left and the right motor, or the ESC and the servo.
         bumped: Reads the bumper; None if there is none.
+        signs: Factors of the motors' values: -1 for one that turns the other way.
     """
 
     def __init__(
@@ -63,8 +64,10 @@ class TimedMotors:
         motors: Sequence[PinMotor],
         build: Build,
         bumped: Callable[[], bool] | None = None,
+        signs: Sequence[float] = (1.0, 1.0),
     ) -> None:
         self._motors, self._build, self._bumped = motors, build, bumped
+        self._signs = signs
         self._seq = 0
         self._ends_ms: int | None = None
         self.stand()
@@ -99,5 +102,6 @@ class TimedMotors:
         return BodyReport(seq=self._seq, ms=now_ms, sensors=Sensors(bumped=bumped))
 
     def _set(self, point: Point, speed: float) -> None:
-        for motor, value in zip(self._motors, self._build(point, speed), strict=True):
-            motor.value = value
+        values = self._build(point, speed)
+        for motor, value, sign in zip(self._motors, values, self._signs, strict=True):
+            motor.value = sign * value

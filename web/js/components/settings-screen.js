@@ -1,13 +1,15 @@
 // <settings-screen>: only what a person would change.
 
 import { ask, askLong } from '../api.js';
-import { append, fill, h, svg } from '../dom.js';
+import { append, fill, h, say, svg } from '../dom.js';
 import { LANGUAGES, chooseLanguage, has, language, percent, t } from '../i18n.js';
 import { Tilt, hasTilt } from '../inputs/tilt.js';
 import { bounds, room } from './from-above.js';
 import { partScreens } from '../parts.js';
 import { Screen, segments } from './screen.js';
 import { byPlace, declare } from '../moves.js';
+
+/** @typedef {{reverse: string, swap_sides: boolean, trim: number, turn_picture: number, mirror_picture: boolean, possible: string[]}} Corrections */
 
 export class SettingsScreen extends Screen {
   build() {
@@ -25,14 +27,14 @@ export class SettingsScreen extends Screen {
   }
 
   async refresh() {
-    const answers = await this.inOrder(this.attempt(() => Promise.all([askLong('api/settings'), ask('GET', 'api/world')])));
-    if (answers) this.renderRobot(answers[0], answers[1]);
+    const answers = await this.inOrder(this.attempt(() => Promise.all([askLong('api/settings'), ask('GET', 'api/world'), ask('GET', 'api/corrections')])));
+    if (answers) this.renderRobot(answers[0], answers[1], answers[2]);
   }
 
-  /** @param {any} settings @param {any} places */
-  renderRobot(settings, places) {
+  /** @param {any} settings @param {any} places @param {Corrections} corrections */
+  renderRobot(settings, places, corrections) {
     declare(settings.declared_moves);
-    fill(/** @type {Element} */ (this.robot), this.identity(settings), this.place(places), this.steering(settings), this.size(settings), this.speed(settings), this.moves(settings), camera(settings.camera));
+    fill(/** @type {Element} */ (this.robot), this.identity(settings), this.place(places), this.steering(settings), this.size(settings), this.speed(settings), this.moves(settings), this.camera(settings.camera, corrections), this.body(corrections));
   }
 
   /** @param {any} settings */
@@ -100,6 +102,60 @@ export class SettingsScreen extends Screen {
       ...boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`move.${box.value}`)))));
   }
 
+  /** Turned until it is upright, while one looks at it. @param {any} camera @param {Corrections} corrections */
+  camera({ name, width, height, rate_hz: rate }, { turn_picture: turn, mirror_picture: isMirrored, possible }) {
+    const size = width ? `${width}×${height}` : '–';
+    const hint = t('settings.camera_hint', { name, size, rate: Math.round(rate) });
+    if (!possible.includes('turn_picture')) return group(t('settings.camera'), hint);
+    if (!this.seen) {
+      const seen = (this.seen = h('img', { class: 'seen', alt: t('settings.seen') }));
+      this.look();
+      this.endings?.push(() => seen.removeAttribute('src')); // or the stream goes on
+    }
+    let turned = turn;
+    const turnOn = () => {
+      turned = (turned + 90) % 360;
+      this.correct({ turn_picture: turned });
+    };
+    const mirror = h('input', { type: 'checkbox', checked: isMirrored, onchange: () => this.correct({ mirror_picture: mirror.checked }) });
+    return group(t('settings.camera'), hint, this.seen,
+      h('button', { type: 'button', onclick: turnOn }, t('settings.turn')),
+      h('label', { class: 'choice' }, mirror, h('span', {}, t('settings.mirrored'))),
+      h('p', { class: 'hint' }, t('settings.turn_hint')));
+  }
+
+  /** How it is wired, and what it drives where it should drive straight. @param {Corrections} corrections */
+  body({ reverse, swap_sides: isSwapped, trim, possible }) {
+    if (!['reverse', 'swap_sides', 'trim'].some((name) => possible.includes(name))) return null;
+    const told = (/** @type {number} */ value) => (value ? t(`settings.trim_${value < 0 ? 'left' : 'right'}`, { n: percent(Math.abs(value)) }) : t('settings.trim_none'));
+    const shown = h('output', {}, told(trim));
+    const slider = h('input', {
+      type: 'range', min: -30, max: 30, step: 1, value: Math.round(trim * 100), 'aria-label': t('settings.trim'),
+      oninput: () => say(shown, told(Number(slider.value) / 100)),
+      onchange: () => this.correct({ trim: Number(slider.value) / 100 }),
+    });
+    const swapped = h('input', { type: 'checkbox', checked: isSwapped, onchange: () => this.correct({ swap_sides: swapped.checked }) });
+    const reversed = h('select', { 'aria-label': t('settings.reverse'), onchange: () => this.correct({ reverse: reversed.value }) },
+      ...['none', 'left', 'right', 'both'].map((side) => h('option', { value: side, selected: side === reverse }, t(`settings.reverse_${side}`))));
+    return group(t('settings.body'), t('settings.body_hint'),
+      possible.includes('trim') ? h('label', {}, t('settings.trim'), h('div', { class: 'slider' }, slider, shown)) : null,
+      possible.includes('swap_sides') ? h('label', { class: 'choice' }, swapped, h('span', {}, t('settings.swapped'))) : null,
+      possible.includes('reverse') ? h('label', {}, t('settings.reverse'), ' ', reversed) : null);
+  }
+
+  /** The robot stops for it. @param {object} change */
+  async correct(change) {
+    const done = await this.put('api/corrections', change);
+    if (!done) await this.refresh();
+    else if ('turn_picture' in change) this.look();
+  }
+
+  /** Show the stream from its start: a browser may keep the size of its first picture. */
+  look() {
+    this.looks = (this.looks ?? 0) + 1;
+    this.seen?.setAttribute('src', `video.mjpg?${this.looks}`);
+  }
+
   /** A model of another kind starts empty; the one before is saved. @param {object} change */
   async begin(change) {
     const done = await this.put('api/settings', change);
@@ -139,13 +195,7 @@ export class SettingsScreen extends Screen {
   }
 }
 
-/** @param {any} camera */
-function camera({ name, width, height, rate_hz: rate }) {
-  const size = width ? `${width}×${height}` : '–';
-  return group(t('settings.camera'), t('settings.camera_hint', { name, size, rate: Math.round(rate) }));
-}
-
-/** @param {string} title @param {string} hint @param {...Node} parts */
+/** @param {string} title @param {string} hint @param {...(Node | null)} parts */
 function group(title, hint, ...parts) {
   return h('fieldset', { class: 'panel' }, h('legend', {}, title), hint ? h('p', { class: 'hint' }, hint) : null, ...parts);
 }

@@ -44,7 +44,7 @@ with driver_for(Path(sys.argv[1])) as driver:
 def driver_for(notes: Path) -> GpioDriver:
     program = [sys.executable, "-m", "tests.standins.gpio_keeper", str(notes)]
     driver = GpioDriver(GpioOptions())
-    wires = json.dumps(driver.options.settings())
+    wires = json.dumps(driver.settings())
     driver._open_line = lambda: KeeperLine([*program, wires], RealClock())  # type: ignore[method-assign]
     return driver
 

@@ -1,0 +1,215 @@
+"""Corrections of a robot that is built or wired otherwise than its driver and camera expect. Pure.
+
+A correction changes what the motors get and how pictures lie. It never changes what a move means:
+`left` is left on the page, in recordings and for the learner, whatever the motors get for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.errors import ConfigurationError, need
+from robot.types import Encoding, Point
+
+MOST_TRIM = 0.3
+"""Largest trim: a robot that needs more has a motor or a wheel that is broken."""
+REVERSED = ("none", "left", "right", "both")
+TURNS_DEG = (0, 90, 180, 270)
+_JPEG_QUALITY = 90
+"""Quality of a JPEG that is turned, which means to encode it again: nearly as it came."""
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyCorrection:
+    """How a body differs from what its driver expects.
+
+    Args:
+        reverse: The motors that turn the other way: `none`, `left`, `right` or `both`, as the
+            driver's options name them.
+        swap_sides: The left motor is plugged in at the right, and the right one at the left.
+        trim: Steers to the right (positive) or to the left, as a share of full lock, where the
+            robot should drive straight: a robot that pulls to the left needs a positive trim.
+
+    Raises:
+        ConfigurationError: If a value is out of range.
+
+    Example:
+        >>> pulls_left = BodyCorrection(trim=0.1)
+        >>> pulls_left.point(Point(0.0, 0.5)), pulls_left.point(Point(1.0, 0.5)).steering
+        (Point(steering=0.1, throttle=0.5), 1.0)
+        >>> BodyCorrection(reverse="left", swap_sides=True).wheels((-1.0, 2.0))
+        (2.0, 1.0)
+    """
+
+    reverse: str = "none"
+    swap_sides: bool = False
+    trim: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.reverse not in REVERSED:
+            raise ConfigurationError(f"'reverse' must be one of {', '.join(REVERSED)}")
+        if not -MOST_TRIM <= self.trim <= MOST_TRIM:
+            raise ConfigurationError(f"'trim' must be a number from -{MOST_TRIM} to {MOST_TRIM}")
+
+    @property
+    def signs(self) -> Pair:
+        """Factors for the values of the left and the right motor."""
+        left, right = (-1.0 if self.reverse in (side, "both") else 1.0 for side in REVERSED[1:3])
+        return left, right
+
+    @property
+    def is_steering(self) -> bool:
+        """True if moves and points are to be corrected, and not only the motors."""
+        return self.swap_sides or self.trim != 0.0
+
+    def point(self, point: Point) -> Point:
+        """Return the steering and throttle to send so that the robot drives `point`.
+
+        Trim fades out towards full lock. A spin on the spot needs none.
+        """
+        steering, throttle = point
+        if throttle:
+            steering += self.trim * (1.0 - abs(steering))
+        return Point(-steering if self.swap_sides else steering, throttle)
+
+    def motors(self, values: Pair) -> Pair:
+        """Return what the left and the right motor get; sides are swapped by `point` before."""
+        return values[0] * self.signs[0], values[1] * self.signs[1]
+
+    def wheels(self, turned: Pair) -> Pair:
+        """Return how far the robot's left and right wheel turned, from what the motors count."""
+        left, right = self.motors(turned)
+        return (right, left) if self.swap_sides else (left, right)
+
+
+@dataclass(frozen=True, slots=True)
+class RawPicture:
+    """The bytes of one picture, and how to read them."""
+
+    data: bytes = field(repr=False)
+    width: int
+    height: int
+    encoding: Encoding
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mounting:
+    """How a camera is mounted.
+
+    Args:
+        turn_deg: Degrees by which its pictures are turned clockwise, to be upright.
+        is_mirrored: Left and right are exchanged after that: it looks into a mirror.
+
+    Raises:
+        ConfigurationError: If a value is out of range.
+    """
+
+    turn_deg: int = 0
+    is_mirrored: bool = False
+
+    def __post_init__(self) -> None:
+        if self.turn_deg not in TURNS_DEG:
+            raise ConfigurationError(f"'turn' must be one of {', '.join(map(str, TURNS_DEG))}")
+
+    @property
+    def is_upright(self) -> bool:
+        """True if its pictures need no change."""
+        return self == Mounting()
+
+    def upright(self, picture: RawPicture) -> RawPicture:
+        """Return the picture as if the camera stood upright; one that cannot be read, unchanged.
+
+        Raw pixels stay as they are, exactly. A JPEG is encoded again.
+
+        Raises:
+            MissingExtraError: If a JPEG is to be turned and OpenCV is not installed.
+        """
+        if self.is_upright:
+            return picture
+        try:
+            return _TURNS[picture.encoding](self, picture)
+        except ValueError:  # not as long as its size says: whoever reads it reports that
+            return picture
+
+    def _turned(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        turned = np.rot90(pixels, -self.turn_deg // 90)
+        return turned[:, ::-1] if self.is_mirrored else turned
+
+    def _rgb(self, picture: RawPicture) -> RawPicture:
+        pixels = np.frombuffer(picture.data, np.uint8)
+        turned = self._turned(pixels.reshape(picture.height, picture.width, 3))
+        return _made(turned.tobytes(), turned, Encoding.RGB)
+
+    def _yuyv(self, picture: RawPicture) -> RawPicture:
+        """Two pixels beside each other share a colour; turned by 90 degrees, others do."""
+        rows, columns = picture.height, picture.width
+        packed = np.frombuffer(picture.data, np.uint8).reshape(rows, columns, 2)
+        colours = packed[:, :, 1].reshape(rows, columns // 2, 2).repeat(2, axis=1)
+        luma, colours = self._turned(packed[:, :, 0]), self._turned(colours)
+        luma = luma[:, : luma.shape[1] // 2 * 2]
+        rows, columns = luma.shape
+        pairs = colours[:, :columns].reshape(rows, columns // 2, 2, 2).astype(np.uint16)
+        shared = (pairs.sum(axis=2) + 1) // 2
+        turned = np.stack([luma, shared.reshape(rows, columns).astype(np.uint8)], axis=2)
+        return _made(turned.tobytes(), turned, Encoding.YUYV)
+
+    def _jpeg(self, picture: RawPicture) -> RawPicture:
+        cv2 = need("cv2", "turning a camera's pictures", "camera")
+        data = np.frombuffer(picture.data, np.uint8)
+        try:
+            pixels = cv2.imdecode(data, cv2.IMREAD_COLOR) if len(data) else None
+        except cv2.error:
+            pixels = None
+        if pixels is None:
+            return picture
+        turned = np.ascontiguousarray(self._turned(pixels))
+        _, jpeg = cv2.imencode(".jpg", turned, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        return _made(jpeg.tobytes(), turned, Encoding.JPEG)
+
+
+def _made(data: bytes, pixels: NDArray[np.uint8], encoding: Encoding) -> RawPicture:
+    return RawPicture(data, pixels.shape[1], pixels.shape[0], encoding)
+
+
+_TURNS = {
+    Encoding.RGB: Mounting._rgb,
+    Encoding.YUYV: Mounting._yuyv,
+    Encoding.JPEG: Mounting._jpeg,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Corrections:
+    """The corrections of one robot: its body's and its camera's."""
+
+    body: BodyCorrection = field(default_factory=BodyCorrection)
+    camera: Mounting = field(default_factory=Mounting)
+
+    def described(self) -> dict[str, Any]:
+        """Return plain values by the names of the options."""
+        return {
+            "reverse": self.body.reverse,
+            "swap_sides": self.body.swap_sides,
+            "trim": self.body.trim,
+            "turn_picture": self.camera.turn_deg,
+            "mirror_picture": self.camera.is_mirrored,
+        }
+
+    def changed(self, **values: Any) -> Corrections:
+        """Return these corrections with some values changed; None changes nothing.
+
+        Raises:
+            ConfigurationError: If a value is out of range.
+        """
+        now = {**self.described(), **{n: v for n, v in values.items() if v is not None}}
+        return Corrections(
+            body=BodyCorrection(
+                reverse=now["reverse"], swap_sides=now["swap_sides"], trim=now["trim"]
+            ),
+            camera=Mounting(turn_deg=now["turn_picture"], is_mirrored=now["mirror_picture"]),
+        )

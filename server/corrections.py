@@ -1,0 +1,125 @@
+"""The corrections of the robot's body and camera, saved in the data folder."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from robot.corrections import MOST_TRIM, REVERSED, Corrections
+from robot.devices.options import Options, option, options_of
+from robot.devices.rig import Rig
+from robot.errors import UNREADABLE, ConfigurationError
+from robot.store.folder import write_whole
+from robot.store.records import read_regular
+
+log = logging.getLogger(__name__)
+
+_PATIENCE_S = 40.0
+"""Time limit for a correction, in seconds: a Raspberry Pi's pins may have to be taken anew."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CorrectionOptions(Options):
+    """For a robot that is built or wired otherwise than its driver expects; kept until changed."""
+
+    reverse: str = option("none", "the motors that turn the other way", choices=REVERSED)
+    swap_sides: bool = option(False, "the motors are plugged in at each other's side")
+    trim: float = option(
+        0.0,
+        "steers so much to the right (negative: left) where it should drive straight, as a share "
+        "of full lock: a robot that pulls to the left needs a positive trim",
+        range=(-MOST_TRIM, MOST_TRIM),
+    )
+    turn_picture: int = option(
+        0, "turns the camera's pictures clockwise, until they are upright: 0, 90, 180 or 270"
+    )
+    mirror_picture: bool = option(False, "exchanges left and right of the camera's pictures")
+
+
+class CorrectionsFile:
+    """Saves corrections in `corrections.json`, by body and by camera; without a folder nowhere.
+
+    `given` are options as a person has written them: they go before what was saved.
+    """
+
+    def __init__(self, folder: Path | None, rig: Rig, given: Mapping[str, Any]) -> None:
+        self._path = folder / "corrections.json" if folder is not None else None
+        self._rig = rig
+        self._saved = self._read()
+        self._given = {
+            one.name: one.read(given[one.name])
+            for one in options_of(CorrectionOptions)
+            if given.get(one.name) is not None
+        }
+        self._wanted = self._of_this_robot().changed(**self._given)
+
+    @property
+    def possible(self) -> tuple[str, ...]:
+        """The names of the corrections that apply to this body and this camera."""
+        of_camera = ("turn_picture", "mirror_picture") if self._rig.camera.can_be_turned else ()
+        return (*self._rig.driver.possible_corrections, *of_camera)
+
+    def apply(self) -> None:
+        """Correct the running robot as saved and as given, and save what was given.
+
+        Raises:
+            ConfigurationError: If what was given does not apply to this body or camera.
+        """
+        names = {*self.possible, *self._given}
+        wanted = {n: value for n, value in self._wanted.described().items() if n in names}
+        corrections = Corrections().changed(**wanted)
+        if corrections != self._rig.corrections:
+            done = self._rig.loop.submit(lambda: self._rig.correct(corrections))
+            self._rig.clock.result(done, _PATIENCE_S)
+        if self._given:
+            try:
+                self.save()
+            except OSError as error:  # the robot starts anyway
+                log.warning("the corrections were not saved: %s", error)
+
+    def save(self) -> bool:
+        """Save the robot's corrections; False where nothing is saved.
+
+        Raises:
+            OSError: If the disk refuses it.
+        """
+        if self._path is None:
+            return False
+        plain = self._rig.corrections.described()
+        of_camera = {name: plain.pop(name) for name in ("turn_picture", "mirror_picture")}
+        for kind, name, values in (
+            ("robots", self._rig.driver.name, plain),
+            ("cameras", self._rig.camera.name, of_camera),
+        ):
+            self._saved[kind] = {**_table(self._saved.get(kind)), name: values}
+        write_whole(self._path, json.dumps(self._saved, indent=1).encode())
+        return True
+
+    def _of_this_robot(self) -> Corrections:
+        """Return what was saved for this body and this camera; what is damaged counts as none."""
+        found: dict[str, Any] = {}
+        for kind, name in (("robots", self._rig.driver.name), ("cameras", self._rig.camera.name)):
+            found |= _table(_table(self._saved.get(kind)).get(name))
+        known = {one.name: one for one in options_of(CorrectionOptions)}
+        try:
+            read = {name: known[name].read(value) for name, value in found.items() if name in known}
+            return Corrections().changed(**read)
+        except (ConfigurationError, *UNREADABLE):
+            return Corrections()
+
+    def _read(self) -> dict[str, Any]:
+        if self._path is None:
+            return {}
+        try:
+            plain = json.loads(read_regular(self._path, 1 << 16))
+        except (OSError, *UNREADABLE):
+            return {}
+        return _table(plain)
+
+
+def _table(plain: Any) -> dict[str, Any]:
+    return plain if isinstance(plain, dict) else {}

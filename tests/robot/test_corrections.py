@@ -1,0 +1,239 @@
+"""Bodies and cameras that are built otherwise: each way of mounting, of wiring and of pulling."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot.bodies.gpio.driver import GpioOptions
+from robot.bodies.gpio.wheels import TimedMotors, steered, tracked
+from robot.corrections import (
+    REVERSED,
+    TURNS_DEG,
+    BodyCorrection,
+    Corrections,
+    Mounting,
+    Pair,
+    RawPicture,
+)
+from robot.devices.rig import build_rig
+from robot.driver import CLASSIC
+from robot.errors import ConfigurationError
+from robot.policy.image import decode, jpeg_encoder, to_rgb
+from robot.policy.registry import make_policy
+from robot.simulator.body import WHEELS, move
+from robot.testing import FakeCamera, FakeDriver, VirtualClock
+from robot.types import Action, Encoding, Frame, Point, Pose
+from tests.kit.sizes import crossed
+
+WAYS = [Mounting(turn_deg=t, is_mirrored=m) for t, m in product(TURNS_DEG, (False, True))]
+RNG = np.random.default_rng(1)
+
+
+def hung(pixels: np.ndarray, mounting: Mounting) -> np.ndarray:
+    """Return what a camera sees that is mounted so: a mirror is before its turned sensor."""
+    seen = pixels[:, ::-1] if mounting.is_mirrored else pixels
+    return np.ascontiguousarray(np.rot90(seen, mounting.turn_deg // 90))
+
+
+@pytest.mark.parametrize("mounting", WAYS, ids=str)
+def test_pictures_of_each_way_to_mount_a_camera_are_upright(mounting: Mounting) -> None:
+    scene = RNG.integers(60, 200, (3, 4, 3), np.uint8).repeat(16, axis=0).repeat(16, axis=1)
+    seen = hung(scene, mounting)
+    height, width = seen.shape[:2]
+    upright = mounting.upright(RawPicture(seen.tobytes(), width, height, Encoding.RGB))
+    assert (upright.width, upright.height, upright.data) == (64, 48, scene.tobytes())
+    jpeg = mounting.upright(RawPicture(jpeg_encoder(95)(seen), width, height, Encoding.JPEG))
+    pixels = decode(jpeg.data)
+    assert pixels is not None and (jpeg.width, jpeg.height) == (64, 48)
+    assert np.abs(pixels[:, :, ::-1].astype(int) - scene).mean() < 8
+
+
+@pytest.mark.parametrize("mounting", WAYS, ids=str)
+def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting: Mounting) -> None:
+    luma = RNG.integers(16, 236, (48, 64), np.uint8)
+    colours = RNG.integers(16, 241, (24, 32, 2), np.uint8).repeat(2, axis=0).repeat(2, axis=1)
+    seen, tinted = hung(luma, mounting), hung(colours, mounting)
+    height, width = seen.shape
+    packed = np.stack([seen, tinted[:, ::2].reshape(height, width)], axis=2)
+    upright = mounting.upright(RawPicture(packed.tobytes(), width, height, Encoding.YUYV))
+    assert (upright.width, upright.height, upright.encoding) == (64, 48, Encoding.YUYV)
+    got = np.frombuffer(upright.data, np.uint8).reshape(48, 64, 2)
+    assert (got[:, :, 0] == luma).all()
+    assert (got[:, :, 1].reshape(48, 32, 2) == colours[:, ::2]).all()
+
+
+@crossed(mounting=WAYS[1:], encoding=list(Encoding), sides=[(7, 6), (1, 1), (6, 5), (0, 0)])
+def test_what_cannot_be_turned_stays_as_it_is(
+    mounting: Mounting, encoding: Encoding, sides: tuple[int, int]
+) -> None:
+    """Whoever reads it says that it is none: a camera's thread does not end by it."""
+    width, height = sides
+    for data in (b"", b"no picture", b"\xff\xd8\xff" + bytes(40)):
+        picture = RawPicture(data, width, height, encoding)
+        turned = mounting.upright(picture)
+        assert turned == picture or (data == b"" and width * height == 0)
+
+
+def test_odd_raw_pictures_lose_a_line_at_most() -> None:
+    picture = RawPicture(bytes(2 * 6 * 5), 6, 5, Encoding.YUYV)
+    turned = Mounting(turn_deg=90).upright(picture)
+    assert (turned.width, turned.height, len(turned.data)) == (4, 6, 2 * 4 * 6)
+
+
+@pytest.mark.parametrize("mounting", WAYS, ids=str)
+def test_a_lesson_taught_head_down_drives_the_same_as_upright(mounting: Mounting) -> None:
+    """The learner gets the same pictures, so it learns and drives the same."""
+    clock = VirtualClock()
+    policies, cameras = [make_policy("default-8") for _ in range(2)], []
+    for mounted in (Mounting(), mounting):
+        camera = FakeCamera(clock)
+        camera.mount(mounted)
+        cameras.append(camera)
+    proposals: list[list[Any]] = [[], []]
+    for scene in range(24):
+        pixels = np.random.default_rng(scene % 6).integers(0, 256, (12, 16, 3), np.uint8)
+        pixels = pixels.repeat(10, axis=0).repeat(10, axis=1)
+        frames = []
+        for camera, mounted in zip(cameras, (Mounting(), mounting), strict=True):
+            seen = hung(pixels, mounted)
+            frames.append(
+                camera._publish(
+                    seen.tobytes(),
+                    width=seen.shape[1],
+                    height=seen.shape[0],
+                    encoding=Encoding.RGB,
+                    captured_s=clock.now_s(),
+                )
+            )
+        assert frames[0] == frames[1]
+        label = (Action.LEFT, Action.FORWARD, Action.RIGHT)[scene % 3]
+        for policy, frame, proposed in zip(policies, frames, proposals, strict=True):
+            x = policy.extract(frame)
+            proposed.append(policy.propose(frame.frame_id, x))
+            policy.learn(x, label)
+    assert proposals[0] == proposals[1]
+
+
+def test_a_simulated_camera_is_turned_in_both_of_its_sizes() -> None:
+    rig = build_rig("sim", learner="default-8")
+    camera: Any = rig.camera
+    before = to_rgb(camera.capture()).astype(int)
+    camera.mount(Mounting(turn_deg=90))
+    frame = camera.capture()
+    assert np.abs(np.rot90(before, -1) - to_rgb(frame)).mean() < 10, "but for its noise"
+    camera.for_the_eye(camera.take_jpeg())
+    large: Frame = camera.for_the_eye(camera.take_jpeg())
+    assert (large.width, large.height) == (240, 320)
+
+
+class Motor:
+    value = 0.0
+
+
+def driven(correction: BodyCorrection, wired: BodyCorrection, move: str, build: Any) -> Pair:
+    """Return how the left and the right wheel turn of a robot that is wired so."""
+    motors = [Motor(), Motor()]
+    wheels = TimedMotors(motors, build, signs=correction.signs)
+    action = Action(move)
+    at = CLASSIC[action].point
+    assert at is not None
+    steering, throttle = correction.point(at)
+    wheels.obey(f"{move} 400 1.0 1 0 {steering} {throttle}".encode(), 0)
+    return wired.wheels((motors[0].value, motors[1].value))
+
+
+@pytest.mark.parametrize("reverse", REVERSED)
+@pytest.mark.parametrize("swap_sides", [False, True])
+def test_each_of_the_eight_ways_to_wire_two_motors_can_be_corrected(
+    reverse: str, swap_sides: bool
+) -> None:
+    wired = BodyCorrection(reverse=reverse, swap_sides=swap_sides)
+    for name in CLASSIC:
+        plain = driven(BodyCorrection(), BodyCorrection(), name, tracked(0.6, 0.4))
+        assert driven(wired, wired, name, tracked(0.6, 0.4)) == pytest.approx(plain), name
+        others = [BodyCorrection(reverse=r, swap_sides=s) for r in REVERSED for s in (False, True)]
+    assert (
+        sum(
+            all(
+                driven(other, wired, name, tracked(0.6, 0.4))
+                == pytest.approx(driven(wired, wired, name, tracked(0.6, 0.4)))
+                for name in CLASSIC
+            )
+            for other in others
+        )
+        == 1
+    ), "and no other correction does"
+
+
+@pytest.mark.parametrize("motor_board", ["two-pwm", "phase-enable"])
+def test_a_board_whose_motors_are_reversed_while_it_is_connected(motor_board: str) -> None:
+    """The pins of gpiozero's mock, which another process takes meanwhile."""
+    pytest.importorskip("gpiozero", reason="an extra, and not of Debian 12's versions")
+    from tests.standins.gpio import MockPins
+
+    with MockPins(VirtualClock()) as pins:
+        driver = pins.driver(GpioOptions(motor_board=motor_board))
+        with driver:
+            driver.drive(Action.LEFT)
+            plain = pins.wheels
+            for reverse, swap_sides in product(REVERSED, (False, True)):
+                wired = BodyCorrection(reverse=reverse, swap_sides=swap_sides)
+                driver.stop()
+                driver.correct(wired)
+                assert not pins.is_moving
+                assert driver.drive(Action.LEFT) is Action.LEFT
+                assert wired.wheels(pins.wheels) == pytest.approx(plain), wired
+
+
+def test_a_car_is_trimmed_by_its_servo() -> None:
+    motors = [Motor(), Motor()]
+    car = TimedMotors(motors, steered(0.6, 0.4, (-1.0, 1.0)), signs=(-1.0, 1.0))
+    steering, throttle = BodyCorrection(trim=0.1).point(Point(0.0, 0.5))
+    car.obey(f"forward 400 1.0 1 0 {steering} {throttle}".encode(), 0)
+    assert (motors[0].value < 0, motors[1].value) == (True, pytest.approx(0.1))
+
+
+@pytest.mark.parametrize("throttle", [0.5, -0.5])
+@pytest.mark.parametrize("weaker", [0, 1])
+def test_a_body_that_pulls_to_one_side_drives_straight_with_a_trim(
+    weaker: int, throttle: float
+) -> None:
+    """One motor is a tenth slower: ahead and backward, the same trim helps."""
+
+    def heading_after(trim: float) -> float:
+        pose, correction = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0), BodyCorrection(trim=trim)
+        for _ in range(100):
+            wheels = list(WHEELS.at(correction.point(Point(0.0, throttle))))
+            wheels[weaker] *= 0.9
+            pose = move(pose, wheels[0], wheels[1], 0.05)
+        return pose.heading_rad
+
+    pulls = abs(heading_after(0.0))
+    assert pulls > 0.3
+    trims = np.linspace(-0.3, 0.3, 61)
+    best = min(trims, key=lambda trim: abs(heading_after(trim)))
+    assert abs(heading_after(best)) < 0.02 * pulls + 0.02
+    assert math.copysign(1.0, best) == (1.0 if weaker == 0 else -1.0)
+
+
+def test_values_out_of_range_are_refused() -> None:
+    for values in ({"trim": 0.31}, {"trim": math.nan}, {"reverse": "up"}, {"turn_picture": 45}):
+        with pytest.raises(ConfigurationError):
+            Corrections().changed(**values)
+
+
+def test_a_body_of_moves_only_has_its_sides_swapped_by_their_names() -> None:
+    body = FakeDriver()
+    assert body.possible_corrections == ("swap_sides",)
+    body.correct(BodyCorrection(swap_sides=True))
+    for meant, sent in (("left", "right"), ("right", "left"), ("forward", "forward")):
+        assert body.drive(Action(meant)) is Action(meant), "what it means stays"
+        assert body.now is Action(sent)
+    for refused in (BodyCorrection(trim=0.1), BodyCorrection(reverse="left")):
+        with pytest.raises(ConfigurationError, match="does not apply to the robot 'fake'"):
+            body.correct(refused)
