@@ -60,7 +60,7 @@ class Camera(StartStop):
 
     @property
     def device(self) -> str:
-        """The device that a search found, as `HD Webcam C270 (/dev/video0)`; else empty."""
+        """The device that a search found, as `HD Webcam C270 (serial number A17)`; else empty."""
         return ""
 
     @classmethod

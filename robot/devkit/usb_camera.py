@@ -79,8 +79,14 @@ class SameCamera:
 
     @property
     def device(self) -> str:
-        """What it is called, for the page; empty where the system does not tell."""
-        return describe(self.chosen) if self.chosen is not None else ""
+        """What it is, for the page, by what stays when its number changes; empty if unknown."""
+        mine = self.chosen
+        if mine is None:
+            return ""
+        by_serial = bool(mine.serial) and self._is_unique
+        known_by = "serial number {}" if by_serial else "USB socket {}"
+        lasting = known_by.format(mine.serial if by_serial else mine.port)
+        return "{} ({})".format(mine.name or "USB camera", lasting)
 
     def _is_same(self, camera: UsbCamera) -> bool:
         mine = self.chosen

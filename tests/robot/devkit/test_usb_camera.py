@@ -54,7 +54,7 @@ def test_a_camera_gets_another_number_and_is_still_the_same(tmp_path: Path) -> N
     plug(tmp_path, 0, "1-2", "A17")
     plug(tmp_path, 2, "1-3", "B42")
     mine = opened("/dev/video0")
-    assert mine.device == "HD Webcam C270 (/dev/video0)" and mine.find() == "/dev/video0"
+    assert mine.device == "HD Webcam C270 (serial number A17)" and mine.find() == "/dev/video0"
     unplug(tmp_path, 0)
     mine.lost()
     assert mine.is_absent
@@ -72,6 +72,7 @@ def test_twins_without_a_serial_number_of_their_own_are_told_apart_by_their_sock
     unplug(tmp_path, 0)
     mine.lost()
     assert mine.is_absent, "its twin is there"
+    assert mine.device == "HD Webcam C270 (USB socket 1-2)"
     plug(tmp_path, 1, "1-2", serial)
     assert mine.find() == "/dev/video1"
 
@@ -118,7 +119,7 @@ def test_a_webcam_that_was_lost_is_not_replaced_by_another(tmp_path: Path, sourc
     assert camera._open() is None
     plug(tmp_path, 0, "1-9")  # the system gives it the number that became free
     assert camera._open() is None and cv2.opened == [0]
-    assert "C270 (/dev/video0) is unplugged, and no other" in camera._name_fault("gives nothing")
+    assert "C270 (USB socket 1-2) is unplugged, and no other" in camera._name_fault("gives nothing")
     plug(tmp_path, 2, "1-2")
     assert camera._open() is not None and cv2.opened == [0, 2]
 
