@@ -44,9 +44,9 @@ const links = parts.map((part, i) => h('a', { href: `lesson#${PARTS[i]}` }, titl
 fill(find('lessons'), ...links);
 find('lessons').setAttribute('aria-label', t('board.lessons'));
 
-const said = h('ul', { role: 'status' });
+const said = h('ul');
 const give = h('button', { type: 'button', onclick: giveAll }, t('board.lesson.give'));
-fill(find('acts'), give, h('small', {}, t('board.lesson.give_hint')), said);
+fill(find('acts'), give, h('small', {}, t('board.lesson.give_hint')), h('div', { role: 'status' }, said));
 
 async function giveAll() {
   give.disabled = true;

@@ -91,7 +91,7 @@ export class Panel {
 
   /** Keep, reset or hand over all robots in one press; what each did is listed and can be undone. */
   lessonEnd() {
-    const list = h('ul', { class: 'outcomes', role: 'status' });
+    const list = h('ul', { class: 'outcomes' });
     const undo = h('button', { type: 'button', disabled: true, onclick: () => give('api/models/undo') }, t('board.end.undo'));
     /** @param {{order: string | null, robots: Outcome[]}} told */
     const show = ({ order, robots }) => {
@@ -110,7 +110,7 @@ export class Panel {
     const rows = ORDERS.map((order) => h('div', { class: 'row order' },
       h('button', { type: 'button', 'data-order': order, onclick: () => give('api/models', { order }) }, t(`board.end.${order}`)),
       h('span', {}, t(`board.end.${order}_hint`))));
-    return h('fieldset', {}, h('legend', {}, t('board.end')), ...rows, undo, list);
+    return h('fieldset', {}, h('legend', {}, t('board.end')), ...rows, undo, h('div', { role: 'status' }, list));
   }
 
   /** What is locked on all of these robots; each keeps what else is locked on it now. @param {() => Robot[]} those */

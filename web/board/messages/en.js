@@ -68,7 +68,7 @@ export default {
   'board.agrees': 'agrees {share}',
   'board.untaught': 'not taught yet',
   'board.battery': 'battery {share}',
-  'board.shown.challenge': 'challenge {best_m} m',
+  'board.shown.challenge': 'challenge {best_m} m',
   'board.delay': '{ms} ms',
   'board.link_slow': 'slow link',
   'board.busy': 'computer busy',

@@ -68,7 +68,7 @@ export default {
   'board.agrees': '{share} de acuerdo',
   'board.untaught': 'sin enseñar',
   'board.battery': 'batería {share}',
-  'board.shown.challenge': 'reto {best_m} m',
+  'board.shown.challenge': 'reto {best_m} m',
   'board.delay': '{ms} ms',
   'board.link_slow': 'conexión lenta',
   'board.busy': 'ordenador ocupado',
