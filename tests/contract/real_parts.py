@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
+from typing import Any
 
 from robot.bodies.ev3.stock_driver import Ev3StockDriver, Ev3StockOptions
 from robot.bodies.lego_education.driver import LegoEducationDriver, LegoEducationOptions
@@ -105,17 +106,23 @@ def lego_education_driver() -> Iterator[DriverCase]:
 
 
 @contextmanager
-def ros_driver() -> Iterator[DriverCase]:
-    """A base that never stops by itself, with our watchdog before it."""
+def ros_driver_on(answers: Callable[[dict[str, Any]], list[str]]) -> Iterator[DriverCase]:
+    """A base that never stops by itself, with our watchdog before it; the bridge says `answers`."""
     with RosBridgeServer(has_timeout=False) as ros, ros.watchdog():
+        ros.answers = answers
         driver = RosDriver(RosOptions(address=ros.address, watchdog=True))
 
-        def is_moving() -> bool:
+        def drives() -> Point:
             ros.settle(driver._connection)
-            return ros.is_moving
+            return ros.drives
 
-        yield on_a_busy_machine(driver, is_moving, ros.frozen.set)
+        case = on_a_busy_machine(driver, lambda: any(drives()), ros.frozen.set)
+        yield replace(case, mend_link=ros.frozen.clear, drives=drives)
         driver.disconnect()
+
+
+def ros_driver() -> AbstractContextManager[DriverCase]:
+    return ros_driver_on(lambda asked: [])
 
 
 @contextmanager

@@ -18,6 +18,7 @@ import numpy as np
 import websockets
 
 from robot.clock import RealClock
+from robot.types import Point
 from tests.standins.rclpy_node import WatchdogNode
 
 IMAGES = "/camera/image_raw/compressed"
@@ -42,6 +43,8 @@ class RosBridgeServer:
         self.nodes: dict[str, Callable[[dict[str, Any]], None]] = {}
         """What other nodes on the robot do with a topic's messages; see `publish`."""
         self.images: Callable[[int], dict[str, Any]] = grey_image
+        self.answers: Callable[[dict[str, Any]], list[str]] = lambda asked: []
+        """What it says, besides, to each operation."""
         self._moved_s = -100.0
         self.port = 0
         self._sockets: set[Any] = set()
@@ -57,12 +60,16 @@ class RosBridgeServer:
 
     @property
     def is_moving(self) -> bool:
-        if not self.cmd_vel:
-            return False
-        twist = self.cmd_vel[-1].get("twist", self.cmd_vel[-1])
-        is_told = bool(twist["linear"]["x"] or twist["angular"]["z"])
+        return any(self.drives)
+
+    @property
+    def drives(self) -> Point:
+        """What its base does: a turn to the right, and the way ahead."""
         is_old = self.has_timeout and time.monotonic() - self._moved_s > BASE_TIMEOUT_S
-        return is_told and not is_old
+        if not self.cmd_vel or is_old:
+            return Point(0.0, 0.0)
+        twist = self.cmd_vel[-1].get("twist", self.cmd_vel[-1])
+        return Point(-twist["angular"]["z"], twist["linear"]["x"])
 
     def listen(self, topic: str, socket: Any) -> None:
         """Send a socket all that is published on a topic."""
@@ -115,7 +122,10 @@ class RosBridgeServer:
         self._sockets.add(socket)
         try:
             async for data in socket:
-                await self._obey(socket, json.loads(data))
+                asked = json.loads(data)
+                for text in self.answers(asked):
+                    await socket.send(text)
+                await self._obey(socket, asked)
         except websockets.ConnectionClosed:
             pass
         finally:

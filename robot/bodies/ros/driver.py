@@ -130,7 +130,6 @@ class RosDriver(ConnectedDriver[Topics]):
             self._check_taken(self._connected())
         if self.options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
             raise DriveError(f"{self._connected().where} is there, but {_NO_WATCHDOG}")
-        self.stop()
 
     def _close(self, connection: Topics) -> None:
         connection.close()
@@ -147,9 +146,10 @@ class RosDriver(ConnectedDriver[Topics]):
             raise DriveError(
                 f"{connection.where} takes no velocity: {error or 'too slow'}"
             ) from error
-        self._check_heard(connection)
+        if ends is not None:  # a stop is sent whatever is wrong
+            self._check_heard(connection)
 
-    def sense(self) -> Sensors:
+    def _sense(self) -> Sensors:
         """Check that the robot's end is there and refuses nothing; return what its topics say."""
         self._check_heard(self._connected())
         now_s = self._clock.now_s()
@@ -157,11 +157,6 @@ class RosDriver(ConnectedDriver[Topics]):
             name: value for name, (at_s, value) in self._sensed.items() if now_s - at_s < _FRESH_S
         }
         return Sensors(**fresh)
-
-    def stop(self) -> None:
-        if self._connection is not None:
-            with contextlib.suppress(OSError):  # the next request says so
-                self._connection.publish(self._topic, self.velocity(0.0, 0.0))
 
     def advise(self, prediction: Prediction) -> None:
         bridge = self._connection

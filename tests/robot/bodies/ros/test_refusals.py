@@ -14,7 +14,7 @@ import os
 import random
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,7 +28,10 @@ from robot.bodies.ros.driver import RosDriver, RosOptions
 from robot.bodies.ros.refusals import REFUSED_S, Refusals, Unwrapping, advice_for
 from robot.clock import RealClock
 from robot.errors import DriveError
+from robot.testing.driver_contract import DriverContract
 from robot.types import Action
+from tests.contract.real_parts import SMOKE, WHOLE, ros_driver_on
+from tests.kit.sizes import IS_FULL
 
 ANSWERS = 200 if os.environ.get("DRIVELESSON_FULL") else 24
 HEARD_WITHIN_S = 0.5
@@ -182,8 +185,35 @@ def test_each_refusal_is_heard_and_named(
             heard_s.append(after_s)
     print(f"{len(heard_s)} refusals, heard after {1000 * max(heard_s):.0f} ms at most")
     assert sorted(heard_s)[len(heard_s) // 2] < HEARD_WITHIN_S
+    the_drivers_suite_passes_whatever_else_is_said()
+    the_drivers_suite_notices_a_refusal()
     a_refusal_ends_when_the_bridge_takes_it(bridge)
     a_refused_picture_is_the_cameras_fault(bridge)
+
+
+def answering(chance: random.Random, *, refuses: bool) -> Callable[[dict[str, Any]], list[str]]:
+    """Say what is drawn to each operation: refusals only, or all that is none."""
+
+    def answers(asked: dict[str, Any]) -> list[str]:
+        while bool((drawn := make(chance.randrange(10**6))).says) != refuses:
+            pass
+        return [text.replace('"id": "ours"', f'"id": "{asked.get("id")}"') for text in drawn.texts]
+
+    return answers
+
+
+def the_drivers_suite_passes_whatever_else_is_said() -> None:
+    for number, check in enumerate(WHOLE if IS_FULL else SMOKE):
+        with ros_driver_on(answering(random.Random(number), refuses=False)) as case:
+            check(DriverContract(), case)
+
+
+def the_drivers_suite_notices_a_refusal() -> None:
+    with (
+        ros_driver_on(answering(random.Random(1), refuses=True)) as case,
+        pytest.raises(DriveError, match="refuses: "),
+    ):
+        DriverContract().test_every_move_moves_and_stop_stops(case)
 
 
 def a_refusal_ends_when_the_bridge_takes_it(bridge: RefusingBridge) -> None:

@@ -95,7 +95,7 @@ def test_stamped_velocities_carry_the_time() -> None:
         driver.send_action(Action.FORWARD)
     assert bridge.call_args.kwargs["advertised"] == {"/cmd_vel": "geometry_msgs/msg/TwistStamped"}
     *_, (topic, message, (end, for_s)) = (
-        call.args for call in bridge.return_value.publish.call_args_list if len(call.args) == 3
+        call.args for call in bridge.return_value.publish.call_args_list if call.args[2] is not None
     )
     assert (topic, for_s, speeds(message), speeds(end)) == ("/cmd_vel", 0.4, (0.2, 0), (0, 0))
     stamp = message["header"]["stamp"]
