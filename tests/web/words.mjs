@@ -1,5 +1,5 @@
 // All sentences of the page and its extensions, by language.
-import { readdirSync } from 'node:fs';
+import { existsSync, readdirSync } from 'node:fs';
 
 const web = new URL('../../web/', import.meta.url);
 const folders = (below) => readdirSync(new URL(below, web), { withFileTypes: true }).flatMap((entry) => {
@@ -10,7 +10,10 @@ const folders = (below) => readdirSync(new URL(below, web), { withFileTypes: tru
 export const FOLDERS = ['js/messages/', ...folders('').filter((folder) => folder !== 'js/messages/')];
 
 /** @param {string} code @returns {Promise<Record<string, string>[]>} by folder */
-export const wordsByFolder = (code) => Promise.all(FOLDERS.map(async (folder) => (await import(new URL(`${folder}${code}.js`, web))).default));
+export const wordsByFolder = (code) => Promise.all(FOLDERS.map(async (folder) => {
+  const file = new URL(`${folder}${code}.js`, web);
+  return existsSync(file) ? (await import(file)).default : {};
+}));
 
 /** @param {string} code @returns {Promise<Record<string, string>>} */
 export const wordsOf = async (code) => Object.assign({}, ...(await wordsByFolder(code)));
