@@ -394,9 +394,17 @@ class DdsTopics(Topics):
         try:
             for sample in reader.take(_TAKEN):
                 if sample.sample_info.valid_data:
+                    self._note_sign()
                     self._on_message(topic, from_dds(sample))
         except Exception as error:  # other programs' bytes, in a type's name
             self._warn_once(f"a message of {topic} cannot be read: {error!r}")
+
+    def _note_sign(self) -> None:
+        """A message is a sign of life, too: a subscriber that died is waited for until DDS drops
+        it, though another one may have taken its place."""
+        with self._lock:
+            if self._unanswered_s is not None:
+                self._unanswered_s = self._clock.now_s()
 
     def _end_what_is_due(self) -> None:
         now_s = self._clock.now_s()

@@ -28,6 +28,7 @@ from robot.testing import VirtualClock
 from robot.types import Action, Pose
 from tests.contract.real_parts import check_camera_on_its_real_line, check_driver_on_its_real_line
 from tests.kit.wait import wait_until
+from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import ROOT
 
 pytest.importorskip("cyclonedds", reason="has no wheel for this Python or processor")
@@ -226,6 +227,10 @@ class RobotProcess:
         for line in self.process.stdout:
             self.velocities.append(tuple(json.loads(line)))
 
+    @property
+    def is_moving(self) -> bool:
+        return bool(self.velocities) and any(self.velocities[-1][1:])
+
     def end(self) -> None:
         self.process.kill()
         self.process.communicate()
@@ -265,6 +270,7 @@ def test_a_robot_on_dds_is_driven_seen_and_lost(caplog: pytest.LogCaptureFixture
     check_driver_on_its_real_line("ros over DDS")
     check_camera_on_its_real_line("ros over DDS")
     a_robot_in_another_process_is_found_frozen_and_dead()
+    a_robot_that_starts_again_is_driven_again()
     what_listens_for_another_type_is_a_sentence()
     others_on_the_topic_are_in_the_log(caplog)
 
@@ -289,6 +295,16 @@ def a_robot_in_another_process_is_found_frozen_and_dead() -> None:
         robot.process.kill()
         said, after_s = drives_until_it_fails(driver)
         assert "has not answered" in said and after_s < 30.0
+
+
+def a_robot_that_starts_again_is_driven_again() -> None:
+    """Though DDS takes ten seconds to forget the one that died."""
+    with robot_process("watchdog") as robot, driver_for(watchdog=True) as driver:
+        send_until(driver, Action.FORWARD, lambda: robot.is_moving)
+        robot.process.kill()
+        assert "watchdog" in drives_until_it_fails(driver)[0]
+        with robot_process("watchdog") as again:
+            send_until(driver, Action.FORWARD, lambda: again.is_moving)
 
 
 def what_listens_for_another_type_is_a_sentence() -> None:
