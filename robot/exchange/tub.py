@@ -179,6 +179,7 @@ def _write_records(
 ) -> _Seen:
     """Write pictures, and a line of JSON for each record."""
     seen, origin_ms = _Seen(), episode.origin_ns // 10**6
+    declared = episode.declared_moves
     for moment in moments(episode, notes):
         if moment.is_deleted or (taught_only and moment.label is None):
             continue
@@ -193,13 +194,13 @@ def _write_records(
             "_session_id": "drivelesson_0",
             "_timestamp_ms": origin_ms + round(frame.captured_s * 1000),
         }
-        if point := done_at(moment, episode.declared_moves)[1]:
+        if point := done_at(moment, declared)[1]:
             record.update(zip(_STEERED, point, strict=True))
         if moment.point is not None:
             record[_DEGREES] = True
         proposed = moment.predicted_point
         if proposed is None and moment.predicted:
-            proposed = point_of(Action(moment.predicted), episode.declared_moves)
+            proposed = point_of(Action(moment.predicted), declared)
         if proposed:
             record.update(zip(_PILOT, proposed, strict=True))
         lines.write(_as_line(record))
