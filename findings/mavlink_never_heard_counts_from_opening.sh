@@ -1,0 +1,26 @@
+#!/bin/sh
+# pymavlink 2.4.50: a vehicle that was never heard looks as if it was heard when the line was opened.
+#
+# Guess before running: time_since("HEARTBEAT") on a new line without any vehicle is a huge number (the
+# time since 1970), or None.
+# Outcome: wrong. It is 0.0 s on a new line and grows from there: .2 s after opening it says .2. A watch
+# on "heard within the last second" is content with a vehicle that is not there.
+set -eu
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+python3 -m venv "$folder/env"
+"$folder/env/bin/pip" install --quiet pymavlink==2.4.50
+cd "$folder"
+MAVLINK20=1 "$folder/env/bin/python" - <<'END'
+import time
+
+from pymavlink import mavutil
+
+line = mavutil.mavlink_connection("udpin:127.0.0.1:0")
+first = line.time_since("HEARTBEAT")
+time.sleep(0.2)
+later = line.time_since("HEARTBEAT")
+print(f"without any vehicle: {first:.3f} s, then {later:.3f} s; messages: {list(line.messages)}")
+assert "HEARTBEAT" not in line.messages
+assert first < 0.1 and 0.1 < later < 5.0
+END
