@@ -6,7 +6,7 @@ import threading
 import time
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from robot.clock import Clock
 from robot.corrections import Mounting, RawPicture
@@ -58,10 +58,13 @@ class Camera(StartStop):
         self._on_frame: Callable[[], None] = lambda: None
         self.mounting = Mounting()
 
-    @property
-    def device(self) -> str:
-        """The device that a search found, as `HD Webcam C270 (serial number A17)`; else empty."""
-        return ""
+    if TYPE_CHECKING:
+
+        @property
+        def device(self) -> str:
+            """The device that a search found, as `C270 (serial number A17)`; else empty."""
+    else:
+        device = ""  # no property: a plug-in may have an attribute of this name
 
     @classmethod
     @abstractmethod

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from robot.corrections import BodyCorrection
 from robot.errors import ConfigurationError
@@ -202,10 +202,13 @@ class Driver(ABC):
     @abstractmethod
     def __init__(self, options: Any) -> None: ...
 
-    @property
-    def device(self) -> str:
-        """The device that a search found, as `'Anna' (00:16:53:00:00:01)`; else empty."""
-        return ""
+    if TYPE_CHECKING:
+
+        @property
+        def device(self) -> str:
+            """The device that a search found, as `'Anna' (00:16:53:00:00:01)`; else empty."""
+    else:
+        device = ""  # no property: a plug-in may have an attribute of this name
 
     @property
     def moves(self) -> tuple[Action, ...]:

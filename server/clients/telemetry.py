@@ -76,7 +76,7 @@ def describe_body(driver: Driver) -> dict[str, Any]:
 def describe_devices(driver: Driver, camera: Camera) -> dict[str, str]:
     """Return the devices that a search found, of body and camera."""
     found = {"device": driver.device, "camera_device": camera.device}
-    return {name: device for name, device in found.items() if device}
+    return {name: device for name, device in found.items() if device and isinstance(device, str)}
 
 
 def _milliseconds(seconds: float | None) -> float | None:

@@ -176,6 +176,7 @@ class BrokenWay:
 
     async def _end(self) -> None:
         await self._become("refused")
+        await asyncio.sleep(0.05)  # a call that was just taken begins: only then it can be ended
         others = asyncio.all_tasks() - {asyncio.current_task()}
         for task in others:
             task.cancel()

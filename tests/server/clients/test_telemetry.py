@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Sensors
+from server.clients.telemetry import describe_devices
 from tests.server.virtual import ServedWorld, virtually
 
 
@@ -31,3 +33,11 @@ def test_a_reading_that_is_no_number_silences_no_page(distance_m: float) -> None
         assert pilot.state["distance_m"] == finite
 
     virtually(scenario, seed=3)
+
+
+def test_the_devices_of_a_search_are_told_and_a_plug_ins_own_attribute_is_not() -> None:
+    driver, camera = FakeDriver(), FakeCamera(VirtualClock())
+    assert describe_devices(driver, camera) == {}
+    driver.device = object()  # type: ignore[misc, assignment]
+    camera.device = "C270 (serial number A17)"  # type: ignore[misc]
+    assert describe_devices(driver, camera) == {"camera_device": "C270 (serial number A17)"}
