@@ -2,7 +2,8 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 
 import { Helm } from '../../web/js/helm.js';
-import { moveOfKey, stopOf } from '../../web/js/inputs/keys.js';
+import { stopOf } from '../../web/js/inputs/key-name.js';
+import { moveOfKey } from '../../web/js/inputs/keys.js';
 import { listenToKeyboard } from '../../web/js/inputs/keyboard.js';
 import { listenForStop } from '../../web/js/inputs/stop-keys.js';
 import { declare } from '../../web/js/moves.js';
@@ -56,7 +57,9 @@ function drivingPage({ moves = MOVES, hasStick = false, mode = 'train' } = {}) {
   const page = { ...window, helm, stops: 0, mode, isDriving: true };
   page.follow = (now) => helm.follow({ mode: (page.mode = now), you_are_pilot: true }, moves);
   // The robot obeys at once: it is the page that is tested.
-  listenToKeyboard(helm, { stop: () => { page.stops += 1; helm.releaseAll(); page.follow('stopped'); }, isDriving: () => page.isDriving });
+  const isDriving = () => page.isDriving;
+  listenForStop({ stop: () => { page.stops += 1; helm.releaseAll(); page.follow('stopped'); }, isDriving, mayMove: () => helm.mayBeMoving });
+  listenToKeyboard(helm, { isDriving });
   globalThis.addEventListener('blur', () => helm.releaseAll());
   return page;
 }

@@ -64,6 +64,11 @@ export class Helm extends EventTarget {
     return this.hasWheel && this.mode !== 'stopped';
   }
 
+  /** The robot may move as far as this page knows: also one that was just asked to start, or whose link is lost. */
+  get mayBeMoving() {
+    return this.mode !== 'stopped' || this.start.tap !== null;
+  }
+
   /** @param {string} source such as `key ArrowUp` @param {string} move */
   press(source, move) {
     if (!this.moves.includes(move)) return;

@@ -7,6 +7,7 @@ import './extensions.js';
 import { Preferences, WakeLock } from './device.js';
 import { HEARTBEAT_MS } from './helm.js';
 import { loadLanguage } from './i18n.js';
+import { listenForStop } from './inputs/stop-keys.js';
 import { Page } from './page.js';
 import { parts } from './parts.js';
 import { followReadiness } from './readiness.js';
@@ -46,6 +47,7 @@ async function start() {
   addEventListener(NOT_KEPT, () => page.tellNotKept());
   new Router(page).start();
   followReadiness(store);
+  listenForStop({ stop: () => page.stop(), isDriving: () => page.isDriving(), mayMove: () => page.helm.mayBeMoving });
   // A computer's page waits for its keyboard. Few phones have one: it comes after their first picture.
   if (store.state.hasKeys) await persist(() => listen(page));
   const way = new WayFinder({

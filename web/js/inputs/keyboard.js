@@ -3,7 +3,6 @@
 // Where it is unclear which key has come up, all are let go of.
 
 import { moveOfKey, Presses } from './keys.js';
-import { listenForStop } from './stop-keys.js';
 
 const STEP_MS = 40;
 /** Shares of full lock in a step: what a key steers further, and what comes back without one. */
@@ -107,16 +106,15 @@ class Silence {
 
 /**
  * @param {import('../helm.js').Helm} helm
- * @param {{stop: () => void, isDriving: () => boolean}} page  `isDriving`: the pad is on the screen
+ * @param {{isDriving: () => boolean}} page  `isDriving`: the pad is on the screen
  */
-export function listenToKeyboard(helm, { stop, isDriving }) {
+export function listenToKeyboard(helm, { isDriving }) {
   const ramp = new KeyRamp(helm);
   const presses = new Presses();
   const letGo = () => {
     for (const source of [...helm.holds.keys()]) if (source.startsWith('key')) helm.release(source);
   };
   const silence = new Silence(letGo);
-  listenForStop({ stop, isDriving, mayMove: () => helm.mode !== 'stopped' || helm.start.tap !== null });
   addEventListener('keydown', (event) => silence.heard(presses.press(event), event.repeat), true);
   addEventListener('keydown', (event) => {
     // A Mac tells of no other key that comes up while Meta is down; the others open a browser's menu.

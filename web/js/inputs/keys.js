@@ -1,21 +1,11 @@
-// What a key means: by its place (`code`), by what it says (`key`), and by its old number (`keyCode`).
+// The moves of keys, and which keys are down (key-name.js says what a key is and which ones stop).
 //
-// A keyboard may leave any of them out: browsers on Android and televisions send no `code`, an input
-// method no `key`. A stop counts if any of them says stop. Letters and figures count by their place, so
-// that each layout drives alike; an arrow also by what it says, wherever it lies.
+// Letters and figures count by their place, so that each layout drives alike; an arrow also by what it
+// says, wherever it lies.
 
-import { nameOf } from './key-name.js';
+import { nameOf, placeOf } from './key-name.js';
 
 /** @typedef {import('./key-name.js').Key} Key */
-
-/** The space bar; the last two with Shift or Alt in some layouts, and in full width. */
-const SPACES = new Set([' ', 'Spacebar', '\u00a0', '\u3000']);
-const STOPS = new Set([
-  'Escape', 'Esc', 'Pause', 'Cancel', 'BrowserStop', 'MediaStop', 'MediaPause', 'MediaPlayPause',
-  'GoBack', 'BrowserBack', 'XF86Back', 'Exit', // a remote control's way out
-]);
-/** The same by number; those above 255 are televisions'. */
-const STOP_NUMBERS = new Set([3, 19, 27, 166, 169, 178, 179, 413, 461, 10009, 10182, 10252]);
 
 const BY_PLACE = /** @type {Record<string, string>} */ ({
   KeyW: 'forward', KeyA: 'left', KeyD: 'right', KeyS: 'backward', KeyQ: 'spin_left', KeyE: 'spin_right',
@@ -28,17 +18,6 @@ const ARROWS = /** @type {Record<string, string>} */ ({
 });
 const NUMPAD = 3;
 const LATIN = /^[a-z0-9]$/;
-
-/** @param {Key} event @returns {string} empty for a key without a place */
-const placeOf = ({ code }) => (code && code !== 'Unidentified' ? code : '');
-
-/** How a key says stop: `space` and what a browser cannot name write in a text field, or may. @param {Key} event @returns {'space' | 'unnamed' | 'named' | null} */
-export function stopOf(event) {
-  const [place, name] = [placeOf(event), nameOf(event)];
-  if (!place && !name) return 'unnamed'; // it may be the stop, so it is
-  if (place === 'Space' || event.keyCode === 32 || SPACES.has(name)) return 'space';
-  return STOPS.has(place) || STOPS.has(name) || STOP_NUMBERS.has(event.keyCode ?? 0) ? 'named' : null;
-}
 
 /**
  * The move that a key asks for, if any.
