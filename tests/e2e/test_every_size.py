@@ -49,7 +49,7 @@ _HEIGHTS = """() => {
 }"""
 """The cards' heights with the buttons that release a robot, and without: in one moment, for what
 a robot has to say may come at any time and stretch its neighbours."""
-SCREENS = ("gallery", "why", "teaching", "undo", "study", "home", "settings")
+SCREENS = ("gallery", "why", "teaching", "undo", "challenge", "study", "home", "settings")
 
 
 @pytest.fixture(scope="module")
@@ -82,15 +82,18 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, langu
 
 
 _SAY_IN_TURN = """async (language) => {
-  const files = ['', 'study/'].map((room) => import(`/js/${room}messages/${language}.js`));
+  const rooms = ['', 'study/session/', 'challenge/'];
+  const files = rooms.map((room) => import(`/js/${room}messages/${language}.js`));
   const words = Object.assign({}, ...(await Promise.all(files)).map((file) => file.default));
   const moves = Object.keys(words).filter((key) => key.startsWith('moves.'));
   const place = document.querySelector('.advice');
   const pad = document.querySelector('.move[data-move=forward]');
   const found = {};
-  for (const key of Object.keys(words).filter((key) => /^(advice|session.now_)/.test(key))) {
+  const isSaid = /^(advice|session.now_|challenge.(armed|left))/;
+  for (const key of Object.keys(words).filter((key) => isSaid.test(key))) {
     for (const move of words[key].includes('{moves}') ? moves : ['']) {
-      const values = { moves: words[move], left: 120, have: 123, need: 150, n: 10 };
+      const values = { moves: words[move], left: 120, have: 123, need: 150, n: 10, of: 12 };
+      values.metres = '12.3';
       place.textContent = words[key].replace(/\\{(\\w+)\\}/g, (_, name) => values[name]);
       (found[pad.getBoundingClientRect().top] ??= []).push(place.textContent);
     }
