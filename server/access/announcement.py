@@ -38,6 +38,8 @@ class Announcement:
         self._responder: Any = None
         self._is_off = False
         self.hostname = config.hostname
+        self._next = 2
+        """The first number that is tried for another name."""
 
     def announce(self, addresses: Sequence[str]) -> str:
         """Announce the robot at these addresses; return the name it got, without `.local`.
@@ -95,7 +97,7 @@ class Announcement:
         if first != DEFAULT_HOSTNAME:  # somebody has chosen it
             log.warning("%s.local is also %s: choose another --hostname", first, min(others))
             return first
-        for number in range(2, _MOST_NAMES):
+        for number in range(self._next, self._next + _MOST_NAMES):
             if not self.others_at(f"{first}-{number}", addresses):
                 return f"{first}-{number}"
         return first
@@ -133,7 +135,9 @@ class Announcement:
             question.add_question(zeroconf.DNSQuestion(name, kind, 1))
         with contextlib.suppress(OSError):
             self._responder.send(question)  # the answers are looked at the next time
-        return bool(others) and _lowest(own) > _lowest(others)
+        before = [other for other in others if own and _lowest([other]) < _lowest(own)]
+        self._next = max(2, 1 + len(before))  # each takes a number of its own at once
+        return bool(before)
 
     def close(self) -> None:
         """Take the announcement back; idempotent."""
