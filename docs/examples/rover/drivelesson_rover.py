@@ -104,7 +104,7 @@ class RoverDriver(HostWatchdog[Any]):
         line = self._connected()
         steering, throttle = point or point_of(action, self.declared_moves) or Point(0.0, 0.0)
         if not self._is_armed and action is not Action.STOP:
-            raise DriveError("the rover is disarmed; arm it, or start with --rover-arm")
+            raise DriveError("the rover is disarmed; arm it, or start with --rover-arm true")
         side = round(1000 * steering)
         ahead = round(1000 * throttle * speed_scale * self.options.rover_throttle)
         if self._autopilot == "PX4":  # its throttle is from 0, full back, to 1000
@@ -140,7 +140,6 @@ class RoverDriver(HostWatchdog[Any]):
 
     def _close(self, connection: Any) -> None:
         if self._has_armed:
-            self._has_armed = False
             with self._sending:
                 connection.mav.command_long_send(
                     connection.target_system, 1, MAV.MAV_CMD_COMPONENT_ARM_DISARM, 0, *7 * [0]
