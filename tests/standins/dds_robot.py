@@ -140,12 +140,16 @@ class DdsRobot:
 
 
 def main() -> None:
+    is_ready = threading.Event()
+
     def hear(twist: dict[str, Any]) -> None:
+        is_ready.wait()  # one line at a time, and that one first
         print(json.dumps([time.monotonic(), twist["linear"]["x"], twist["angular"]["z"]]))
         sys.stdout.flush()
 
     with DdsRobot(int(sys.argv[1]), watchdog="watchdog" in sys.argv, hear=hear):
         print("ready", flush=True)
+        is_ready.set()
         sys.stdin.read()
 
 
