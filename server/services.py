@@ -20,10 +20,9 @@ from starlette.requests import HTTPConnection
 from robot.devices.rig import Rig
 from robot.entry_points import points
 from robot.policy.history import TrainingHistory
-from robot.types import StartStop, StopReason
+from robot.types import StartStop
 from server.clients.hub import Hub
 from server.config import Config
-from server.corrections import CorrectionsFile
 from server.gateway.gateway import Gateway, gateway_type
 from server.identity import IdentityFile
 from server.persistence import Persistence
@@ -43,7 +42,6 @@ class Services:
     config: Config
     robot: Rig
     identity: IdentityFile
-    corrections: CorrectionsFile
     hub: Hub
     persistence: Persistence | None = None
     gateway: Gateway
@@ -72,28 +70,6 @@ class Services:
     def show(self) -> None:
         """Tell all clients what is shown now; on any thread."""
         self.hub.announce("shown", shown=self.shown())
-
-    async def change_corrections(self, given: Mapping[str, Any]) -> None:
-        """Stop the robot, and correct body and camera; None changes nothing.
-
-        What is recorded from then on is another recording: its metadata say how it was corrected.
-
-        Raises:
-            ConfigurationError: If a correction does not apply to this body or camera.
-        """
-        robot = self.robot
-        wanted = robot.corrections.changed(**given)
-        is_new_view = wanted.camera != robot.camera.mounting
-
-        def correct() -> None:
-            robot.correct(wanted)
-            if is_new_view:
-                self.note_carried()
-            if self.persistence is not None:
-                self.persistence.note_options(wanted.described())
-
-        robot.loop.trip(StopReason.PILOT_ASKED)
-        await self.on_loop(correct)
 
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> tuple[_T, bool]:
         """Have the loop make a change; return its result, and whether the change is saved.
@@ -131,6 +107,9 @@ class Extension(StartStop):
     def configure(cls, parser: argparse.ArgumentParser) -> None:
         """Declare options of `drivelesson serve`."""
 
+    def prepare(self) -> None:
+        """Set up the robot, which runs already, before its model is chosen and it is served."""
+
     def greet(self) -> list[str]:
         """Return lines for the person who starts the robot."""
         return []
@@ -163,7 +142,6 @@ def make_services(
     *,
     name: str = "robot",
     identity: IdentityFile | None = None,
-    corrections: CorrectionsFile | None = None,
     hub: Hub | None = None,
     persistence: Persistence | None = None,
     gateway: Gateway | None = None,
@@ -172,12 +150,10 @@ def make_services(
     """Create the services for one robot. Nothing starts yet."""
     identity = identity or IdentityFile(None, name)
     hub = hub or Hub(config, robot, identity.now.name)
-    folder = persistence.storage.root if persistence is not None else None
     services = Services(
         config=config,
         robot=robot,
         identity=identity,
-        corrections=corrections or CorrectionsFile(folder, robot, {}),
         hub=hub,
         persistence=persistence,
         gateway=gateway or gateway_type()(config, robot.clock),

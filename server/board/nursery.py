@@ -40,7 +40,7 @@ _MODULES = (
     *("uvicorn.lifespan.on", "uvicorn.logging", "uvicorn.loops.asyncio"),
     *("uvicorn.protocols.http.h11_impl", "robot.devices.rig", "robot.simulator.camera"),
     *("robot.policy.registry", "server.app", "server.cli.serve", "server.hosting.serving"),
-    *("server.fastpath.protocol", "server.persistence", "server.security.pairing"),
+    *("server.integrations.fastpath", "server.persistence", "server.security.pairing"),
 )
 
 

@@ -29,7 +29,6 @@ from robot.store.prepare import prepare
 from server.cli.parser import declare, number, whole
 from server.cli.settings import PREFIX, Settings, apply_to, build, read_settings
 from server.config import Config
-from server.corrections import CorrectionOptions, CorrectionsFile
 from server.gateway.gateway import gateway_type
 from server.hosting.browser import show_page
 from server.hosting.logs import start_logging
@@ -69,9 +68,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--config", type=Path, help="TOML file of settings")
     for extension in installed():
         extension.configure(parser)
-    group = parser.add_argument_group("corrections", str(CorrectionOptions.__doc__))
-    for option in options_of(CorrectionOptions):
-        declare(group, option)
     add("-v", "--verbose", action="store_true", help="log more")
 
 
@@ -88,10 +84,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
         driver_type = load_driver(str(robot))
         camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
         kinds = [("robot", driver_type), ("camera", load_camera(str(camera_name)))]
-    declared = {
-        "jpeg_quality",
-        *(one.name for one in options_of(CorrectionOptions)),
-    }  # the server's own, which some cameras take as well
+    declared = {action.dest for action in parser._actions}  # which some cameras take as well
     for title, kind in kinds:
         group = parser.add_argument_group(f"options of the {title} {kind.name}")
         for option in options_of(kind.options_type):
@@ -132,7 +125,6 @@ def run(args: argparse.Namespace) -> int:
     config = dataclasses.replace(config, port=listeners[0].getsockname()[1])
     gateway = gateway_type()(config, rig.clock)
     identity = IdentityFile(config.data, args.name)
-    corrections = CorrectionsFile(config.data, rig, vars(args))
     hub = Hub(config, rig, identity.now.name)
     persistence = Persistence(
         storage,
@@ -147,7 +139,6 @@ def run(args: argparse.Namespace) -> int:
         config,
         rig,
         identity=identity,
-        corrections=corrections,
         hub=hub,
         persistence=persistence,
         gateway=gateway,
@@ -162,9 +153,8 @@ def run(args: argparse.Namespace) -> int:
     starting = StartingPage([] if gateway.tls_files else listeners, rig.clock)
     with starting, rig, persistence, gateway.serving(greet_more):
         starting.part = StartingPart.MODEL
-        corrections.apply()
-        now = rig.corrections.described()
-        rig.clock.result(rig.loop.submit(lambda: persistence.note_options(now)))
+        for extension in services.extensions.values():
+            extension.prepare()
         _choose_model(persistence.autosave, args, learner)
         starting.stop()
         print(gateway.greet(greet_more()), flush=True)

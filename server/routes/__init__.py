@@ -11,7 +11,7 @@ from importlib import import_module
 
 from fastapi import APIRouter
 
-MODULES = (*("drive", "video", "health", "teaching", "settings", "corrections"),)
+MODULES = (*("drive", "video", "health", "teaching", "settings"),)
 """The modules with routes; extensions add theirs as an `Extension`."""
 
 

@@ -16,9 +16,8 @@ from robot.errors import ConfigurationError
 from robot.recordings.messages import RUN
 from robot.recordings.reader import read_metadata
 from robot.types import Action, Mode
-from server.corrections import CorrectionsFile
-
-from .virtual_server import VirtualServer
+from server.adjustments.file import CorrectionsFile
+from tests.server.virtual_server import VirtualServer
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 import uvicorn
 from uvicorn.server import ServerState
 
-from server.fastpath.protocol import BURST_S, FRAME_S, make_protocol
+from server.integrations.fastpath import BURST_S, FRAME_S, make_protocol
 
 
 async def accept_and_wait(scope: Any, receive: Any, send: Any) -> None:

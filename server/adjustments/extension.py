@@ -1,0 +1,132 @@
+"""`/api/corrections`: how body and camera are built otherwise. See docs/reference/http.md."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from fastapi import APIRouter, Request
+
+from robot.corrections import MOST_TRIM, REVERSED, TURNS_DEG
+from robot.devices.options import options_of
+from robot.devices.raw_value import RawValue, must_be, number
+from robot.types import StopReason
+from server.adjustments.file import CorrectionOptions, CorrectionsFile
+from server.cli.parser import declare
+from server.routes.answers import Route
+from server.routes.bodies import FREE_MODEL, do
+from server.services import Extension, Services, services_of
+
+router = APIRouter(prefix="/api/corrections", route_class=Route)
+
+
+class AdjustmentsExtension(Extension):
+    """Corrects one robot as its options and its data folder say, and as the page asks for."""
+
+    def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
+        self._services = services
+        persistence = services.persistence
+        folder = persistence.storage.root if persistence is not None else None
+        self.file = CorrectionsFile(folder, services.robot, options)
+
+    @property
+    def routers(self) -> Sequence[APIRouter]:
+        """Return `/api/corrections`."""
+        return (router,)
+
+    @classmethod
+    def configure(cls, parser: argparse.ArgumentParser) -> None:
+        """Declare an option for each correction."""
+        group = parser.add_argument_group("corrections", str(CorrectionOptions.__doc__))
+        for option in options_of(CorrectionOptions):
+            declare(group, option)
+
+    def prepare(self) -> None:
+        """Correct the running robot, and note for recordings how."""
+        self.file.apply()
+        robot, persistence = self._services.robot, self._services.persistence
+        if persistence is not None:
+            now, note = robot.corrections.described(), persistence.note_options
+            robot.clock.result(robot.loop.submit(lambda: note(now)))
+
+    async def change(self, given: Mapping[str, Any]) -> None:
+        """Stop the robot, and correct body and camera; None changes nothing.
+
+        What is recorded from then on is another recording: its metadata say how it was corrected.
+
+        Raises:
+            ConfigurationError: If a correction does not apply to this body or camera.
+        """
+        services, robot = self._services, self._services.robot
+        wanted = robot.corrections.changed(**given)
+        is_new_view = wanted.camera != robot.camera.mounting
+
+        def correct() -> None:
+            robot.correct(wanted)
+            if is_new_view:
+                services.note_carried()
+            if services.persistence is not None:
+                services.persistence.note_options(wanted.described())
+
+        robot.loop.trip(StopReason.PILOT_ASKED)
+        await services.on_loop(correct)
+
+
+class CorrectionsChange(RawValue):
+    """The corrections to change."""
+
+    reverse: Literal["none", "left", "right", "both"] | None = must_be(
+        f"one of {', '.join(REVERSED)}", None
+    )
+    swap_sides: bool | None = must_be("true or false", None)
+    trim: float | None = number(None, least=-MOST_TRIM, most=MOST_TRIM)
+    turn_picture: Literal[0, 90, 180, 270] | None = must_be(
+        f"one of {', '.join(map(str, TURNS_DEG))}", None
+    )
+    mirror_picture: bool | None = must_be("true or false", None)
+
+
+@dataclass
+class CorrectionsAnswer:
+    """The corrections, and the names of those that apply to this robot and its camera."""
+
+    reverse: str
+    swap_sides: bool
+    trim: float
+    turn_picture: int
+    mirror_picture: bool
+    possible: list[str]
+
+
+@dataclass
+class CorrectionsChanged(CorrectionsAnswer):
+    """The corrections after a change; `kept` is false if the next start would not have them."""
+
+    kept: bool
+
+
+def _answer(services: Services) -> dict[str, object]:
+    possible = services.extension(AdjustmentsExtension).file.possible
+    return {**services.robot.corrections.described(), "possible": list(possible)}
+
+
+@router.get("")
+def show_corrections(request: Request) -> CorrectionsAnswer:
+    """Return how body and camera are corrected, and what can be."""
+    return CorrectionsAnswer(**_answer(services_of(request)))  # type: ignore[arg-type]
+
+
+@router.put("", dependencies=[FREE_MODEL])
+async def change_corrections(request: Request, body: CorrectionsChange) -> CorrectionsChanged:
+    """Stop the robot, and correct body and camera; 409 for what does not apply to them."""
+    services = services_of(request)
+    given = {name: getattr(body, name) for name in type(body).__annotations__}
+    corrections = services.extension(AdjustmentsExtension)
+    await corrections.change(given)
+    try:
+        is_kept = await do(corrections.file.save)
+    except OSError:
+        is_kept = False
+    return CorrectionsChanged(**_answer(services), kept=is_kept)  # type: ignore[arg-type]
