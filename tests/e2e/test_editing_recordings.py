@@ -297,7 +297,7 @@ def test_forty_recordings_are_home_in_one_zip_and_gone_in_four_touches(
     phone.evaluate("location.hash = 'home'")  # the first touch
     phone.locator("article >> nth=39").wait_for()
     phone.get_by_label("Select all").tap()
-    phone.get_by_text("40 selected").wait_for()
+    phone.get_by_text("40 selected ·").wait_for()
     with phone.expect_download() as fetched:
         phone.get_by_role("link", name="Download 40").tap()
     fetched.value.save_as(tmp_path / "home.zip")
@@ -312,7 +312,7 @@ def test_forty_recordings_are_home_in_one_zip_and_gone_in_four_touches(
     phone.get_by_label("Find recordings").fill("YARD simulation")
     phone.get_by_text("13 recordings").wait_for()
     phone.get_by_label("Select all").tap()
-    phone.get_by_text("13 selected").wait_for()
+    phone.get_by_text("13 selected ·").wait_for()
     assert phone.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
     settle(phone)
     phone.get_by_role("button", name="Delete 13").tap()
