@@ -18,7 +18,7 @@ export async function listEpisodes(home) {
   const part = /** @type {HTMLElement} */ (home.episodes);
   fill(part, h('h2', {}, t('episodes')), answer.fault ? h('p', { class: 'hint' }, answer.fault) : null,
     offered.length ? h('p', { class: 'hint' }, t('episodes.full', { names: offered.map(title).join(', ') })) : null,
-    home.offer, ...(list.length ? list : [h('p', { class: 'hint' }, t('episodes.none'))]), trash(home, answer));
+    trash(home, answer), home.offer, ...(list.length ? list : [h('p', { class: 'hint' }, t('episodes.none'))]));
   const ids = new Set(seen.map((/** @type {any} */ episode) => episode.id));
   for (const id of home.ticked) if (!ids.has(id)) home.ticked.delete(id);
   home.shelf = seen.map((/** @type {any} */ episode, /** @type {number} */ i) => ({ episode, card: list[i], isOn: answer.recording === episode.id }));
