@@ -52,9 +52,13 @@ class BodyCorrection:
 
     def __post_init__(self) -> None:
         if self.reverse not in REVERSED:
-            raise ConfigurationError(f"'reverse' must be one of {', '.join(REVERSED)}")
+            raise ConfigurationError(
+                f"reverse must be one of {', '.join(REVERSED)}, not {self.reverse!r}"
+            )
         if not -MOST_TRIM <= self.trim <= MOST_TRIM:
-            raise ConfigurationError(f"'trim' must be a number from -{MOST_TRIM} to {MOST_TRIM}")
+            raise ConfigurationError(
+                f"trim must be a number from -{MOST_TRIM} to {MOST_TRIM}, not {self.trim}"
+            )
 
     @property
     def signs(self) -> Pair:
@@ -114,7 +118,8 @@ class Mounting:
 
     def __post_init__(self) -> None:
         if self.turn_deg not in TURNS_DEG:
-            raise ConfigurationError(f"'turn' must be one of {', '.join(map(str, TURNS_DEG))}")
+            wanted = ", ".join(map(str, TURNS_DEG))
+            raise ConfigurationError(f"turn_picture must be one of {wanted}, not {self.turn_deg}")
 
     @property
     def is_upright(self) -> bool:

@@ -108,9 +108,13 @@ export class SettingsScreen extends Screen {
     const hint = t('settings.camera_hint', { name, size, rate: Math.round(rate) });
     if (!possible.includes('turn_picture')) return group(t('settings.camera'), hint);
     if (!this.seen) {
-      const seen = (this.seen = h('img', { class: 'seen', alt: t('settings.seen') }));
-      this.look();
-      this.endings?.push(() => seen.removeAttribute('src')); // or the stream goes on
+      const seen = (this.seen = h('img', { class: 'seen', alt: t('settings.camera') }));
+      const inView = new IntersectionObserver(([{ isIntersecting }]) => (isIntersecting ? this.look() : seen.removeAttribute('src')));
+      inView.observe(seen);
+      this.endings?.push(() => {
+        inView.disconnect();
+        seen.removeAttribute('src'); // or the stream goes on
+      });
     }
     let turned = turn;
     const turnOn = () => {
@@ -127,7 +131,7 @@ export class SettingsScreen extends Screen {
   /** How it is wired, and what it drives where it should drive straight. @param {Corrections} corrections */
   body({ reverse, swap_sides: isSwapped, trim, possible }) {
     if (!['reverse', 'swap_sides', 'trim'].some((name) => possible.includes(name))) return null;
-    const told = (/** @type {number} */ value) => (value ? t(`settings.trim_${value < 0 ? 'left' : 'right'}`, { n: percent(Math.abs(value)) }) : t('settings.trim_none'));
+    const told = (/** @type {number} */ value) => `${value ? t(value < 0 ? 'move.left' : 'move.right') : ''} ${percent(Math.abs(value))}`;
     const shown = h('output', {}, told(trim));
     const slider = h('input', {
       type: 'range', min: -30, max: 30, step: 1, value: Math.round(trim * 100), 'aria-label': t('settings.trim'),
@@ -136,7 +140,8 @@ export class SettingsScreen extends Screen {
     });
     const swapped = h('input', { type: 'checkbox', checked: isSwapped, onchange: () => this.correct({ swap_sides: swapped.checked }) });
     const reversed = h('select', { 'aria-label': t('settings.reverse'), onchange: () => this.correct({ reverse: reversed.value }) },
-      ...['none', 'left', 'right', 'both'].map((side) => h('option', { value: side, selected: side === reverse }, t(`settings.reverse_${side}`))));
+      ...Object.entries({ none: '–', left: t('move.left'), right: t('move.right'), both: `${t('move.left')} + ${t('move.right')}` })
+        .map(([side, label]) => h('option', { value: side, selected: side === reverse }, label)));
     return group(t('settings.body'), t('settings.body_hint'),
       possible.includes('trim') ? h('label', {}, t('settings.trim'), h('div', { class: 'slider' }, slider, shown)) : null,
       possible.includes('swap_sides') ? h('label', { class: 'choice' }, swapped, h('span', {}, t('settings.swapped'))) : null,
@@ -147,10 +152,10 @@ export class SettingsScreen extends Screen {
   async correct(change) {
     const done = await this.put('api/corrections', change);
     if (!done) await this.refresh();
-    else if ('turn_picture' in change) this.look();
+    else if ('turn_picture' in change && this.seen?.hasAttribute('src')) this.look();
   }
 
-  /** Show the stream from its start: a browser may keep the size of its first picture. */
+  /** Show the stream, which comes only while somebody sees it, from its start: a browser may keep the size of its first picture. */
   look() {
     this.looks = (this.looks ?? 0) + 1;
     this.seen?.setAttribute('src', `video.mjpg?${this.looks}`);

@@ -9,10 +9,10 @@
 const SPACES = new Set([' ', 'Spacebar', '\u00a0', '\u3000']);
 const STOPS = new Set([
   'Escape', 'Esc', 'Pause', 'Cancel', 'BrowserStop', 'MediaStop', 'MediaPause', 'MediaPlayPause',
-  'GoBack', 'BrowserBack', 'XF86Back', 'Exit', // a remote control's way out
+  'GoBack', 'BrowserBack', 'Exit', // a remote control's way out
 ]);
 /** The same by number; those above 255 are televisions'. */
-const STOP_NUMBERS = new Set([3, 19, 27, 166, 169, 178, 179, 413, 461, 10009, 10182, 10252]);
+const STOP_NUMBERS = new Set([19, 27, 178, 179, 413, 461, 10009, 10252]);
 
 const ARROW_NUMBERS = ['ArrowLeft', 'ArrowUp', 'ArrowRight', 'ArrowDown'];
 const ENTERS = ['Enter', 'Select', 'Accept', 'OK'];

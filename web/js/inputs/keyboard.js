@@ -2,6 +2,7 @@
 //
 // Where it is unclear which key has come up, all are let go of.
 
+import { isEnter } from './key-name.js';
 import { moveOfKey, Presses } from './keys.js';
 
 const STEP_MS = 40;
@@ -119,6 +120,9 @@ export function listenToKeyboard(helm, { isDriving }) {
   addEventListener('keydown', (event) => {
     // A Mac tells of no other key that comes up while Meta is down; the others open a browser's menu.
     if (['Meta', 'Alt', 'F10'].includes(event.key)) helm.releaseAll();
+    // A browser presses what has the focus by Enter, and not by a remote control's other names of it.
+    const { target } = event;
+    if (isEnter(event) && event.key !== 'Enter' && !event.defaultPrevented && !event.repeat && target instanceof HTMLElement && target.matches('a, button')) target.click();
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
     const { move, isNth } = moveOfKey(event, helm.moves);
     if (!move || !isDriving() || !helm.moves.includes(move)) return;
