@@ -25,6 +25,11 @@ export async function loadLanguage(more = [], load = (code) => import(`./message
   document.documentElement.lang = language;
 }
 
+/** Add an extension's further sentences, in English where it lacks a language. @param {Load} load */
+export async function fetchWords(load) {
+  learn((await load(language).catch(() => load('en'))).default);
+}
+
 /** Add texts of the robot's driver. @param {Record<string, string>} words */
 export function learn(words) {
   messages = { ...messages, ...words };

@@ -1,14 +1,17 @@
 // Offers the challenge to a pilot whose robot is ready.
 
+import { fetchWords } from '../i18n.js';
 import { register } from '../parts.js';
+
+const speakOf = () => fetchWords((code) => import(`./tries/messages/${code}.js`));
 
 register({
   screens: {
     challenge: {
-      load: () => import('./challenge-screen.js'),
+      load: () => Promise.all([import('./challenge-screen.js'), speakOf()]),
       isOffered: ({ readiness, lead }) => readiness?.stage === 'ready' && !lead,
     },
   },
   words: (code) => import(`./messages/${code}.js`),
-  startLater: (page) => void import('./offer.js').then(({ offerChallenge }) => offerChallenge(page), () => {}),
+  startLater: (page) => void Promise.all([import('./offer.js'), speakOf()]).then(([{ offerChallenge }]) => offerChallenge(page), () => {}),
 });

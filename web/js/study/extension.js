@@ -1,14 +1,11 @@
 // The session of a study leads the pilot through its parts.
 
-import { language, learn } from '../i18n.js';
+import { fetchWords } from '../i18n.js';
 import { register } from '../parts.js';
 import { followSession } from './session.js';
 
-/** Few pages are in a study: its sentences come when they are needed, in English where there are no others. */
-async function speakOf() {
-  const file = await import(`./session/messages/${language}.js`).catch(() => import('./session/messages/en.js'));
-  learn(file.default);
-}
+/** Few pages are in a study: its sentences come when they are needed. */
+const speakOf = () => fetchWords((code) => import(`./session/messages/${code}.js`));
 
 register({
   screens: {

@@ -1,24 +1,4 @@
-// What the challenge says on the page.
+// How the page leads to the challenge.
 export default {
   'screen.challenge': '挑战',
-  'challenge.offer': '我准备好接受挑战了：一分钟我能开多远？',
-  'challenge.open': '开始挑战',
-  'challenge.lead': '我自己能开多少米？你有三次机会，每次一分钟，取最好成绩。',
-  'challenge.rules': '规则：只计算向前的直线路段。碰我、撞上东西、我求助或急停都会结束这一次，之前开的算数。停着、绕圈和来回开都不算。同一路段每重复一次，算得更少。',
-  'challenge.start': '开始一次',
-  'challenge.shown': '在班级看板上显示我们的最好成绩',
-  'challenge.armed': '点“自己开”，然后一分钟内不要碰。',
-  'challenge.on': '正在进行：{metres} 米。',
-  'challenge.left': '第 {n}/{of} 次：{metres} 米，还剩 {left}，别碰！',
-  'challenge.next': '再试一次',
-  'challenge.result': '第 {n}/{of} 次：{metres} 米。{why}',
-  'challenge.best': '最好：{metres} 米',
-  'challenge.none': '还没有试过。',
-  'challenge.no_way': '这台机器人不知道自己开了多远，所以没有挑战。',
-  'challenge.over': '三次用完了。重新开始可再试三次。',
-  'challenge.ended.time': '一分钟到了。',
-  'challenge.ended.touched': '你碰了我。',
-  'challenge.ended.bumped': '我撞上了。',
-  'challenge.ended.asked': '我不知道该怎么办。',
-  'challenge.ended.stopped': '有人让我停下了。',
 };

@@ -1,0 +1,23 @@
+// What the challenge says on the page.
+export default {
+  'challenge.offer': 'I’m ready for a challenge: how far can I drive in a minute?',
+  'challenge.open': 'Take it',
+  'challenge.lead': 'How many metres can I drive by myself? You have three tries of one minute. The best one counts.',
+  'challenge.rules': 'Rules: only straight stretches forwards count. A touch, a bump, a question or STOP ends the try, and what I drove until then counts. Standing, circling and driving back and forth count nothing. A stretch counts less each time I drive it again.',
+  'challenge.start': 'Start a try',
+  'challenge.shown': 'Show our best try on the board of our class',
+  'challenge.armed': 'Tap Drive itself, then keep your hands off for one minute.',
+  'challenge.on': 'The try is running: {metres} m.',
+  'challenge.left': 'Try {n} of {of}: {metres} m, {left} left. Hands off!',
+  'challenge.next': 'Next try',
+  'challenge.result': 'Try {n} of {of}: {metres} m. {why}',
+  'challenge.best': 'Best: {metres} m',
+  'challenge.none': 'No try yet.',
+  'challenge.no_way': 'This robot cannot tell how far it has driven, so there is no challenge for it.',
+  'challenge.over': 'That was the last try. Start again for three more.',
+  'challenge.ended.time': 'The minute was over.',
+  'challenge.ended.touched': 'You touched me.',
+  'challenge.ended.bumped': 'I bumped.',
+  'challenge.ended.asked': 'I did not know what to do.',
+  'challenge.ended.stopped': 'I was stopped.',
+};

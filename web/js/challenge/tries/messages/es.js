@@ -1,0 +1,23 @@
+// What the challenge says on the page.
+export default {
+  'challenge.offer': 'Estoy listo para un reto: ¿cuánto puedo recorrer en un minuto?',
+  'challenge.open': 'Aceptar',
+  'challenge.lead': '¿Cuántos metros puedo conducir solo? Tienes tres intentos de un minuto. Cuenta el mejor.',
+  'challenge.rules': 'Reglas: solo cuentan los tramos rectos hacia delante. Tocarme, un choque, una pregunta o ALTO termina el intento, y cuenta lo recorrido hasta entonces. Estar parado, dar vueltas en círculo y avanzar y retroceder no cuentan. Un tramo cuenta menos cada vez que lo repito.',
+  'challenge.start': 'Empezar un intento',
+  'challenge.shown': 'Mostrar nuestro mejor intento en el tablero de la clase',
+  'challenge.armed': 'Toca Autónomo y no toques nada más durante un minuto.',
+  'challenge.on': 'El intento está en marcha: {metres} m.',
+  'challenge.left': 'Intento {n} de {of}: {metres} m, quedan {left}. ¡No toques nada!',
+  'challenge.next': 'Otro intento',
+  'challenge.result': 'Intento {n} de {of}: {metres} m. {why}',
+  'challenge.best': 'Mejor: {metres} m',
+  'challenge.none': 'Aún no hay intentos.',
+  'challenge.no_way': 'Este robot no sabe cuánto ha recorrido, así que no hay reto para él.',
+  'challenge.over': 'Era el último intento. Empieza otra vez para tener tres más.',
+  'challenge.ended.time': 'Se acabó el minuto.',
+  'challenge.ended.touched': 'Me has tocado.',
+  'challenge.ended.bumped': 'He chocado.',
+  'challenge.ended.asked': 'No sabía qué hacer.',
+  'challenge.ended.stopped': 'Me han parado.',
+};
