@@ -96,7 +96,7 @@ def test_a_link_that_falls_silent_and_comes_back(chromium: Any, world: World, pr
     fingers = drive(page, world)
     proxy.fall_silent()
     wait_until_standing(world)
-    page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
+    page.locator(".notice", has_text="Looking for").wait_for(timeout=40_000)
     proxy.speak_again()
     page.wait_for_selector("drive-pad.idle")
     page.wait_for_selector("[data-mode=train][aria-disabled=false]", timeout=40_000)
