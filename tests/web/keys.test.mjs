@@ -77,7 +77,7 @@ const INPUTS = [
   [{ code: 'Space', key: ' ' }, 'space'], [{ code: '', key: ' ' }, 'space'], [{ code: '', key: 'Spacebar' }, 'space'], [{ code: 'Space', key: 'Unidentified' }, 'space'],
   [{ code: 'Space', key: 'Process', keyCode: 229 }, 'space'], [{ code: 'Space', key: '\u00a0' }, 'space'], [{ key: '\u3000' }, 'space'], [{ code: '', key: '', keyCode: 32 }, 'space'],
   [{ code: 'KeyW', key: ' ' }, 'space', 'forward'], [{ code: 'Space', key: 'w' }, 'space', undefined],
-  ...['MediaStop', 'MediaPause', 'MediaPlayPause', 'Pause', 'Escape', 'Esc', 'BrowserBack', 'GoBack', 'Exit'].map((key) => [{ code: '', key }, 'named']),
+  ...['MediaStop', 'MediaPause', 'MediaPlayPause', 'Pause', 'Escape', 'Esc', 'BrowserBack', 'GoBack'].map((key) => [{ code: '', key }, 'named']),
   ...[413, 19, 10009, 461, 10252, 178, 27].map((keyCode) => [{ code: '', key: 'Unidentified', keyCode }, 'named']),
   [{ code: '', key: 'Unidentified', keyCode: 0 }, 'unnamed'], [{ code: '', key: 'Unidentified', keyCode: 229 }, 'unnamed'], [{ code: '', key: 'Process', keyCode: 229 }, 'unnamed'], [{}, 'unnamed'],
   ...['Enter', 'Select', 'ChannelUp', 'Tab', 'Shift', 'Dead', 'AudioVolumeUp', 'F5', 'm', '0'].map((key) => [{ code: '', key }, null]),

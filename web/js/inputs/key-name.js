@@ -8,8 +8,8 @@
 /** The space bar; the last two with Shift or Alt in some layouts, and in full width. */
 const SPACES = new Set([' ', 'Spacebar', '\u00a0', '\u3000']);
 const STOPS = new Set([
-  'Escape', 'Esc', 'Pause', 'Cancel', 'BrowserStop', 'MediaStop', 'MediaPause', 'MediaPlayPause',
-  'GoBack', 'BrowserBack', 'Exit', // a remote control's way out
+  'Escape', 'Esc', 'Pause', 'MediaStop', 'MediaPause', 'MediaPlayPause',
+  'GoBack', 'BrowserBack', // a remote control's way out
 ]);
 /** The same by number; those above 255 are televisions'. */
 const STOP_NUMBERS = new Set([19, 27, 178, 179, 413, 461, 10009, 10252]);

@@ -6,7 +6,7 @@ import { stopOf } from './key-name.js';
 const isEscape = (/** @type {KeyboardEvent} */ { key }) => key === 'Escape' || key === 'Esc';
 
 /** @param {any} target */
-const isText = (target) => target?.isContentEditable || target?.matches?.('textarea') || (target?.matches?.('input') && !/button|radio|checkbox|range|file/.test(target.type));
+const isText = (target) => target?.isContentEditable || target?.matches?.('textarea') || (target?.matches?.('input') && !/radio|checkbox|range|file/.test(target.type));
 
 /**
  * @param {object} page
