@@ -27,7 +27,7 @@ export default {
   'board.scan': 'Scan to drive. The next phone can use the same code.',
   'board.code_of': 'QR code that pairs a phone with {name}',
   'board.codes': 'Cards to print',
-  'board.codes_how': 'Scan one to drive that robot. The codes stay good, tomorrow too, for as long as the class has its key.',
+  'board.codes_how': 'Scan one to drive that robot. The codes work tomorrow, too, until the class gets a new key.',
   'board.print': 'Print',
   'board.wifi': 'Name of the Wi-Fi',
   'board.card_wifi': 'Join the Wi-Fi “{name}”.',
