@@ -313,7 +313,7 @@ def _metadata_at(file: BinaryIO, places: Sequence[int]) -> dict[str, dict[str, s
     return found
 
 
-class Follower:
+class WrittenFile:
     """Reads the chunks of a file as they are written."""
 
     def __init__(self) -> None:

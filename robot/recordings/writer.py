@@ -28,10 +28,10 @@ from robot.recordings.messages import (
 from robot.recordings.moves import to_text
 from robot.recordings.reader import (
     Attachment,
-    Follower,
     Message,
     MessageChannel,
     Metadata,
+    WrittenFile,
     require_mcap,
 )
 from robot.store.models.events import read_event, to_json
@@ -112,7 +112,7 @@ class EpisodeWriter:
         self._tally = Tally()
         self._first_ns, self._last_ns = 2**64, 0
         self._section_frames = section_frames
-        self._follower = Follower()
+        self._follower = WrittenFile()
         self._columns: Columns | None = Columns(self._origin_ns)
         self._section_at = 0
         self._writer.start(profile="", library="drivelesson")
