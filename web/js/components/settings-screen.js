@@ -27,7 +27,11 @@ export class SettingsScreen extends Screen {
   }
 
   async refresh() {
-    const answers = await this.inOrder(this.attempt(() => Promise.all([askLong('api/settings'), ask('GET', 'api/world'), ask('GET', 'api/corrections')])));
+    const answers = await this.inOrder(this.attempt(() => Promise.all([
+      askLong('api/settings'),
+      ask('GET', 'api/world').catch(() => ({ world: null })), // these are of extensions, which need not be there
+      ask('GET', 'api/corrections').catch(() => ({ possible: [] })),
+    ])));
     if (answers) this.renderRobot(answers[0], answers[1], answers[2]);
   }
 
