@@ -301,9 +301,11 @@ class Life:
                 self.wanted.pop(group, None)
             self.tell({"unknown": list(touched)})
             return
+        if not answer.is_success:  # what was not known before is not known by a refusal
+            touched = tuple(group for group in touched if group in self.wanted)
         found = read(self.server, self.secrets, touched)
         if not answer.is_success:
-            before = {group: self.wanted[group] for group in touched if group in self.wanted}
+            before = {group: self.wanted[group] for group in touched}
             for sentence in lost(before, found):
                 self.violate(f"a refusal ({answer.status_code}) changed {sentence}")
         self.wanted.update(found)

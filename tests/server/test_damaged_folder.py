@@ -16,6 +16,7 @@ from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
 from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
+from robot.store.models.store import ModelStore
 from robot.store.prepare import prepare
 from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Example
@@ -355,3 +356,25 @@ def test_the_copy_of_a_synchroniser_is_never_the_newest(tmp_path: Path, ending: 
     store = EpisodeStore(storage)
     assert len(store.ids()) == 2
     assert find_id(store, "last") == episode.path.stem
+
+
+def test_what_an_older_program_set_aside_is_used_again_though_that_one_ran_since(
+    tmp_path: Path,
+) -> None:
+    root = tmp_path / "data"
+    with running(root) as (rig, persistence):
+        for _ in range(2):
+            teach(rig)
+            persistence.autosave.save()
+            rig.clock.sleep(1.0)
+        learned = rig.loop.history.n_examples
+    for version in sorted((root / "models" / "bench").glob("*.npz"))[1:]:
+        version.rename(version.with_name(version.name + ".damaged"))
+    with pytest.MonkeyPatch.context() as older:  # it reads the version before, and changes nothing
+        older.setattr(ModelStore, "retry_damaged", lambda store: None)
+        older.setattr("server.persistence.recover", lambda *_: None)
+        with running(root) as (rig, _):
+            rig.clock.sleep(3.0)
+            assert rig.loop.history.n_examples < learned
+    with running(root) as (rig, _):
+        assert rig.loop.history.n_examples == learned

@@ -8,6 +8,7 @@ import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -126,7 +127,8 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
     numbers = [number for number in sorted(run.events) if number > change]
-    if not numbers and (is_file or _is_saved(model, name, store)):
+    # A run that changed nothing holds what it loaded, which may be older than what came back since.
+    if not numbers and (is_file or _is_saved(model, name, store, among_all=not run.events)):
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
@@ -148,10 +150,11 @@ def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str
                 break
 
 
-def _is_saved(model: Model, name: str | None, store: ModelStore) -> bool:
-    """True if the newest sound version under this name holds the same."""
-    newest = next(store.sound_versions(name), None) if name is not None else None
-    return newest is not None and same_nodes(newest.state, model.state)
+def _is_saved(model: Model, name: str | None, store: ModelStore, *, among_all: bool) -> bool:
+    """True if the newest sound version under this name holds the same, or any of them."""
+    versions = store.sound_versions(name) if name is not None else iter(())
+    kept = versions if among_all else islice(versions, 1)
+    return any(same_nodes(one.state, model.state) for one in kept)
 
 
 def newest_boot(store: ModelStore) -> int:
