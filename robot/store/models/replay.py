@@ -31,6 +31,9 @@ from robot.store.records import read_records
 
 log = logging.getLogger(__name__)
 
+_LOADED = 1
+"""The number of a run's first change, which loads the model."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recovered:
@@ -128,7 +131,7 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
         log.warning("%d records of the journal are missing", len(missing))
     numbers = [number for number in sorted(run.events) if number > change]
     # A run that changed nothing holds what it loaded, which may be older than what came back since.
-    if not numbers and (is_file or _is_saved(model, name, store, among_all=not run.events)):
+    if not numbers and (is_file or _is_saved(model, name, store, among_all=run.last <= _LOADED)):
         return None
     return Recovered(
         model=_learn_on(model, run, numbers),
