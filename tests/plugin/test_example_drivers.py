@@ -27,11 +27,15 @@ QUICK = "every_move or ends_by_itself or is_cut or right_is"
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("name", LIBRARIES)
-def test_it_passes_the_contract_as_a_package(name: str, tmp_path: Path) -> None:
+def test_each_passes_the_contract_as_a_package(tmp_path: Path) -> None:
+    for name in LIBRARIES:
+        check_it_passes_the_contract_as_a_package(name, tmp_path / name)
+
+
+def check_it_passes_the_contract_as_a_package(name: str, tmp_path: Path) -> None:
     pytest.importorskip(LIBRARIES[name])
     installed = tmp_path / f"drivelesson_{name}-0.1.0.dist-info"
-    installed.mkdir()
+    installed.mkdir(parents=True)
     (installed / "METADATA").write_text(
         f"Metadata-Version: 2.1\nName: drivelesson-{name}\nVersion: 0.1.0\n"
     )
@@ -57,6 +61,7 @@ def test_it_passes_the_contract_as_a_package(name: str, tmp_path: Path) -> None:
     assert re.search(rf"\b{len(every) if IS_FULL else 4} passed", run.stdout), said
 
 
+@contextlib.contextmanager
 def parts_of(name: str) -> Iterator[Any]:
     pytest.importorskip(LIBRARIES[name])
     sys.path.insert(0, str(EXAMPLES / name))
@@ -68,11 +73,6 @@ def parts_of(name: str) -> Iterator[Any]:
             sys.modules.pop(module, None)
 
 
-@pytest.fixture
-def rovers() -> Iterator[Any]:
-    yield from parts_of("rover")
-
-
 def until(is_so: Any) -> None:
     end_s = time.monotonic() + 30.0
     while not is_so():
@@ -80,10 +80,7 @@ def until(is_so: Any) -> None:
         time.sleep(0.01)
 
 
-@pytest.mark.realtime
-@pytest.mark.parametrize("name", ["ArduPilot", "PX4"])
-def test_each_autopilot_gets_its_own_numbers_and_timeout(rovers: Any, name: str) -> None:
-    kit, module = rovers
+def check_each_autopilot_gets_its_own_numbers_and_timeout(kit: Any, module: Any, name: str) -> None:
     [kind] = [kind for kind, (known, _) in module.AUTOPILOTS.items() if known == name]
     with kit.rover(autopilot=kind) as body:
         options = module.RoverOptions(
@@ -101,9 +98,7 @@ def test_each_autopilot_gets_its_own_numbers_and_timeout(rovers: Any, name: str)
         until(lambda: not body.is_armed)
 
 
-@pytest.mark.realtime
-def test_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(rovers: Any) -> None:
-    kit, module = rovers
+def check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit: Any, module: Any) -> None:
     with kit.rover(may_arm=False) as body:
         with pytest.raises(DriveError, match=r"ARM_DISARM: MAV_RESULT_FAILED.*PreArm: no GPS"):
             module.RoverDriver(
@@ -122,9 +117,9 @@ def test_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(rovers: Any) 
             until(lambda: body.drives().throttle > 0)
 
 
-@pytest.mark.realtime
-def test_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(rovers: Any) -> None:
-    kit, module = rovers
+def check_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(
+    kit: Any, module: Any
+) -> None:
 
     def answers() -> bool:
         with contextlib.suppress(DriveError):
@@ -143,9 +138,7 @@ def test_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(rovers: An
         until(lambda: not body.is_armed)
 
 
-@pytest.mark.realtime
-def test_an_autopilot_without_the_parameter_is_named(rovers: Any) -> None:
-    kit, module = rovers
+def check_an_autopilot_without_the_parameter_is_named(kit: Any, module: Any) -> None:
     with kit.rover() as body:
         body.parameters = {"OTHER": 3.0}
         body.drives = lambda: Point(0.0, 0.0)
@@ -154,8 +147,14 @@ def test_an_autopilot_without_the_parameter_is_named(rovers: Any) -> None:
 
 
 @pytest.mark.realtime
-def test_a_thymio_in_use_elsewhere_is_said() -> None:
-    for kit, module in parts_of("thymio"):
+def test_a_rover_and_a_thymio_on_their_real_lines() -> None:
+    with parts_of("rover") as (kit, module):
+        for name in ("ArduPilot", "PX4"):
+            check_each_autopilot_gets_its_own_numbers_and_timeout(kit, module, name)
+        check_arming_is_asked_for_and_a_refusal_is_in_the_rover_s_words(kit, module)
+        check_a_rover_that_was_cut_off_is_disarmed_at_the_end_all_the_same(kit, module)
+        check_an_autopilot_without_the_parameter_is_named(kit, module)
+    with parts_of("thymio") as (kit, module):
         manager = kit.Manager()
         manager.node.status = 3
         options = module.ThymioOptions(thymio_manager=manager.address, thymio_speed=500)

@@ -17,7 +17,7 @@ from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.errors import DriveError
 from robot.simulator.body import TRACK_M, WHEELS_MPS, move
 from robot.testing import FakeDriver
-from robot.types import Action, Decision, DrivenBy, Mode, Pose, Sensors
+from robot.types import Action, Decision, DrivenBy, Mode, Point, Pose, Sensors
 from tests.kit.sizes import crossed, seeds
 
 TICK_S = 1 / 30
@@ -29,7 +29,7 @@ class _TwoWheels(FakeDriver):
 
     track_m = TRACK_M
 
-    def wheels_mps(self, action: Action) -> tuple[float, float]:
+    def wheels_mps(self, action: Action, point: Point | None = None) -> tuple[float, float]:
         return WHEELS_MPS[action]
 
 
