@@ -1,10 +1,10 @@
 """Timeouts that adapt to the camera: its period and delivery age are measured. Pure.
 
-A webcam on a fast bus gives thirty pictures a second, 5 ms old; the one that the guide recommends
-on a slow computer gives ten, 95 to 145 ms old. A fixed limit is too strict for one or too lax for
-the other. So the limits follow the measurements: they are robust (a quantile over the last
-pictures, so a lost one changes nothing), grow slowly while the robot moves, shrink quickly, and are
-bounded by the distance that the robot travels on one picture.
+A webcam on a fast bus delivers thirty pictures a second, 5 ms old. The webcam that the guide
+recommends delivers ten on a slow computer, 95 to 145 ms old. A fixed limit is too strict for one of
+them or too lax for the other, so the limits follow the measurements. The limits are robust (a
+quantile over the last pictures, so a lost picture changes nothing), grow slowly while the robot
+moves, shrink quickly, and are bounded by the distance that the robot travels on one picture.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 USUAL_PERIOD_S = 1 / 30
-"""Period for which the link's limits are set, in seconds; a slower camera adds the difference."""
+"""Camera period that the link's limits assume, in seconds. For a slower camera the difference is
+added to the limits."""
 SLOW_PERIOD_S = 0.75
-"""Period from which on a camera is reported as too slow, in seconds: of a webcam that usually gives
-ten to thirty pictures a second it is a fault, and nobody can steer by it."""
+"""Period from which a camera is reported as too slow, in seconds. Webcams usually deliver ten to
+thirty pictures a second, so such a period is a fault, and nobody can steer by these pictures."""
 _LEAST_SCALE = 0.05
-"""Lower bound of the speed scale: bodies refuse 0, and even the slowest camera needs no less."""
+"""Lower bound of the speed scale: bodies refuse 0, and the slowest camera needs no lower scale."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,14 +30,14 @@ class CameraTimingConfig:
     """Bounds of the adapted limits, in seconds."""
 
     longest_timeout_s: float = 0.5
-    """Age of the newest picture above which the robot stops: 8 cm at 0.16 m/s. For a camera whose
-    period exceeds `full_speed_s` it is longer by the excess; the way stays within 8 cm, since the
-    robot goes slower."""
+    """Age of the newest picture above which the robot stops: 8 cm at 0.16 m/s. If the camera's
+    period exceeds `full_speed_s`, the excess is added to this limit. The distance stays within
+    8 cm, because the robot drives slower."""
     full_speed_s: float = 0.3
-    """Age of the oldest picture that is acted upon, up to which the robot goes at full speed: 5 cm
-    at 0.16 m/s. Above it the robot slows so that it travels no further on one picture."""
+    """The robot drives at full speed while no picture that it acts upon is older than this: 5 cm at
+    0.16 m/s. With older pictures it slows down, so that it travels no further on one picture."""
     growth_s_per_s: float = 0.05
-    """Growth limit of an estimate while the robot may move; while it stands there is none."""
+    """Growth limit of an estimate while the robot may move; none while the robot stands."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,45 +46,46 @@ class CameraState:
 
     period_s: float = USUAL_PERIOD_S
     delivery_age_s: float = 0.0
-    """Age of its pictures on arrival."""
+    """Age of the camera's pictures on arrival."""
     timeout_s: float = 0.2
     """Largest age of the newest picture while the robot may move."""
     speed_scale: float = 1.0
-    """Share of full speed at which the robot travels no further on one picture than allowed."""
+    """Share of full speed at which the distance travelled on one picture stays within the limit."""
     slack_s: float = 0.0
     """Share of this camera's period in the age of the pilot's picture, on any link."""
     sight_slack_s: float = 0.0
-    """Extra time that a pilot may see nothing new with a camera of fewer than five pictures a
-    second: two of its periods pass between a picture and the one after a lost one."""
+    """Extra time without a new picture before the pilot counts as blind, for a camera of fewer than
+    five pictures a second. If one picture is lost, the next comes after two periods."""
 
 
 class CameraTiming:
     """Estimates a camera's period and the age at which its pictures arrive.
 
-    `state` has the estimates and limits, as one frozen value: never less than `shortest_timeout_s`.
+    `state` holds the estimates and limits, as one frozen value. Its timeout is never less than
+    `shortest_timeout_s`.
     """
 
     _WINDOW = 15
     _AGE_QUANTILE = 0.8
     _MISSED_PERIODS = 2.5
-    """Gap that counts as a lost picture, in periods: two pass between a picture and the one after a
-    lost one, and half a period is jitter."""
+    """Gap that counts as a lost picture, in periods: if one picture is lost, the next comes after
+    two periods, and half a period is jitter."""
 
     def __init__(self, shortest_timeout_s: float, config: CameraTimingConfig | None = None) -> None:
         self.config = config or CameraTimingConfig()
         self._shortest_timeout_s = shortest_timeout_s
         self._periods_s: deque[float] = deque(maxlen=self._WINDOW)
         self._ages_s: deque[float] = deque(maxlen=self._WINDOW)
-        self._captured_s = self._noted_s = math.inf  # of no picture yet
+        self._captured_s = self._noted_s = math.inf  # inf: no picture yet
         self.state = self._judge(USUAL_PERIOD_S, 0.0)
 
     def note(self, captured_s: float, delivered_s: float, *, is_moving: bool) -> None:
-        """Record a new picture: when it was taken, and when the loop first saw it.
+        """Record a new picture, by the times of its capture and of its arrival at the loop.
 
         In a mode in which the robot may move (`is_moving`) estimates grow slowly.
         """
         gap_s = captured_s - self._captured_s
-        if 0.0 < gap_s <= self.config.full_speed_s / _LEAST_SCALE:  # a longer one was a pause
+        if 0.0 < gap_s <= self.config.full_speed_s / _LEAST_SCALE:  # a longer gap is a pause
             self._periods_s.append(gap_s)
         self._captured_s = captured_s
         self._ages_s.append(max(0.0, delivered_s - captured_s))
@@ -99,7 +101,7 @@ class CameraTiming:
 
     @property
     def fault(self) -> str | None:
-        """Sentence for a camera that gives pictures, but too few of them to drive by."""
+        """Sentence for a camera that delivers pictures, but too few of them to drive by."""
         if len(self._periods_s) < 2 or (period_s := _typical(self._periods_s)) < SLOW_PERIOD_S:
             return None
         return (
@@ -127,14 +129,14 @@ class CameraTiming:
 
 
 def _typical(periods_s: deque[float]) -> float:
-    """Return the period up to which the periods make up a quarter of the time: lost pictures do not
-    lengthen it, but the pause between two bursts of pictures counts."""
+    """Return the time-weighted lower quartile of the periods. Lost pictures do not lengthen it, but
+    the pauses between bursts of pictures count."""
     ordered = sorted(periods_s)
     passed_s = list(accumulate(ordered))
     return ordered[bisect_left(passed_s, passed_s[-1] / 4)]
 
 
 def _quantile(values: deque[float], share: float) -> float:
-    """Return the value below which about `share` of them lie."""
+    """Return the value below which about `share` of the values lie."""
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]

@@ -1,7 +1,7 @@
 """Dead reckoning: estimates a robot's pose from its wheels, relative to its start. Pure.
 
-It uses the wheel encoders if the driver reads them, else the commands to the motors, which ignore
-slip and walls. Either estimate drifts; the pose is marked as estimated.
+The wheel encoders are used if the driver reads them, else the commands to the motors, which do not
+show slip or walls. Either estimate drifts, so the pose is marked as estimated.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from robot.driver import ACTION_TIMEOUT_S, Driver
 from robot.types import Pose, Sensors
 
 Pair = tuple[float, float]
-"""Of the left and the right wheel."""
+"""Values of the left and the right wheel."""
 
 
 class DeadReckoning:
@@ -25,9 +25,9 @@ class DeadReckoning:
         self._wheels_m: Pair | None = None
 
     def locate(self, sensors: Sensors, last: Tick, now_s: float) -> Sensors:
-        """Return the readings with an estimated pose, unless they have one or nothing is known.
+        """Add an estimated pose to the readings, unless they contain a pose or no motion is known.
 
-        The previous tick, `last`, tells the motion of the motors since.
+        The motors have executed the command of the previous tick, `last`, since then.
         """
         track_m = self._driver.track_m
         if sensors.pose is not None or track_m is None:
@@ -42,7 +42,7 @@ class DeadReckoning:
         return replace(sensors, pose=self._pose)
 
     def _told_m(self, last: Tick, now_s: float) -> Pair:
-        """Return the way of each wheel by the commands to the motors."""
+        """Return the distance of each wheel, computed from the commands to the motors."""
         point = last.decision.point if self._driver.takes_points else None
         by_degrees = () if point is None else (point,)
         left_mps, right_mps = self._driver.wheels_mps(last.sent, *by_degrees) or (0.0, 0.0)

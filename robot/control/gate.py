@@ -7,7 +7,8 @@ The rules, in their order:
    gate: it falls to STOPPED, remembers why, and waits for an explicit start. It never falls
    through to autonomy.
 3. The pilot's move has priority over the robot's, in both moving modes.
-4. In AUTONOMOUS, with nothing held, the robot drives; letting go returns the wheel to it.
+4. In AUTONOMOUS the robot drives while the pilot holds no move; when the pilot lets go, the robot
+   drives again.
 """
 
 from __future__ import annotations
@@ -30,18 +31,18 @@ class GateConfig:
     pilot_timeout_s: float = 0.3
     """Longest silence of the pilot while driving, or about to drive, in TRAIN."""
     supervision_timeout_s: float = 0.45
-    """Longest time since the pilot's last proven presence, in every mode. It counts from the proven
-    time of the last command, so transit time is included. With one more tick the robot stands
-    within 0.5 s."""
+    """Longest time since the pilot's last proven presence, in every mode. The time counts from the
+    proven time of the last command, so transit time is included. Even if the stop comes one tick
+    later, the robot stands within 0.5 s."""
     command_timeout_s: float = 0.3
     """Largest age of a command that is obeyed, by its proven time."""
     frame_timeout_s: float = 0.2
-    """Largest age of the newest picture while the robot may move. A slower camera is given more:
-    see `robot.control.camera_timing`."""
+    """Largest age of the newest picture while the robot may move. The limit is higher for a slower
+    camera: see `robot.control.camera_timing`."""
     start_patience_s: float = 0.5
-    """Longest time that a start waits, standing, for a first picture that is fresh enough."""
+    """Longest time that a started robot stands and waits for a first fresh picture."""
     novel_speed_scale: float = 0.5
-    """Share of full speed while driving straight on a view unlike all learned ones."""
+    """Share of full speed while the robot drives straight on a view unlike all learned views."""
 
 
 class Gate:
@@ -73,14 +74,15 @@ class Gate:
 
     @property
     def held(self) -> Action | None:
-        """The move that the pilot holds at present."""
+        """The move that the pilot holds now."""
         return self._command.held if self._command else None
 
     @property
     def silent_at_s(self) -> float:
-        """The time at which the pilot counts as silent, unless heard again; infinite when stopped.
+        """The time at which the pilot counts as silent if no other command comes; infinite when
+        stopped.
 
-        A robot that drives by itself needs supervision only, which may come a little later.
+        A robot that drives by itself only needs supervision, whose time limit is a little longer.
         """
         if self.mode is Mode.STOPPED:
             return math.inf
@@ -94,13 +96,13 @@ class Gate:
         return now_s - proven_s <= self.config.command_timeout_s
 
     def start(self, mode: Mode, now_s: float, proven_s: float | None = None) -> bool:
-        """Enter `mode` on the pilot's explicit request; False while an emergency is latched, and
-        for a request that is too old. STOPPED is always accepted.
+        """Enter `mode` on the pilot's explicit request. Return False while an emergency is latched
+        or if the request is too old; STOPPED is always accepted.
 
-        The command is emptied: a move held before does not count in the new mode. If the newest
-        picture is too old (a camera's pause, a busy computer), the robot stands in the new mode
-        until a fresh one comes, for `start_patience_s` at most. `proven_s` is a time before which
-        the request cannot have been sent; None: now.
+        The command is cleared: a move held before does not count in the new mode. If the newest
+        picture is too old (the camera paused or the computer is busy), the robot stands in the new
+        mode until a fresh picture comes, for `start_patience_s` at most. `proven_s` is a time
+        before which the request cannot have been sent; None: now.
         """
         if mode is Mode.STOPPED:
             self.trip(StopReason.PILOT_ASKED)
@@ -122,10 +124,10 @@ class Gate:
         return True
 
     def receive(self, command: PilotCommand, now_s: float) -> bool:
-        """Take the pilot's newest command; False if it is refused.
+        """Accept or refuse the pilot's newest command; return True if it is accepted.
 
-        A command is refused if it is too old or names no frame: a pilot who sees nothing can
-        neither drive nor supervise. A refused command counts as silence.
+        A command is refused if it is too old or names no frame: a pilot who sees no picture can
+        neither drive nor supervise. After a refused command the pilot still counts as silent.
         """
         proven_s = command.received_s if command.proven_s is None else command.proven_s
         if command.frame_id is None or not self.is_fresh(min(proven_s, now_s), now_s):
@@ -138,7 +140,8 @@ class Gate:
         return True
 
     def trip(self, reason: StopReason) -> None:
-        """Stop, remember why, and wait for an explicit start. A stopped robot keeps its reason."""
+        """Stop for `reason`, and wait for an explicit start. If the robot is already stopped, the
+        earlier reason stays."""
         self._command = None
         if self.mode is not Mode.STOPPED:
             self.mode, self.stop_reason = Mode.STOPPED, reason
@@ -147,13 +150,13 @@ class Gate:
             self._on_stop()
 
     def latch_emergency(self) -> None:
-        """Stop until `release_emergency`; no mode can be chosen before."""
+        """Stop until `release_emergency` is called; before that no mode can be chosen."""
         self.trip(StopReason.EMERGENCY)
         self.stop_reason = StopReason.EMERGENCY
         self.emergency = True
 
     def release_emergency(self) -> None:
-        """Allow modes to be chosen again. The robot still waits for one."""
+        """Allow modes to be chosen again. The robot stays stopped until a mode is chosen."""
         self.emergency = False
 
     def select(
@@ -165,10 +168,10 @@ class Gate:
         *,
         camera_fault: bool = False,
     ) -> Decision:
-        """Decide this tick's action; trips first if anything is in doubt.
+        """Decide this tick's action. If anything is in doubt, trip first.
 
-        Prediction and age are those of the newest frame, None and infinite before any;
-        `frame_timeout_s` is its largest age.
+        `prediction` and `frame_age_s` belong to the newest frame (None and infinite before the
+        first); `frame_timeout_s` is the largest age that the frame may have.
         """
         if self.mode is not Mode.STOPPED:
             is_fresh = frame_age_s <= frame_timeout_s
@@ -215,7 +218,7 @@ class Gate:
         )
 
     def stand(self, driven_by: DrivenBy = DrivenBy.NOBODY, *, asks_pilot: bool = False) -> Decision:
-        """Return the decision to stand, with the present mode and stop reason."""
+        """Return the decision to stand, with the current mode and stop reason."""
         return Decision(
             action=Action.STOP,
             driven_by=driven_by,

@@ -1,7 +1,7 @@
-"""Reacts to a slow link, or computer: warn, slow down, stop learning, stop. Pure.
+"""Reacts to a slow link or computer: warn, slow down, stop learning, stop. Pure.
 
-The measure is the age of the picture that the pilot acts upon. A step up is taken at once; a
-step down only after the link has been clearly better for a while (hysteresis).
+The measure is the age of the picture that the pilot acts upon. The level rises at once, and falls
+only after the link has been clearly better for a while (hysteresis).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ class LinkLevel(StrEnum):
 
     GOOD = "good"
     SLOW = "slow"  # the pilot is warned
-    CAPPED = "capped"  # and the robot goes slower
-    NOT_LEARNING = "not_learning"  # and learns nothing: the label would meet the wrong picture
-    TOO_SLOW = "too_slow"  # and stands
+    CAPPED = "capped"  # the robot also drives slower
+    NOT_LEARNING = "not_learning"  # it also learns nothing: labels would meet the wrong pictures
+    TOO_SLOW = "too_slow"  # the robot stops
 
 
 _LEVELS = tuple(LinkLevel)
@@ -38,13 +38,13 @@ class LinkGovernorConfig:
     stop_learning_s: float = 0.3
     stop_s: float = 0.5
     busy_s: float = 0.1
-    """Lateness of the computer above which the robot also goes slower, before it has to stop."""
+    """Lateness of the computer above which the robot drives slower, before it has to stop."""
     capped_speed_scale: float = 0.5
-    """Share of full speed that is left above `cap_speed_s` or `busy_s`."""
+    """Share of full speed that is allowed above `cap_speed_s` or `busy_s`."""
     recovery_share: float = 0.85
-    """Share of a step's threshold below which the age must fall before the step is taken back."""
+    """The level falls only if the age is below this share of the level's threshold."""
     recovery_s: float = 1.0
-    """Time that the age must stay below that share before a step is taken back."""
+    """Time that the age must stay below `recovery_share` before the level falls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +53,7 @@ class LinkState:
 
     level: LinkLevel = LinkLevel.GOOD
     age_s: float | None = None
-    """Age of the picture that the pilot acts upon; None: not known."""
+    """Age of the picture that the pilot acts upon; None: unknown."""
     is_busy: bool = False
     """True if the computer is late, so that the link is not the cause."""
     must_stop: bool = False
@@ -66,13 +66,13 @@ class LinkState:
 def age_of_link_s(
     picture_age_s: float, reported_age_s: float | None, phone_s: float | None = None
 ) -> float:
-    """Return the age to judge by: that of the picture, or that of the command if it is worse.
+    """Return the age to judge the link by: the picture's age or the command's, whichever is larger.
 
-    `picture_age_s` is that of the named picture when the command came, counted from its delivery to
-    the loop: it contains both ways of the link and the time on the phone, and is measured on one
-    clock. `reported_age_s` is the same when the command was sent, as the page estimates it; without
-    it the whole age is attributed to the link. The time on the phone (`phone_s`, if known) is
-    subtracted: a slow phone costs pictures, not examples.
+    `picture_age_s` is the age of the named picture when the command arrived, counted from the
+    picture's delivery to the loop. It includes both directions of the link and the time on the
+    phone, and is measured on one clock. `reported_age_s` is the page's estimate of this age when
+    the command was sent; without it the whole age is attributed to the link. The time on the phone
+    (`phone_s`, if known) is subtracted: a slow phone costs pictures, not examples.
     """
     if reported_age_s is None:
         return picture_age_s
@@ -92,7 +92,7 @@ class LinkGovernor:
         self.forget()
 
     def forget(self) -> None:
-        """Reset: another pilot has another link."""
+        """Reset, because another pilot has another link."""
         self.level = LinkLevel.GOOD
         self.age_s: float | None = None
         self._better_since_s: float | None = None
@@ -106,17 +106,18 @@ class LinkGovernor:
         camera: CameraState,
         now_s: float,
     ) -> None:
-        """Measure the link by a command, even by one that is too old to be obeyed.
+        """Measure the link by a command, even if the command is too old to be obeyed.
 
-        `named_s` holds two times of the frame that it names: taken, and arrived at the loop;
-        `seen_s` is the arrival of the newest frame that was acknowledged.
+        `named_s` holds the times at which the named frame was taken and reached the loop; `seen_s`
+        is the time at which the newest acknowledged frame reached the loop.
         """
         captured_s, delivered_s = named_s
         self.note_seen(seen_s)
         reported_s = command.frame_age_s
         if reported_s is not None:
             reported_s -= delivered_s - captured_s
-        # If the page reports the picture's time on the phone, the camera's period needs no slack.
+        # Allow for the camera's period only if the page does not report how long the picture was on
+        # the phone.
         slack_s = camera.slack_s if command.phone_s is None else 0.0
         age_s = age_of_link_s(command.received_s - delivered_s, reported_s, command.phone_s)
         self.note_age(age_s, now_s, slack_s)
@@ -126,14 +127,14 @@ class LinkGovernor:
         self._seen_s = delivered_s
 
     def blind_in_s(self, now_s: float, slack_s: float = 0.0) -> float:
-        """Return the time until the pilot counts as blind, even if heartbeats arrive: negative if
-        the pilot is blind already, infinite before the first picture."""
+        """Return the time until the pilot counts as blind although heartbeats arrive. Negative: the
+        pilot is already blind. Infinite: there was no picture yet."""
         return self.config.stop_s + slack_s - (now_s - self._seen_s)
 
     def note_age(self, age_s: float, now_s: float, slack_s: float = 0.0) -> None:
-        """Record an age; step up at once, or down when it has been better for `recovery_s`.
+        """Record an age. The level rises at once, and falls after `recovery_s` of better ages.
 
-        `slack_s` is the part of it that is the camera's own period.
+        `slack_s` is the part of the age that is due to the camera's period.
         """
         self.age_s = age_s
         age_s -= slack_s
@@ -148,12 +149,12 @@ class LinkGovernor:
             self._better_since_s = now_s
 
     def note_lateness(self, late_s: float, *, is_to_blame: bool) -> None:
-        """Record the computer's lateness, ten times a second. It fades within a second or two, but
-        not while the robot stands because of it."""
+        """Record the computer's lateness, ten times a second. The recorded lateness fades within a
+        second or two, but not while the robot stands because of it."""
         self._lateness_s = max(late_s, self._lateness_s * (1.0 if is_to_blame else _FADES))
 
     def state(self, now_s: float, slack_s: float = 0.0) -> LinkState:
-        """Return the limits, also for a blind pilot; arguments as for `blind_in_s`."""
+        """Return the limits, which also apply to a blind pilot; arguments as for `blind_in_s`."""
         level, is_busy = self.level, self._lateness_s > self.config.busy_s
         is_free = level in (LinkLevel.GOOD, LinkLevel.SLOW) and not is_busy
         return LinkState(

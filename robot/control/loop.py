@@ -1,9 +1,9 @@
-"""The control loop: newest frame, features, policy, gate, drive; and only then learning.
+"""The control loop: newest frame, features, policy, gate, drive, and learning last.
 
-`ControlLoop.tick` runs one tick, with time as an argument, and never waits. Experiments call it
+`ControlLoop.tick` runs one tick, with time as an argument, and never waits. Experiments call `tick`
 directly, as fast as they can; a rig calls it in real time, on a thread. Other threads queue their
-requests in a mailbox, so the loop never waits for a network. The order of the steps in a tick is
-what keeps the robot safe.
+requests in a mailbox, so the loop never waits for a network. The order of the steps in a tick keeps
+the robot safe.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ from robot.types import (
 log = logging.getLogger(__name__)
 _Commands = list[PilotCommand]
 _STANDS_S = 0.04
-"""Upper bound of tick time plus actuator latency, in seconds. It is subtracted so that the wheels
-have stopped when the pilot's picture expires."""
+"""Upper bound of tick time plus actuator latency, in seconds. Stops come this much earlier, so that
+the wheels have stopped when the pilot's picture expires."""
 _SHORTEST_WAIT_S = 0.001
 _RESTS_AFTER_S = 1.0
 """Time that a robot stands unwatched before it rests, in seconds: long enough to reload the page
 and to measure the camera's rate."""
 _RESTING_SHARE = 0.9
-"""Share of the wanted period after which the next picture is taken: cameras jitter."""
+"""Share of the requested period after which the next picture is taken, because cameras jitter."""
 _RESTING_WAIT_S = 0.25
 """Longest time between two ticks at rest, in seconds: below `ACTION_TIMEOUT_S`, for bodies with a
 watchdog."""
@@ -66,7 +66,7 @@ class LoopConfig:
     governor: LinkGovernorConfig = field(default_factory=LinkGovernorConfig)
     camera: CameraTimingConfig = field(default_factory=CameraTimingConfig)
     longest_wait_s: float = 0.05
-    """Longest time between two ticks, even when the camera sends nothing."""
+    """Longest time between two ticks, even if the camera sends no pictures."""
     stall_s: float = 0.3
     """Gap between two ticks after which the robot stops: commands received meanwhile are stale (the
     computer slept, or the process was held up)."""
@@ -76,9 +76,9 @@ class ControlLoop:
     """One robot's loop. `tick` is for one thread; all other methods may be called from any.
 
     Attributes:
-        clock: The clock of the loop and of all that runs beside it.
+        clock: The clock of the loop and of the other parts of the rig.
         learning: Perception and learning; use it only through `submit`.
-        history: Its training history; use it only through `submit`.
+        history: The training history of `learning`; use it only through `submit`.
         submit: Queues a function to run between two ticks; see `Mailbox.put`.
         state: The newest tick, for any thread; a frozen value that never changes under the reader.
         watchdog: Stops the body at the pilot's deadline; a rig runs its thread. Every caller of
@@ -112,7 +112,7 @@ class ControlLoop:
         self._mailbox = Mailbox()
         self.submit, self.wake = self._mailbox.put, self._mailbox.wake
         self._world_s = camera.world_s
-        """Converts to the world's clock: the gate and the link governor only get its times."""
+        """Converts to the world's clock; the gate and the link governor only get such times."""
         self._commands: _Commands = []
         self._asked: tuple[Action | None, Point | None] | None = None
         self._fault: str | None = None
@@ -129,7 +129,8 @@ class ControlLoop:
     # Requests from other threads -------------------------------------------------------------
 
     def subscribe(self, listener: Callable[[Tick], None]) -> Callable[[], None]:
-        """Call `listener` after each tick; it must be quick. The returned function ends this."""
+        """Call `listener`, which must be quick, after each tick. Return a function that ends the
+        subscription."""
         self._listeners = [*self._listeners, listener]
 
         def unsubscribe() -> None:
@@ -139,7 +140,7 @@ class ControlLoop:
 
     @property
     def mode(self) -> Mode:
-        """The mode at this moment, for requests: `state` has that of the last complete tick."""
+        """The mode at this moment, for requests. `state` has the mode after the last full tick."""
         return self._gate.mode
 
     @property
@@ -148,7 +149,7 @@ class ControlLoop:
         return self._rest_every_s > 0.0
 
     def need_picture_every(self, seconds: float) -> Future[None]:
-        """Set the period of pictures that is enough while the robot stands; 0: all are needed.
+        """Set how often a picture is needed while the robot stands; 0: all pictures are needed.
 
         Infinite: nobody looks. A robot that may move takes all pictures in any case.
         """
@@ -156,7 +157,8 @@ class ControlLoop:
 
     @property
     def wait_s(self) -> float:
-        """The longest time until the next tick: it comes before the pilot counts as blind."""
+        """The longest time until the next tick, so that it comes before the pilot counts as
+        blind."""
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
             return _RESTING_WAIT_S if self.is_resting else longest_s
@@ -165,16 +167,16 @@ class ControlLoop:
         return min(longest_s, max(_SHORTEST_WAIT_S, self._link.blind_in_s(stands_s, slack_s)))
 
     def note_lateness(self, late_s: float) -> None:
-        """Record the lateness of this computer; it does not matter in a world that waits."""
+        """Record the lateness of this computer, which does not matter in a world that waits."""
         if not self._camera.world_waits:
             is_to_blame = self.state.decision.stop_reason is StopReason.LINK_SLOW
             self._link.note_lateness(late_s, is_to_blame=is_to_blame)
 
     def command(self, command: PilotCommand) -> None:
-        """Queue a pilot command, and wake the loop if it changes what is held.
+        """Queue a pilot command, and wake the loop if the command changes the held move.
 
-        With a slow camera each command wakes a robot that may move: few ticks would publish few
-        states, and the pilot's next command could only prove an older one.
+        While the robot may move and the camera is slow, every command wakes the loop. Otherwise few
+        ticks would publish few states, and the pilot's next command would prove an older state.
         """
         held = command.held, command.point
         is_slow = self._timing.state.period_s > self.config.longest_wait_s
@@ -185,7 +187,8 @@ class ControlLoop:
     def set_mode(
         self, mode: Mode, *, proven_s: float | None = None, frame_id: int | None = None
     ) -> Future[bool]:
-        """Choose a mode: the explicit start after any stop. The future is True if it was taken.
+        """Choose a mode: the explicit start after any stop. The future is True if the mode was
+        accepted.
 
         `proven_s` is a time before which the request cannot have been made; None: now. The loop
         checks it when it runs the request, so time in the queue counts. `frame_id` is the frame
@@ -196,7 +199,8 @@ class ControlLoop:
         return self.submit(lambda: self._epoch is epoch and self._start(mode, asked_s, frame_id))
 
     def empty_command(self) -> Future[None]:
-        """Forget the held move: the pilot joined, left or lost the wheel. Stops a moving robot."""
+        """Forget the held move, because the pilot joined, left or lost the wheel. Stops a moving
+        robot."""
         self._asked = None
         return self.submit(self._change_pilot)
 
@@ -205,8 +209,8 @@ class ControlLoop:
         return self.submit(lambda: self._gate.trip(reason))
 
     def latch_emergency(self) -> Future[None]:
-        """Stop until `release_emergency`; it runs before all queued requests."""
-        self._epoch = object()  # an earlier request to start or release does not count any more
+        """Stop until `release_emergency`; this request runs before all queued requests."""
+        self._epoch = object()  # earlier requests to start or release are void
         return self._mailbox.put(self._latch_emergency, is_urgent=True)
 
     def release_emergency(self) -> Future[None]:
@@ -236,7 +240,7 @@ class ControlLoop:
                     is_intervention=self._gate.mode is Mode.AUTONOMOUS,
                     may_learn=link.may_learn,
                 )
-        except Exception as error:  # top of the loop: stop first, for any error
+        except Exception as error:  # outermost handler: on any error, stop first
             self._break_down(error)
             decision, sent = self._gate.stand(), Action.STOP
         return self._publish(
@@ -260,11 +264,12 @@ class ControlLoop:
         )
 
     def _slow_camera(self) -> str | None:
-        """Return the sentence for a camera that gives too few pictures."""
+        """Return the sentence for a camera that delivers too few pictures."""
         return None if self._camera.world_waits or self.is_resting else self._timing.fault
 
     def _is_held_up(self, seconds: float) -> bool:
-        """Stop if the computer was held up for this time: the last decision is outdated."""
+        """Return whether the computer was held up for `seconds`, and stop if so: the last decision
+        is outdated."""
         is_harmless = self._gate.mode is Mode.STOPPED or self._camera.world_waits
         if is_harmless or seconds <= self.config.stall_s:
             return False
@@ -272,7 +277,8 @@ class ControlLoop:
         return True
 
     def _heed_button(self) -> None:
-        """Obey a button on the robot: every button stops it, and the start button starts it."""
+        """Obey a button on the robot: every button stops the robot, and the start button starts a
+        stopped robot."""
         try:
             with self.watchdog.body, self._body.named("take_button"):
                 button = self._driver.take_button()
@@ -281,13 +287,13 @@ class ControlLoop:
             return
         stood = self.state.decision.mode is Mode.STOPPED
         if button is BodyButton.START and stood and self._gate.mode is Mode.STOPPED:
-            if not self.state.emergency:  # else it was pressed before the release
+            if not self.state.emergency:  # else the button was pressed before the release
                 self._start(self._last_mode)
         elif button is not None:
             self._gate.trip(StopReason.BUTTON)
 
     def _receive(self, link: LinkState, world_s: float) -> tuple[_Commands, _Commands]:
-        """Obey the pilot's commands; return those that count, and those that were refused."""
+        """Obey the pilot's commands; return the accepted and the refused commands."""
         commands, self._commands = self._commands, []
         if link.must_stop:
             self._gate.trip(StopReason.LINK_SLOW)
@@ -297,7 +303,7 @@ class ControlLoop:
         return taken, [command for command in commands if command not in taken]
 
     def _look(self, now_s: float) -> Frame | None:
-        """Process the newest frame; return it if it is new."""
+        """Process the newest frame; return the frame if it is new."""
         last, frame = self.state, self._camera.latest()
         if not self._is_due(frame):
             return None
@@ -318,7 +324,7 @@ class ControlLoop:
             return None
         may_move = self._gate.mode is not Mode.STOPPED
         if may_move:
-            self._fault = None  # that of an earlier picture; a stop keeps its own
+            self._fault = None  # clear an earlier picture's fault, not a stop's
         is_moving = may_move and not self._camera.world_waits
         if not self.is_resting:
             times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)
@@ -331,7 +337,7 @@ class ControlLoop:
         return not least_s or not frame or not last or frame.captured_s - last.captured_s >= least_s
 
     def _hear_camera(self) -> None:
-        """Have a tick soon for a new frame or fault; on the camera's thread."""
+        """Wake the loop for a new frame or fault; runs on the camera's thread."""
         if not self.is_resting or self._is_due(self._camera.latest()):
             self.wake.set()
 
@@ -359,10 +365,10 @@ class ControlLoop:
         return replace(decision, speed_scale=scale * self.speed_share)
 
     def _drive(self, decision: Decision, started_s: float) -> tuple[Decision, Action]:
-        """Send the decision to the motors; return it and the action sent, or that the robot stands.
+        """Send the decision to the motors; return the decision that was carried out and the action.
 
-        The process may also be held up within a tick: an outdated decision is not sent, nor one of
-        a pilot who has become silent since.
+        The process may also be held up within a tick. So a decision is not sent if it is outdated
+        or if the pilot has become silent since.
         """
         is_move = decision.action is not Action.STOP and not self._camera.world_waits
         until_s = self._gate.silent_at_s if is_move else math.inf
@@ -379,7 +385,7 @@ class ControlLoop:
         return self._gate.stand(), Action.STOP
 
     def _publish(self, tick: Tick) -> Tick:
-        """Give the tick to all listeners; then complete the requests."""
+        """Pass the tick to all listeners; then complete the requests."""
         try:
             before, self.state = self.state, self._sum_up(tick, self.state)
             if tick.decision.mode is not before.decision.mode:
@@ -387,7 +393,7 @@ class ControlLoop:
                     self._driver.show(tick.decision.mode)
             for listener in self._listeners:
                 listener(self.state)
-        except Exception as error:  # as above
+        except Exception as error:  # a listener's error also stops the robot
             self._break_down(error)
         finally:
             self._mailbox.answer()
@@ -395,7 +401,7 @@ class ControlLoop:
         return self.state
 
     def _rest_or_not(self, now_s: float) -> None:
-        """Tell the camera when it may rest, and when it must not."""
+        """Tell the camera whether it may rest."""
         if self._gate.mode is not Mode.STOPPED or not self._enough_every_s:
             self._stirred_s = now_s
         every_s = self._enough_every_s if now_s - self._stirred_s >= _RESTS_AFTER_S else 0.0
@@ -411,7 +417,7 @@ class ControlLoop:
         self._enough_every_s = every_s
 
     def _note(self, command: PilotCommand) -> None:
-        """Record a command; even one that comes too late measures the link."""
+        """Record a command; a command that comes too late still measures the link."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
         if times is not None:
             (captured_s, delivered_s), seen_s = times
@@ -450,7 +456,7 @@ class ControlLoop:
             self._driver.stop()
 
     def _forget_drive(self) -> None:
-        """Forget the state of the drive that ends: earlier commands do not count any more."""
+        """Forget the state of the drive that ends; earlier commands no longer count."""
         self._commands.clear()
         self.learning.reset()
 
@@ -462,7 +468,7 @@ class ControlLoop:
 
     def _stop_body(self) -> None:
         with self.watchdog.body, contextlib.suppress(Exception):
-            self._driver.stop()  # a body that is out of reach ends its move itself
+            self._driver.stop()  # a body that cannot be reached ends its move by itself
 
     def _break_down(self, error: Exception) -> None:
         before, fault = self._fault, f"Something went wrong inside: {error}"

@@ -1,4 +1,4 @@
-"""Requests from other threads to the loop, which runs them between two ticks."""
+"""Requests from other threads to the loop, which runs the requests between two ticks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ _T = TypeVar("_T")
 
 
 class Mailbox:
-    """Filled from any thread, emptied by the loop's. `wake` is set when something is due now."""
+    """A queue that any thread fills and the loop's thread empties. `wake` is set when a request is
+    due now."""
 
     def __init__(self) -> None:
         self.wake = threading.Event()
@@ -23,10 +24,10 @@ class Mailbox:
     def put(
         self, request: Callable[[], _T], *, is_urgent: bool = False, is_news: bool = True
     ) -> Future[_T]:
-        """Queue a request to be run on the loop's thread; before all others if it is urgent.
+        """Queue a request to be run on the loop's thread; an urgent request runs before all others.
 
-        With `is_news` False it does not wake the loop: it runs in the next tick, 50 ms later at
-        most.
+        With `is_news` False the request does not wake the loop but runs in the next tick, at most
+        50 ms later.
 
         All reads and changes of the training history come here: undo, edits, saving, replacing. The
         future is done at the end of the tick that ran the request, when the state is published and
@@ -40,9 +41,9 @@ class Mailbox:
         return future
 
     def serve(self) -> None:
-        """Run all requests in order, including those that are queued meanwhile.
+        """Run all requests in order, including requests that are queued meanwhile.
 
-        Their results are held back until `answer`.
+        The results are held back until `answer` is called.
         """
         while self._requests:
             future, request = self._requests.popleft()
@@ -54,7 +55,7 @@ class Mailbox:
                 self._answers.append(partial(future.set_exception, error))
 
     def answer(self) -> None:
-        """Complete the futures of the requests that were run: the tick is over."""
+        """Complete the futures of the requests that were run, because the tick is over."""
         answers, self._answers = self._answers, []
         for answer in answers:
             answer()

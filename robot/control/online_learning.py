@@ -1,11 +1,9 @@
-"""Perception and online learning: predicts a move for each new frame, and learns from the pilot's.
+"""Perception and online learning: predicts a move for each new frame, and learns the pilot's moves.
 
-It keeps the feature vectors of the newest frames, because a command labels the frame that the pilot
-was looking at, which is a little older than the newest.
-
-A command states the held move and the frame that the pilot was looking at. That frame gets the
-label. The frames between it and the frame of the previous command get the move that was held then,
-because a change is always sent at once.
+A command contains the held move and the frame that the pilot was looking at. This frame gets the
+move as its label. The frames between the previous command's frame and this frame get the move that
+was held before, because a change is always sent at once. The labelled frame is a little older than
+the newest, so the feature vectors of the newest frames are kept.
 """
 
 from __future__ import annotations
@@ -26,12 +24,12 @@ from robot.types import Action, Example, Frame, PilotCommand, Point, Prediction
 log = logging.getLogger(__name__)
 
 WINDOW_S = 10.0
-"""Window of the agreement, in seconds. It is a time and not a number of examples: at thirty a
-second, a hundred examples are one stretch straight ahead."""
+"""Window of the agreement, in seconds. The window is a time and not a number of examples: at thirty
+examples a second, a hundred examples are one stretch straight ahead."""
 
 
 class Agreement:
-    """Compares predictions with the labels that came after them. Constant time an example."""
+    """Compares predictions with the labels that came after them, in constant time per example."""
 
     def __init__(self) -> None:
         self._examples: deque[tuple[float, bool]] = deque()
@@ -48,14 +46,14 @@ class Agreement:
         return self._n_right / len(self._examples) if self._examples else None
 
     def add(self, at_s: float, *, is_right: bool) -> None:
-        """Add an example, predicted before it was learned; its teaching time never goes back."""
+        """Add an example that was predicted before it was learned. `at_s` never decreases."""
         self._examples.append((at_s, is_right))
         self._n_right += is_right
         while self._examples[0][0] <= at_s - WINDOW_S:
             self._n_right -= self._examples.popleft()[1]
 
     def drop_after(self, at_s: float) -> None:
-        """Drop the examples after this teaching time: they were undone."""
+        """Drop the examples after this teaching time, because they were undone."""
         while self._examples and self._examples[-1][0] > at_s:
             self._n_right -= self._examples.pop()[1]
 
@@ -68,15 +66,15 @@ class Labeller:
         self._last_frame_id = 0
 
     def reset(self) -> None:
-        """Forget the held move: a new drive begins. Frames are still never labelled twice."""
+        """Forget the held move, because a new drive begins. No frame is ever labelled twice."""
         self._previous = None
 
     def label(
         self, command: PilotCommand, known_frame_ids: Iterable[int]
     ) -> Iterator[tuple[int, Action, Point | None]]:
-        """Yield the frames that a new command labels with move and point, oldest first.
+        """Yield the frames that a new command labels, with their move and point, oldest first.
 
-        `known_frame_ids` are those still remembered, ascending; others cannot be labelled.
+        `known_frame_ids` are the remembered frames, ascending; no other frame can be labelled.
         """
         if command.frame_id is None:
             return
@@ -90,7 +88,7 @@ class Labeller:
 
 
 CORRECTS_BEYOND = 0.1
-"""Difference in steering above which a pilot who steers by degrees corrects the robot."""
+"""Difference in steering above which an analog command of the pilot counts as a correction."""
 MEMORY_FRAMES = 64
 """Number of the newest frames that can still be labelled: two seconds at 30 frames a second."""
 
@@ -114,23 +112,24 @@ class _Seen:
     point: Point | None
 
     def differs(self, label: Action, point: Point | None) -> bool:
-        """Return whether this label corrects the robot; a move does, even the same one."""
+        """Return whether this label corrects the robot. A move without a point always does, even
+        the move that the robot chose."""
         if point is None or self.point is None or label is not self.predicted:
             return True
         return abs(point.steering - self.point.steering) > CORRECTS_BEYOND
 
 
 class OnlineLearning:
-    """Predicts and learns; for one thread.
+    """Predicts and learns; only one thread may use it.
 
     Attributes:
-        history: The training history: it teaches the policy, and can undo.
+        history: The training history, which teaches the policy and can undo teaching.
         frame: The newest frame that was processed.
         prediction: The policy's proposal on that frame.
         agreement: Agreement of the proposals with the pilot's moves.
         timings: Times of predicting and learning, by name.
         fault: The learner's failure on the newest frame or example; None if it did not fail.
-        failure: The learner's last failure since it is in use; None if it never failed.
+        failure: The learner's last failure since it was put into use; None if it never failed.
         error: The last exception of the learner.
     """
 
@@ -159,10 +158,11 @@ class OnlineLearning:
         by_degrees: bool = True,
         delivered_s: float | None = None,
     ) -> bool:
-        """Process the camera's newest frame; False if it is not new, or there is none.
+        """Process the camera's newest frame; return False if there is none or it is not new.
 
-        The loop got it at `delivered_s`; None: when it was taken. `Policy.propose` takes the rest.
-        Raises CameraError if the frame cannot be decoded; it then counts as not seen.
+        `delivered_s` is the time at which the frame reached the loop; None: the time at which it
+        was taken. The other arguments are passed to `Policy.propose`.
+        Raises CameraError if the frame cannot be decoded; the frame then counts as not seen.
         """
         if frame is None or (self.frame is not None and frame.frame_id == self.frame.frame_id):
             return False
@@ -208,7 +208,8 @@ class OnlineLearning:
 
     @property
     def newest(self) -> tuple[Vector, Prediction] | None:
-        """The newest frame's vector, and the policy's proposal on it; None before the first."""
+        """The newest frame's vector, and the policy's proposal on it; None before the first
+        frame."""
         if self.frame is None or self.prediction is None:
             return None
         return self._seen[self.frame.frame_id].x, self.prediction
@@ -216,7 +217,8 @@ class OnlineLearning:
     def learn(
         self, commands: Sequence[PilotCommand], *, is_intervention: bool, may_learn: bool
     ) -> None:
-        """Learn the frames that the commands label; with `may_learn` False they are skipped."""
+        """Learn the frames that the commands label; with `may_learn` False the frames are
+        skipped."""
         for command in commands:
             for frame_id, label, point in list(self._labeller.label(command, self._seen)):
                 if may_learn:
@@ -247,8 +249,9 @@ class OnlineLearning:
         self, frame_id: int | None, seen_id: int | None = None
     ) -> tuple[tuple[float, float], float] | None:
         """Return when a frame was taken and when it reached the loop, and when the newest
-        acknowledged frame did, if that is an older one. For a frame that is no longer remembered
-        the times of the oldest one count. None before the first frame, and if no frame is named."""
+        acknowledged frame reached the loop if that frame is older. A frame that is no longer
+        remembered gets the times of the oldest remembered frame. None before the first frame, and
+        if no frame is named."""
         if not self._seen or frame_id is None:
             return None
         newest_id, oldest = next(reversed(self._seen)), next(iter(self._seen.values()))
@@ -264,14 +267,14 @@ class OnlineLearning:
         return events
 
     def note_pause(self, *, is_over: bool) -> None:
-        """Restart the frame rate's measurement; until two frames came, the old rate counts."""
+        """Restart the measurement of the frame rate; the old rate counts until two frames came."""
         if not is_over:
             self._rate_before_hz = self.frame_rate_hz
         self._frame_times_s.clear()
 
     @property
     def frame_rate_hz(self) -> float:
-        """New frames a second, over the last thirty."""
+        """New frames per second, over the last thirty frames."""
         times_s = self._frame_times_s
         if len(times_s) < 2 or times_s[-1] <= times_s[0]:
             return self._rate_before_hz

@@ -1,4 +1,4 @@
-"""The outcome of one tick, for all that follow the robot."""
+"""The outcome of one tick, for the page, the recorder and other listeners."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ LATE_CYCLE_S = 0.1
 class Tick:
     """The events of one tick, and the state of the loop at its end.
 
-    `frame` is set if it is new; `frame_id` and `frame_captured_s` belong to the newest one;
-    `source_age_s` is the camera's. `commands` were accepted; `refused` are those that were too old
-    for the gate, or that name no frame.
+    `frame` is set if there is a new frame; `frame_id` and `frame_captured_s` belong to the newest
+    frame; `source_age_s` is the camera's. `commands` were accepted; `refused` were too old for the
+    gate or named no frame.
     """
 
     now_s: float

@@ -1,19 +1,19 @@
-"""One fault, one sentence: the text on the page does not flicker while its cause lasts. Pure."""
+"""Shows one sentence for one fault: it does not flicker while the fault's cause lasts. Pure."""
 
 from __future__ import annotations
 
 import math
 
 STEADY_S = 3.0
-"""Least time that a sentence stays, in seconds: long enough to read it. A fault of a standing robot
-must be away for the same time before it counts as gone."""
+"""Least time that a sentence stays, in seconds: long enough to read it. A standing robot's fault
+counts as gone after the same time without the fault."""
 
 
 class SteadyFault:
     """Chooses the sentence to show while faults come and go.
 
-    A new fault is shown at once. A camera that repeats a picture once a second, or a sentence that
-    counts its seconds, keeps the sentence that it has.
+    A new fault is shown at once. If a fault comes and goes once a second, or its sentence counts
+    seconds, the sentence shown first stays.
     """
 
     def __init__(self) -> None:
@@ -21,9 +21,9 @@ class SteadyFault:
         self._changed_s = self._seen_s = -math.inf
 
     def show(self, fault: str | None, now_s: float, *, may_move: bool) -> str | None:
-        """Take the present fault, and return the sentence to show.
+        """Record the current fault, and return the sentence to show.
 
-        A robot that `may_move` was started since, so old faults are not shown any more.
+        A robot that `may_move` was started after the old faults, so they are no longer shown.
         """
         if fault is not None:
             self._seen_s = now_s

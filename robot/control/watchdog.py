@@ -1,10 +1,10 @@
-"""The dead man's switch on a thread of its own: the body stops on time although the loop is late.
+"""The dead man's switch on a separate thread: the body stops on time even if the loop is late.
 
 The loop decides in its ticks, and a tick may be late: a busy computer, a slow learner, a picture
 that takes long to read. So each order to the body has a deadline, the time at which the pilot
-counts as silent. Unless the loop has moved the deadline by then, this thread stops the body. It
-waits for no tick, no picture, no network and no event loop; behind it is the body's own
-`robot.driver.ACTION_TIMEOUT_S`.
+counts as silent. Unless the loop has moved the deadline by then, this thread stops the body. The
+thread waits for no tick, no picture, no network and no event loop. If the thread fails, the body
+stops by its own time limit, `robot.driver.ACTION_TIMEOUT_S`.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robot.types import StartStop
 
 
 class Watchdog(StartStop):
-    """Lets an order pass before its deadline, and stops the body at it.
+    """Lets an order pass before its deadline, and stops the body at the deadline.
 
     Args:
         stop: Stops the body; must not raise.
@@ -39,7 +39,8 @@ class Watchdog(StartStop):
 
     @contextlib.contextmanager
     def order(self, until_s: float) -> Iterator[bool]:
-        """Hold the body for one order that counts until `until_s`; False if that time has passed.
+        """Hold the body for one order that is valid until `until_s`; yield False if that time has
+        passed.
 
         Infinite: the order needs no deadline, because the robot stands.
         """

@@ -14,11 +14,11 @@ Vector = NDArray[Any]
 """A feature vector of shape (d,): float32 or uint8, finite, the same d on every call."""
 
 Label = str
-"""A class. Labels are plain strings; an enum whose members are strings will do."""
+"""A class. Labels are plain strings, or members of an enum of strings."""
 
 
 class NotFittedError(ValueError):
-    """A prediction was requested from a learner that has learned nothing."""
+    """A prediction was requested before the learner learned its first example."""
 
 
 def checked_vector(x: Vector, n_features: int | None = None) -> Vector:
@@ -44,14 +44,15 @@ def checked_vector(x: Vector, n_features: int | None = None) -> Vector:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """A prediction together with what it rests on.
+    """A prediction with its evidence.
 
-    `probabilities` sum to 1. `confidence` is a calibrated chance that `label` is right.
-    `novelty` is 0 for a familiar view; 1 or more means: unlike all that was learned. It is always 0
-    if the learner's abilities lack novelty.
-    `node` is the id of the nearest learned image (None where the learner keeps none).
-    As soon as angles were learned there are `angle`, about from -1 to 1, its standard deviation
-    `spread`, and `size`: how large it is whichever way, where a view is left by either.
+    `probabilities` sum to 1. `confidence` is the calibrated probability that `label` is right.
+    `novelty` is 0 for a familiar view, and 1 or more for a view unlike all learned views. It is
+    always 0 if the learner's `abilities` do not include novelty.
+    `node` is the id of the nearest learned image (None if the learner stores no images).
+    If angles were learned, there are also `angle` (about from -1 to 1), its standard deviation
+    `spread`, and `size`, the mean magnitude of the angle. At a view that was left to both sides
+    `size` is large although `angle` is near 0.
     """
 
     label: Label
@@ -66,11 +67,12 @@ class Evidence:
 
 
 class Mirror(NamedTuple):
-    """How a view and its label look in a mirror.
+    """How mirroring an image changes its feature vector and its label.
 
     Attributes:
-        places: Of each value of a vector that a linear part uses, which value is in its place.
-        labels: Of each label that is another one, which.
+        places: For each feature that the linear part uses, the index of the feature that replaces
+            it.
+        labels: Maps each label that changes to its mirrored label.
     """
 
     places: NDArray[np.intp]
@@ -82,12 +84,12 @@ class Abilities:
     """Capabilities of a learner beyond learning and predicting. All can be undone: see `get_state`.
 
     Attributes:
-        images: It keeps images that `nodes` lists and that can be relabelled and deleted.
-        pinning: An image can be kept from being merged.
-        novelty: `Evidence.novelty` shows how unlike all that was learned a view is.
-        contexts: Its prediction can depend on the move under way: `learn_in`, `explain_in`.
-        angles: It learns an angle beside the label: `begin_angles`.
-        mirrors: It can learn what it is taught in the mirror, too: `reflect`.
+        images: It stores images that `nodes` lists and that can be relabelled and deleted.
+        pinning: An image can be pinned, so that it is not merged.
+        novelty: `Evidence.novelty` measures how far a view is from all learned views.
+        contexts: Its prediction can depend on the current move: `learn_in`, `explain_in`.
+        angles: It learns an angle with the label: `begin_angles`.
+        mirrors: It can also learn each example mirrored: `reflect`.
     """
 
     images: bool = False
@@ -100,9 +102,9 @@ class Abilities:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Node:
-    """One learned image. `id` follows it through merges; `frames` is how many it sums up.
+    """One learned image. `id` stays the same through merges; `frames` counts the frames merged.
 
-    `angle` is their mean angle, if angles were learned.
+    `angle` is the mean angle of these frames, if angles were learned.
     """
 
     id: int
@@ -115,7 +117,7 @@ class Node:
 
 @dataclass(slots=True)
 class State:
-    """All that a learner has learned, as arrays and plain values, to be saved and compared."""
+    """The whole state of a learner, as arrays and plain values, to be saved and compared."""
 
     kind: str
     params: dict[str, Any]
@@ -127,32 +129,33 @@ class State:
 class Learner(Protocol):
     """Protocol of an online classifier: learns one frame at a time, and predicts its label.
 
-    To one that has `contexts` the same view can mean one thing in one context, another in another.
-    A context is a small number; what it stands for is its user's affair.
+    If the learner has `contexts`, the same view can have different labels in different contexts.
+    A context is a small number, whose meaning the caller chooses.
     """
 
     abilities: Abilities = Abilities()
-    """Its capabilities beyond learning and predicting."""
+    """The learner's capabilities beyond learning and predicting."""
     sharpness: float = 1.0
-    """The power that turns shares of votes into calibrated chances; 1 for none."""
+    """The power that turns shares of votes into calibrated probabilities; 1: no calibration."""
     mirror: Mirror | None = None
-    """Where left and right are alike: each example is also learned as it is in this mirror."""
+    """If set, left and right are alike: each example is also learned mirrored in this way."""
     last_node_: int | None = None
-    """Id of the image that took in the latest example; None if there is none."""
+    """Id of the image that the latest example was merged into; None if there is none."""
 
     @property
     def n_nodes_(self) -> int:
-        """How many images it keeps."""
+        """Number of stored images."""
         return 0
 
     @abstractmethod
     def learn_one(self, x: Vector, y: Label) -> None:
-        """Add one labelled vector. Refuses bad input with ValueError and is then unchanged."""
+        """Add one labelled vector. Raises ValueError for invalid input; nothing changes then."""
 
     def learn_in(
         self, x: Vector, y: Label, contexts: Collection[int], angle: float | None = None
     ) -> None:
-        """Add one that counts only in these contexts; with its angle after `begin_angles`."""
+        """Add a labelled vector that counts only in these contexts, with its angle after
+        `begin_angles`."""
         self.learn_one(x, y)
 
     @abstractmethod
@@ -161,16 +164,16 @@ class Learner(Protocol):
 
         Raises:
             NotFittedError: Before the first example.
-            ValueError: If `x` is of another shape than those learned, or not finite.
+            ValueError: If `x` differs in shape from the learned vectors, or is not finite.
         """
 
     def explain_in(self, x: Vector, context: int | None) -> Evidence:
-        """Return the prediction in one context; None: in any, as `explain_one`."""
+        """Return the prediction in one context; None: independent of context, as `explain_one`."""
         return self.explain_one(x)
 
     def begin_angles(self, of_labels: Mapping[Label, float]) -> None:
-        """Learn an angle from -1 to 1 with each example from now on; each frame so far had the
-        angle of its label, or 0. Before, angles cost nothing."""
+        """Learn an angle from -1 to 1 with each example from now on. Each earlier frame gets the
+        angle of its label, or 0. Before this call angles cost no time."""
         return
 
     def predict_one(self, x: Vector) -> Label:
@@ -178,40 +181,40 @@ class Learner(Protocol):
         return self.explain_one(x).label
 
     def predict_proba_one(self, x: Vector) -> dict[Label, float]:
-        """Return each known label's share; shares sum to 1; raises as `explain_one`."""
+        """Return the share of each known label; the shares sum to 1. Raises as `explain_one`."""
         return dict(self.explain_one(x).probabilities)
 
     @abstractmethod
     def get_state(self) -> State:
-        """Return a copy of all that was learned; `set_state` of it changes no prediction.
+        """Return a copy of the state; after `set_state` with it all predictions are the same.
 
-        Saving and undo rely on it: further learning after `set_state` gives the same learner,
-        bit for bit, as without it.
+        Saving and undo rely on an exact copy: a learner restored from it and the original learn the
+        same from further examples, bit for bit.
         """
 
     @abstractmethod
     def set_state(self, state: State) -> None:
-        """Restore `state`. Raises ValueError if it is of another kind."""
+        """Restore `state`. Raises ValueError if it comes from another kind of learner."""
 
     def reset(self) -> None:
-        """Forget what belongs to one drive, such as the place, before a new drive."""
+        """Forget the state of the last drive, such as the robot's location, before a new drive."""
         return
 
     def nodes(self) -> list[Node]:
-        """Return the learned images, in a fixed order; none without that ability."""
+        """Return the learned images, in a fixed order; empty if the learner stores no images."""
         return []
 
     def relabel_node(self, node_id: int, y: Label, angle: float = 0.0) -> None:
-        """Let one image vote only for `y`, and steer by its angle.
+        """Make one image vote only for `y`, and steer by `angle`.
 
         Raises:
-            LookupError: If there is no image of this id.
-            ValueError: If the learner keeps no images.
+            LookupError: If there is no image with this id.
+            ValueError: If the learner stores no images.
         """
         raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
     def delete_node(self, node_id: int) -> None:
-        """Forget one image; raises as `relabel_node`, and ValueError if it is pinned."""
+        """Forget one image; raises as `relabel_node`, and ValueError if the image is pinned."""
         raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
     def pin_node(self, node_id: int, pinned: bool = True) -> None:
@@ -219,23 +222,23 @@ class Learner(Protocol):
         raise ValueError(f"a {type(self).__name__} keeps no images to edit")
 
     def reflect(self, mirror: Mirror, on: bool) -> None:
-        """Learn all that was taught, and is taught from now on, in a mirror, too; or no longer.
+        """Also learn the mirror image of every example, past and future; `on` False ends this.
 
         Raises:
-            ValueError: If the learner cannot.
+            ValueError: If the learner cannot mirror examples.
         """
         raise ValueError("This learner cannot be told that left and right are alike.")
 
     def outdate(self) -> None:
-        """Let what is taught from now on count more than what was taught before.
+        """Give examples taught from now on more weight than all earlier examples.
 
         Raises:
-            ValueError: If the learner cannot.
+            ValueError: If the learner cannot tell old from new examples.
         """
         raise ValueError("This learner cannot tell old from new. Begin an empty model instead.")
 
 
 class BaseLearner(Learner):
-    """A `Learner` without images and other abilities, to derive from: four methods are to write."""
+    """Base of a `Learner` without images and other abilities: a subclass writes four methods."""
 
     n_nodes_ = 0

@@ -1,8 +1,8 @@
-"""Bounded Self-Organizing Clusters: at most `max_nodes` images that sum up all that was seen.
+"""Bounded Self-Organizing Clusters: at most `max_nodes` images that summarise all frames seen.
 
 Source: Ferrer, "Bounded Self-Organizing Clusters", FLAIRS-30 (2017). The paper compares images
-pixel by pixel after every merge; here a merged node's distances follow from those already known
-(Lance and Williams 1967, centroid linkage), so that a training step is one pass over the nodes.
+pixel by pixel after every merge. Here a merged node's distances follow from the known distances
+(Lance and Williams 1967, centroid linkage), so a training step is one pass over the nodes.
 `robot.learner.published` is the algorithm exactly as published.
 """
 
@@ -25,12 +25,12 @@ class BSOC(Clusters):
     """An online clustering of bounded size.
 
     Args:
-        max_nodes: How many nodes to keep at most; the only parameter of the algorithm.
-        group_cost: How many times dearer it is to merge nodes of two groups (labels, say).
-            1 is as in the paper, which has no groups.
-        integer: Compute on pixels only in whole numbers; vectors are then bytes.
-        n_compared: With `integer`: how many values of a vector are compared, from the first; None
-            for all.
+        max_nodes: Maximum number of nodes; the only parameter of the algorithm.
+        group_cost: Factor by which merging nodes of two groups (such as labels) costs more.
+            1: as in the paper, which has no groups.
+        integer: Compute on pixels in integers only; vectors are then bytes.
+        n_compared: With `integer`: number of leading values of a vector that are compared; None:
+            all.
     """
 
     measures_novelty = True
@@ -55,7 +55,7 @@ class BSOC(Clusters):
             raise ValueError(f"group_cost must be at least 1, not {group_cost}")
         self.group_cost = group_cost
         self.integer = integer
-        self._masses = np.zeros(max_nodes, np.float32)  # the counts, to weigh with
+        self._masses = np.zeros(max_nodes, np.float32)  # the counts, as weights
         self._touched = np.zeros(max_nodes, np.int64)
         self._groups = np.zeros(max_nodes, np.int64)
         self._distances = np.zeros((max_nodes, max_nodes), np.float32)
@@ -73,7 +73,8 @@ class BSOC(Clusters):
 
     @property
     def touched_(self) -> NDArray[np.int64]:
-        """When each node last got a frame, as a count of frames, shape (n,); a pinned one: now."""
+        """Frame number at which each node last got a frame, shape (n,); for a pinned node the
+        latest frame's."""
         if not self._edges.n_pinned:
             return self._touched[: self.n_nodes_].copy()
         return np.where(self._edges.pinned, self.n_trained_, self._touched)[: self.n_nodes_]
@@ -88,7 +89,7 @@ class BSOC(Clusters):
         if self.n_trained_ == 0:
             self._images.begin(x)
         size = self.n_nodes_
-        distances = self._images.measure(x, size)  # halved, here and in all that follows
+        distances = self._images.measure(x, size)  # half the squared distances, from here on
         self.last_merge_ = None
         self.last_distance_ = self._held_out(distances)
         self.last_distances_, self.last_touched_ = 2.0 * distances, self.touched_
@@ -114,13 +115,13 @@ class BSOC(Clusters):
         return int(distances.argmin())
 
     def _held_out(self, distances: Floats) -> float | None:
-        """Find the nearest node that no recent frame went into; return its squared distance."""
+        """Return the squared distance of the nearest node that no recent frame was merged into."""
         if self.n_trained_ <= HELD_OUT or not distances.size:
             return None
         is_recent = self._touched[: distances.size] >= self.n_trained_ - HELD_OUT
         held = np.where(is_recent, np.float32(np.inf), distances)
         nearest = int(held.argmin())
-        if is_recent[nearest]:  # few nodes are all touched all the time; then the nearest has to do
+        if is_recent[nearest]:  # few nodes are all recent: use the nearest
             nearest = int(distances.argmin())
         return 2.0 * float(distances[nearest])
 
@@ -162,7 +163,7 @@ class BSOC(Clusters):
         return row
 
     def _place(self, node: int, distances: Floats, group: int, name: int) -> None:
-        """Make the measured frame a node, whose image it is already."""
+        """Make a node of the measured frame, which is already the node's image."""
         self._counts[node] = self._masses[node] = 1
         self._groups[node] = group
         self.names[node] = name
@@ -170,7 +171,7 @@ class BSOC(Clusters):
         self._set_row(node, distances)
 
     def _set_row(self, node: int, row: Floats) -> None:
-        """Write one node's distances to all others, and the weights that follow from them."""
+        """Write one node's distances to all other nodes, and the resulting weights."""
         row[node] = 0.0
         size = row.size
         self._distances[node, :size] = row
@@ -185,7 +186,7 @@ class BSOC(Clusters):
         return weights
 
     def _make_dear(self, weights: Floats, group: int) -> None:
-        """Raise the weights of one node to those of other groups."""
+        """Raise the weights between one node and the nodes of other groups."""
         if self.group_cost != 1.0:
             weights[self._groups[: weights.size] != group] *= self.group_cost
 
@@ -211,7 +212,7 @@ class BSOC(Clusters):
         self._images.follow(self._counts)
         self._masses = self._counts.astype(np.float32)
         misfit, right = self._misfit()
-        if 0.1 < misfit <= 1.0:  # more than learning itself causes
+        if 0.1 < misfit <= 1.0:  # larger than the rounding errors of learning
             self._distances[: self.n_nodes_, : self.n_nodes_] = right
         super().restored()
 
@@ -224,10 +225,10 @@ class BSOC(Clusters):
                 yield "the distances do not fit the images"
 
     def _misfit(self) -> tuple[float, Floats]:
-        """Return by how much the distances differ from those of the images, and the latter.
+        """Return the error of the stored distances, and the exact distances between the images.
 
-        Distances follow from one another, so that they are off by a little after many frames; 1 is
-        more than that.
+        Stored distances are computed from one another, so after many frames they have a small
+        error. 1 is larger than any such error.
         """
         size = self.n_nodes_
         rows = self._images.compared(size)

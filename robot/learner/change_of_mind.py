@@ -1,21 +1,23 @@
-"""Notices that the pilot has changed his mind: the same views are labelled anew, again and again.
+"""Detects that the pilot has changed his mind: the same views are relabelled, again and again.
 
 A label that is no longer used is no evidence: a pilot who turns round and drives the other way has
-not changed his mind about the way there. One contradiction is none either: between a turn and
-driving on the same view means both. So an example contradicts another label if it is clearly nearer
-to what that label was taught on than to driving on, and its own label's images are no nearer. Where
-a mind was changed, most examples do; in a lesson that goes the other way round, few.
+not changed his mind about the way there. A single contradiction is no evidence either: between a
+turn and driving straight the same view can have both labels. So an example contradicts another
+label if it is clearly nearer to that label's images than to the images of driving straight, and its
+own label's images are no nearer. After a change of mind most examples contradict the old label; in
+a lesson in the opposite direction few do.
 
-A label that was contradicted often enough passes most of its votes on, where the nearest of its
-images was last taught before that began. So it does where another label's image is at least as near
-and was taught much later. That is read when votes are counted: no histogram is changed, and the old
-label used again at such views takes it all back.
+A label that was contradicted often enough loses most of its votes to other labels at views whose
+nearest image of this label was last taught before the contradictions began. The label also loses
+them if another label's image is at least as near and was taught much later. Both rules apply only
+when votes are counted: no histogram changes, so using the old label again at such views reverses
+them.
 
-The pilot's own word is better evidence than any of this: `outdate`. From then on a label whose
-nearest image was taught before passes its votes to the nearest image that was taught since.
+The pilot can also say so, which is better evidence: `outdate`. From then on a label whose nearest
+image was taught earlier passes its votes to the nearest image that was taught since.
 
-The label that is taken up most often, such as FORWARD, is left out: it follows every other, and
-where is a matter of a tenth of a second.
+The label that is started most often, such as FORWARD, is left out: it follows every other label,
+and the tenth of a second in which it begins varies.
 """
 
 from __future__ import annotations
@@ -30,16 +32,16 @@ from robot.learner.values import WHOLE, count
 from robot.learner.votes import Distances, Floats
 
 CLEARLY = 0.9
-"""An image is clearly nearer if its distance is at most this share of the other's."""
+"""An image is clearly nearer if its distance is at most this share of the other distance."""
 APART = 1.3
-"""The learner tells two labels apart where the other label's images are at least this many times as
-far away as those of the example's own label."""
+"""Two labels are distinguishable at an example if the other label's images are at least this many
+times as far away as the images of the example's own label."""
 ENOUGH = 20.0
-"""Number of examples that overrule a label: those against it, less those that confirm it."""
+"""Number of examples that overrule a label: examples against it, less examples that confirm it."""
 MOST_A_TURN = 10.0
-"""Upper bound of the examples against a label that one turn counts for: it may be a slip."""
+"""Upper bound of the examples against a label that one turn adds: the turn may be a mistake."""
 CONFIRMED = 4.0
-"""Number of examples against a label that one example of it at its old views takes back."""
+"""Number of examples against a label that one example of the label at its old views cancels."""
 LATER = 200
 """An image counts as taught much later than another after this many examples (20 s of teaching)."""
 STILL_VALID = 0.3
@@ -47,11 +49,11 @@ STILL_VALID = 0.3
 
 
 class ChangeOfMind(Stateful):
-    """Weighs for each two labels whether the second took the first one's place.
+    """Weighs for each pair of labels whether the second has replaced the first.
 
-    Labels are columns 0, 1, ...; times are counts of examples. Of the images, each of shape (n,):
-    `distances` are squared, `owners` are the labels that they vote for most (-1: none), and
-    `taught` is when each last got an example.
+    Labels are columns 0, 1, ...; times are counts of examples. Arrays of shape (n,) describe the
+    images: `distances` are squared, `owners` are the labels that the images vote for most (-1:
+    none), and `taught` is the time at which each image last got an example.
     """
 
     fields = (
@@ -62,7 +64,7 @@ class ChangeOfMind(Stateful):
     )
 
     def __init__(self) -> None:
-        self._against = np.zeros((0, 0))  # by how many examples the second label contradicts
+        self._against = np.zeros((0, 0))  # examples by which the second contradicts the first
         self._since = np.zeros((0, 0), np.int64)
         self._taken_up = np.zeros(0, np.int64)
         self._last = -1
@@ -84,7 +86,7 @@ class ChangeOfMind(Stateful):
         taught: NDArray[np.int64],
         now: int,
     ) -> None:
-        """Process one example that comes `now`."""
+        """Process one example, taught at time `now`."""
         if label != self._last:
             self._taken_up[label] += 1
             self._before, self._last = self._against[:, label].copy(), label
@@ -107,7 +109,7 @@ class ChangeOfMind(Stateful):
                 self._against[label, new] = max(self._against[label, new] - CONFIRMED, 0.0)
 
     def outdate(self, now: int) -> None:
-        """Let what is taught from example `now` on count more than what was taught before."""
+        """Give examples from `now` on more weight than all earlier examples."""
         self._outdated_before = now
 
     def applied(
@@ -117,9 +119,9 @@ class ChangeOfMind(Stateful):
         owners: NDArray[np.int64],
         taught: NDArray[np.int64],
     ) -> Floats:
-        """Return the labels' shares of a view, shape (n_labels,), after what was labelled anew."""
+        """Return the labels' shares of a view, shape (n_labels,), corrected for relabelling."""
         usual = int(self._taken_up.argmax())
-        nearest: dict[int, tuple[float, int]] = {}  # of each label: how far away, and when taught
+        nearest: dict[int, tuple[float, int]] = {}  # label: (distance, time taught)
         for label in range(len(shares)):
             if label != usual:
                 image = int(np.where(owners == label, distances, np.inf).argmin())
@@ -144,7 +146,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _contradicted(self) -> Floats:
-        """Evidence against each label, now and at the beginning of this turn."""
+        """Evidence against each label, now and at the start of this turn."""
         return np.vstack([self._against, self._before])
 
     @_contradicted.setter
@@ -153,7 +155,7 @@ class ChangeOfMind(Stateful):
 
     @property
     def _kept_taken_up(self) -> NDArray[np.int64]:
-        """How often each label was taken up, and the last one; 0 if there is none."""
+        """How often each label was started, and the last label; 0 if there is none."""
         return np.append(self._taken_up, self._last + 1)
 
     @_kept_taken_up.setter

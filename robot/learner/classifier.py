@@ -1,4 +1,4 @@
-"""Labels on top of the clustering: each node counts the labels of the frames that it stands for."""
+"""Labels on top of the clustering: each node counts the labels of the frames merged into it."""
 
 from __future__ import annotations
 
@@ -30,15 +30,17 @@ from robot.learner.ridge import EVERY, MIRRORED, LinearPart
 from robot.learner.values import count
 
 GROUP_COST = 1000.0
-"""Merging nodes of two labels is this many times dearer: in practice the last resort."""
+"""Factor by which merging nodes of two labels costs more: in practice the last resort."""
 N_VOTERS = 3
 LINEAR_SHARE = 0.7
 CONTEXT_SHARE = 0.85
-"""Weight of the linear part within a context: images do not know what is under way."""
+"""Weight of the linear part within a context: votes of images do not depend on the context."""
 _TURNED = np.array([-1.0, 1.0])
-"""Factors of an angle and its size in the mirror: the angle changes its sign, its size does not."""
+"""Multipliers for (angle, |angle|) when the image is mirrored: the angle's sign flips, its
+magnitude stays."""
 SHARPNESS = 1.6
-"""Calibrates the mixture's chances: one number for all places (docs/explanation/learner.md)."""
+"""Calibrates the mixture's probabilities: the same number in all locations
+(docs/explanation/learner.md)."""
 
 
 class _Counted:
@@ -50,14 +52,14 @@ class _Counted:
 
     @cached_property
     def owners(self) -> NDArray[np.int64]:
-        """Return which label has most votes of each node, shape (n,); -1 without votes."""
+        """Return the label with the most votes of each node, shape (n,); -1: no votes."""
         most = self._histograms.argmax(axis=1)
         has_votes = self._histograms[np.arange(self.n), most] > 0
         return np.where(has_votes, most, -1)
 
     @cached_property
     def per_label(self) -> NDArray[np.int64]:
-        """Return how many votes each label has, shape (n_labels,)."""
+        """Return the number of votes of each label, shape (n_labels,)."""
         total: NDArray[np.int64] = self._histograms.sum(axis=0)
         return total
 
@@ -66,18 +68,18 @@ class BSOCClassifier(Stateful, Learner):
     """A classifier of at most `max_nodes` learned images.
 
     Args:
-        max_nodes: How many images to keep at most.
-        group_cost: How many times dearer a merge of two labels is; 1 as published.
+        max_nodes: Maximum number of images.
+        group_cost: Factor by which merging two labels costs more; 1: as published.
         n_voters: How many of the nearest nodes vote.
-        linear: An online linear part, whose scores are mixed with the votes; none unless given.
-            With a `ContextRidge` predictions can depend on what is under way.
+        linear: An online linear part, whose scores are mixed with the votes; None: no linear part.
+            With a `ContextRidge` predictions can depend on the current move.
         linear_share: Weight of the linear part in the mixture.
-        integer: Compute on the nodes' pixels only in whole numbers; vectors are then bytes.
-        cluster: The clustering; a label-aware `BSOC` unless given.
+        integer: Compute on the nodes' pixels in integers only; vectors are then bytes.
+        cluster: The clustering; None: a label-aware `BSOC`.
         balance: How much more a rare label weighs, from 0 to 1 (`votes.rarity`).
-        novelty_margin: How far a view may be beyond what occurs before it is novel (`Novelty`).
-        forgets: Follow a pilot who labels the same views anew (`change_of_mind.py`). A clustering
-            that measures no novelty cannot.
+        novelty_margin: How far beyond the usual distances a view is novel (`Novelty`).
+        forgets: Follow a pilot who relabels the same views (`change_of_mind.py`). This has no
+            effect with a clustering that measures no novelty.
 
     Example:
         >>> learner = BSOCClassifier(max_nodes=2)
@@ -112,7 +114,7 @@ class BSOCClassifier(Stateful, Learner):
         if n_voters < 1:
             raise ValueError(f"n_voters must be at least 1, not {n_voters}")
         self.max_nodes, self.n_voters = max_nodes, n_voters
-        if cluster is None:  # an empty one is false
+        if cluster is None:  # not `not cluster`: an empty clustering is false
             cluster = BSOC(max_nodes, group_cost=group_cost, integer=integer)
         self.cluster = cluster
         self.labels_: list[Label] = []
@@ -133,7 +135,7 @@ class BSOCClassifier(Stateful, Learner):
         self._mind = ChangeOfMind() if forgets and cluster.measures_novelty else None
         self._histograms = np.zeros((max_nodes, 0), np.int64)
         self._counts: _Counted | None = None
-        # Of each node's frames the sums of the terms of their angles, from -1 to 1.
+        # For each node the sums of its frames' `angle_terms`; angles are from -1 to 1.
         self._node_angles: votes.Floats | None = None
 
     @classmethod
@@ -173,7 +175,7 @@ class BSOCClassifier(Stateful, Learner):
         self._know(y)
         if self.mirror is not None:
             self._know(self.mirror.labels.get(y, y))
-        if self._mind is not None:  # as it was before any merge
+        if self._mind is not None:  # with the distances from before any merge
             distances, taught = cluster.last_distances_, cluster.last_touched_
             owners = self._counted(len(distances)).owners
             self._mind.note(column, distances, owners, taught, cluster.n_trained_)
@@ -210,28 +212,30 @@ class BSOCClassifier(Stateful, Learner):
             self.mirror, self._counts = mirror if on else None, None
 
     def _columns(self, mirror: Mirror) -> list[int]:
-        """Return which label each label is in the mirror; one that nobody taught stays itself."""
+        """Return the mirrored label of each label; a label is itself if its counterpart was never
+        taught."""
         known = {label: column for column, label in enumerate(self.labels_)}
         return [known.get(mirror.labels.get(label, label), known[label]) for label in self.labels_]
 
     def _mirrored(
         self, x: Vector, per_label: votes.Floats, angle: votes.Floats | float
     ) -> tuple[Vector, votes.Floats, votes.Floats | float]:
-        """Return a vector, what each label has of it, and its angle and size in the mirror."""
+        """Return a vector, its value per label, and its angle and magnitude, all mirrored."""
         assert self.mirror is not None
         return x[self.mirror.places], per_label[self._columns(self.mirror)], angle * _TURNED
 
     def _counted(self, n: int) -> _Counted:
-        """Return what follows from the labels counted of the first `n` nodes.
+        """Return the values derived from the label counts of the first `n` nodes.
 
-        It is found anew only after a change: a frame that is shown and then taught asks twice.
+        They are computed again only after a change: a frame that is shown and then taught needs
+        them twice.
         """
         if self._counts is None or self._counts.n != n:
             self._counts = _Counted(self._histograms[:n])
         return self._counts
 
     def _know(self, y: Label) -> int:
-        """Return the column of a label; adds one for a new label."""
+        """Return the column of a label; add a column for a new label."""
         if y not in self.labels_:
             self.labels_.append(y)
             new = np.zeros((self.max_nodes, 1), np.int64)
@@ -283,7 +287,8 @@ class BSOCClassifier(Stateful, Learner):
         )
 
     def _angle(self, x: Vector, distances: votes.Distances) -> tuple[float | None, ...]:
-        """Return angle, size and spread, mixed as the votes are; None if none was learned."""
+        """Return angle, magnitude and standard deviation, mixed like the votes; None if no angle
+        was learned."""
         if self._node_angles is None:
             return None, None, None
         frames = self._histograms[: distances.size].sum(axis=1)
@@ -327,7 +332,7 @@ class BSOCClassifier(Stateful, Learner):
     def faults(self) -> Iterator[str]:
         if len(set(self.labels_)) < len(self.labels_):
             yield "a label is there twice"
-        if self.n_nodes_ > 0 and not self.labels_:  # its last image may have been deleted
+        if self.n_nodes_ > 0 and not self.labels_:  # without images: the last was deleted
             yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):
             yield "an image has no such label"
@@ -372,7 +377,7 @@ class BSOCClassifier(Stateful, Learner):
             sums[last] = 0
 
     def _sums(self) -> list[NDArray[Any]]:
-        """Return what each node has of its frames in sum."""
+        """Return the arrays of sums over each node's frames."""
         return [sums for sums in (self._histograms, self._node_angles) if sums is not None]
 
     def outdate(self) -> None:
@@ -392,7 +397,7 @@ class BSOCClassifier(Stateful, Learner):
 
 
 def _check(label: Label, angle: float) -> None:
-    """Raise ValueError for what cannot be learned, before anything changes."""
+    """Raise ValueError for an invalid label or angle, before anything changes."""
     if not isinstance(label, str) or not label:
         raise ValueError(f"a label must be a string, not {label!r}")
     if not -1.0 <= angle <= 1.0:

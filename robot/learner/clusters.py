@@ -1,4 +1,4 @@
-"""The base of the paper's clustering and of `BSOC`: named nodes, and edges between them."""
+"""The base of the paper's clustering and of `BSOC`: nodes with ids, and edges between them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from robot.learner.values import count
 from robot.learner.votes import Distances
 
 CACHED_FROM = 200
-"""Nodes from which on each row's least is kept. Below, one argmin over all weights is faster:
-2 us against 9 at 128 nodes, 340 us against 25 at 1024."""
+"""Number of nodes from which the minimum of each row is cached. With fewer nodes one argmin over
+all weights is faster: 2 us instead of 9 at 128 nodes, but 340 us instead of 25 at 1024."""
 
 
 class Edges:
-    """A symmetric matrix of weights; infinite where there is no edge, and to a pinned node."""
+    """A symmetric matrix of weights. Infinite: no edge, or an edge to a pinned node."""
 
     def __init__(self, n: int, dtype: type[Any]) -> None:
         self.weights = np.full((n, n), np.inf, dtype)
@@ -32,7 +32,8 @@ class Edges:
         self._partner = np.zeros(n, np.int64)
 
     def smallest(self) -> tuple[float, int, int]:
-        """Return weight and ends of the smallest edge; the lowest indices on a tie."""
+        """Return the weight and the two nodes of the smallest edge; on a tie, the lowest
+        indices."""
         if self._is_cached:
             one = int(self._least.argmin())
             return float(self._least[one]), one, int(self._partner[one])
@@ -54,7 +55,7 @@ class Edges:
             self._rescan(np.flatnonzero(changed))
 
     def remove(self, node: int, last: int) -> None:
-        """Let the last node take the place of `node`."""
+        """Move the last node to the index of `node`, which is removed."""
         row = self.weights[last, :last].copy()
         self.weights[last, :] = self.weights[:, last] = np.inf
         if node != last:
@@ -81,25 +82,25 @@ SHARED: tuple[Value | Array, ...] = (
     Array("pinned", np.bool_, ("n_rows",), attribute="_edges.pinned"),
     Array("counts", np.int64, ("n_rows",), high=MOST_FRAMES),
 )
-"""The values and arrays that every clustering keeps."""
+"""The values and arrays that every clustering stores."""
 
 
 class Clusters(Stateful, ABC):
-    """At most `max_nodes` nodes: each an image that sums up frames, with a name that lasts.
+    """At most `max_nodes` nodes: each is an image averaged over frames, with a permanent id.
 
     Attributes:
-        max_nodes: How many nodes to keep at most.
-        n_nodes_: How many there are.
-        n_trained_: How many frames there were.
-        names: Of each row: a merged node keeps that of its heavier parent.
-        last_merge_: Into which node the latest `train` merged which other, whose index the newest
-            frame got; None if the frame became a node without a merge, or was itself merged into
-            the node that `train` returned.
-        last_distance_: Squared distance of the latest frame from the nearest node before it that
-            none of the `HELD_OUT` frames before it went into (of all, if there is no such node);
-            None for the first frames, and if it is not measured.
+        max_nodes: Maximum number of nodes.
+        n_nodes_: Number of nodes.
+        n_trained_: Number of frames trained.
+        names: The id of each row; a merged node gets the id of its heavier parent.
+        last_merge_: The kept and the removed node of the latest merge; the newest frame got the
+            removed node's index. None if the frame became a node without a merge, or was merged
+            into the node that `train` returned.
+        last_distance_: Squared distance of the latest frame from the nearest earlier node that
+            none of the `HELD_OUT` frames before it was merged into (from the nearest of all nodes,
+            if there is no such node); None for the first frames, and if it is not measured.
         last_distances_: Squared distances of the latest frame from the nodes before any merge.
-        last_touched_: When each node had got a frame then.
+        last_touched_: `touched_` as it was before the latest frame.
     """
 
     measures_novelty: ClassVar[bool]
@@ -123,7 +124,7 @@ class Clusters(Stateful, ABC):
     @property
     @abstractmethod
     def kind(self) -> str:
-        """Name of the format of its state."""
+        """Name of the state's format."""
 
     @property
     @abstractmethod
@@ -137,7 +138,7 @@ class Clusters(Stateful, ABC):
 
     @property
     def ids_(self) -> NDArray[np.int64]:
-        """Names of the nodes, shape (n,)."""
+        """Ids of the nodes, shape (n,)."""
         return self.names[: self.n_nodes_].copy()
 
     @property
@@ -147,31 +148,31 @@ class Clusters(Stateful, ABC):
 
     @property
     def groups_(self) -> NDArray[np.int64]:
-        """Group of each node, shape (n,); of no node, where there are no groups."""
+        """Group of each node, shape (n,); empty if the clustering has no groups."""
         return np.zeros(0, np.int64)
 
     @property
     def touched_(self) -> NDArray[np.int64]:
-        """When each node last got a frame, as a count of frames, shape (n,), if it is measured."""
+        """Frame number at which each node last got a frame, shape (n,), if it is measured."""
         return np.zeros(self.n_nodes_, np.int64)
 
     @abstractmethod
     def train(self, x: Vector, group: int = 0) -> int:
-        """Add one frame; merge the two nodes cheapest to merge if there are too many.
+        """Add one frame; if there are too many nodes, merge the pair with the lowest cost.
 
         Returns:
             The index of the node nearest to `x` afterwards.
 
         Raises:
-            ValueError: If `x` is of another shape than before or not finite; nothing changes.
+            ValueError: If `x` has a new shape or is not finite; nothing changes.
         """
 
     def lookup(self, x: Vector) -> tuple[int, float]:
         """Return the nearest node's index and its squared distance; the lowest index on a tie.
 
         Raises:
-            ValueError: If there is no node yet, or `x` is no finite vector of that length (or
-                not of bytes, with `integer`).
+            ValueError: If there is no node yet, or `x` is not a finite vector of the learned
+                length (with `integer`: of bytes).
         """
         distances = self.distances(x)
         nearest = int(distances.argmin())
@@ -183,16 +184,16 @@ class Clusters(Stateful, ABC):
 
     @abstractmethod
     def _costs(self, node: int) -> Distances:
-        """Return what merging a node with each of all nodes costs, without pins, shape (n,)."""
+        """Return the cost of merging a node with each node, ignoring pins, shape (n,)."""
 
     def set_group(self, node: int, group: int) -> None:
         """Move one node to another group."""
 
     def pin(self, node: int, pinned: bool = True) -> None:
-        """Keep one node out of all merges, or let it take part again.
+        """Exclude one node from all merges, or include it again.
 
         Raises:
-            ValueError: If no node would be left for new frames to merge with.
+            ValueError: If new frames could no longer merge with any node.
         """
         edges = self._edges
         others = edges.n_pinned - bool(edges.pinned[node])
@@ -204,10 +205,10 @@ class Clusters(Stateful, ABC):
         edges.set_row(node, self._costs(node))
 
     def delete(self, node: int) -> int:
-        """Forget one node and return the index of the last, which takes its place.
+        """Forget one node and return the old index of the last node, which moves to its index.
 
         Raises:
-            ValueError: If it is pinned.
+            ValueError: If the node is pinned.
         """
         if self._edges.pinned[node]:
             raise ValueError("a pinned node cannot be deleted; unpin it first")
@@ -217,7 +218,7 @@ class Clusters(Stateful, ABC):
         return last
 
     def _move(self, last: int, node: int) -> None:
-        """Let the last node take the place of another."""
+        """Move the last node to the index of another node."""
         for array in (self._counts, self.names, self._edges.pinned):
             array[node] = array[last]
         self._edges.pinned[last] = False
@@ -227,12 +228,12 @@ class Clusters(Stateful, ABC):
         self.last_merge_ = None
         self._edges.n_pinned = int(self._edges.pinned.sum())
         self._edges.weights[:] = np.inf
-        with np.errstate(all="ignore"):  # of a model that is still to be checked
+        with np.errstate(all="ignore"):  # the model is not checked yet
             for node in range(min(self.n_nodes_, self.max_nodes)):
                 self._edges.set_row(node, self._costs(node))
 
     def faults(self) -> Iterator[str]:
-        """Yield what the nodes say of one another that cannot be."""
+        """Yield the contradictions between the nodes."""
         size, ids, pinned = self.n_nodes_, self.ids_, self._edges.pinned
         if size > self.max_nodes or size > self.n_trained_:
             yield f"size is {size}, and next_id {self.n_trained_}"

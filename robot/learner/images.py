@@ -1,4 +1,4 @@
-"""The pixels of the nodes: distances and means, in float32 or in integers only."""
+"""The pixels of the nodes: their distances and means, in float32 or in integers only."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from robot.learner.part import MOST_DISTANCE, MOST_VALUES, Array, Stateful, Valu
 
 Floats = NDArray[np.float32]
 _MOST_NORM = 1e24
-"""So that in float32 the dearest merge, of many frames and two groups, has a finite cost."""
+"""Upper bound of a squared norm, so that in float32 the most expensive merge, of many frames and
+two groups, has a finite cost."""
 
 
 class Images(Stateful):
     """Node images in rows, and one frame `x` at a time that is compared with them.
 
-    They are float32 relative to the first frame: float32 products of raw bytes lose the small
-    differences between near-duplicates; without what all frames have in common they keep them.
+    Images are float32 relative to the first frame: float32 products of raw bytes would lose the
+    small differences between near-duplicates.
     """
 
     fields: Sequence[Value | Array] = (
@@ -40,7 +41,7 @@ class Images(Stateful):
         self._set_origin(np.zeros(0, np.float32))
 
     def begin(self, x: Vector) -> None:
-        """Fix length and origin by the first vector."""
+        """Set the length and the origin from the first vector."""
         origin = checked_vector(x).astype(np.float32)
         if not 0.5 * float(origin.dot(origin)) < _MOST_NORM:
             raise ValueError("the vector holds values that are too large")
@@ -56,7 +57,7 @@ class Images(Stateful):
         array = np.asarray(x)
         if array.shape != self._shape or array.dtype.kind not in "fiub":
             checked_vector(array, self._origin.size)
-        # New memory each time: several threads may ask at once.
+        # A new array each time, because several threads may call this at once.
         centred = np.asarray(array, np.float32) - self._origin
         norm = 0.5 * float(centred.dot(centred))
         if not norm < _MOST_NORM:
@@ -66,12 +67,12 @@ class Images(Stateful):
         distances: Floats = (self._rows if is_full else self._rows[:size]).dot(centred)
         np.subtract(self._norms if is_full else self._norms[:size], distances, out=distances)
         distances += norm
-        if size and distances[distances.argmin()] < 0.0:  # rounding, among near-duplicates
+        if size and distances[distances.argmin()] < 0.0:  # rounding errors, for near-duplicates
             np.maximum(distances, 0.0, out=distances)
         return distances
 
     def put(self, row: int) -> None:
-        """Make the measured vector the image of a row."""
+        """Store the measured vector as the image of a row."""
         self._rows[row] = self._x
         self._norms[row] = self._x_norm
 
@@ -80,7 +81,7 @@ class Images(Stateful):
         self._blend(row, self._x, 1.0 / (count + 1))
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
-        """Move one image towards another, whose row the measured vector takes."""
+        """Merge one image into another; the measured vector gets the removed image's row."""
         self._blend(kept, self._rows[removed], count_removed / (count_kept + count_removed))
         self.put(removed)
 
@@ -97,16 +98,16 @@ class Images(Stateful):
         self._norms[target] = self._norms[source]
 
     def nodes(self, size: int) -> NDArray[np.float32]:
-        """Return the images as they were learned, shape (size, d)."""
+        """Return the images in the scale of the learned vectors, shape (size, d)."""
         images: NDArray[np.float32] = self._rows[:size] + self._origin
         return images
 
     def compared(self, size: int) -> Floats:
-        """Return of each image what is compared, relative to any one vector."""
+        """Return the compared values of each image, relative to some fixed vector."""
         return self._rows[:size]
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Make what follows from how many frames each image stands for: nothing of means."""
+        """Compute the values that depend on the number of frames per image; means do not."""
 
     def faults(self) -> Iterator[str]:
         norms = 0.5 * np.einsum("ij,ij->i", self._rows, self._rows)
@@ -123,17 +124,17 @@ _MOST_STEPS, _FEWEST_STEPS = 256, 16
 
 
 class IntegerImages(Images):
-    """Only whole numbers on every pixel, for machines without a floating-point unit.
+    """Integers only on every pixel, for machines without a floating-point unit.
 
-    Vectors are whole numbers from 0 to 255. A row keeps the exact sum of its frames, so that
-    nothing is lost however many there are; frames are compared with the mean in steps of 1/16 to
-    1/256, as fine as products of two vectors fit into 32 bits: 64 cost such a processor twice as
-    much.
+    Vectors are integers from 0 to 255. A row stores the exact sum of its frames, so precision does
+    not depend on the number of frames. Frames are compared with the mean in steps of 1/16 to 1/256,
+    the finest step at which products of two vectors fit into 32 bits: 64 bits take such a processor
+    twice as long.
 
     Args:
-        max_nodes: How many rows there are.
-        n_compared: How many values of a vector are compared, from the first; None for all. The
-            others only follow: a picture to look at needs more pixels than one to recognise.
+        max_nodes: Number of rows.
+        n_compared: Number of leading values of a vector that are compared; None: all. The other
+            values are only averaged: showing a picture takes more pixels than recognising it.
     """
 
     fields = (Array("sums", np.int32, ("max_nodes", "d"), high=2**30),)
@@ -176,7 +177,7 @@ class IntegerImages(Images):
 
     def absorb(self, row: int, count: int) -> None:
         sums = self._sums[row]
-        np.add(sums, self._x, out=sums, casting="unsafe")  # whole numbers, whatever their type
+        np.add(sums, self._x, out=sums, casting="unsafe")  # integers of any type
         self._divide(row, count + 1)
 
     def merge(self, kept: int, removed: int, count_kept: int, count_removed: int) -> None:
@@ -221,7 +222,7 @@ class IntegerImages(Images):
 
 
 def checked_bytes(x: Vector, n_features: int | None = None) -> Vector:
-    """Return `x` as an array of whole numbers from 0 to 255, or raise ValueError."""
+    """Return `x` as an array of integers from 0 to 255, or raise ValueError."""
     array = checked_vector(x, n_features)
     if (
         array.dtype != np.uint8
