@@ -1,4 +1,5 @@
-"""Drivelesson: all that works without a network. Importing it imports no hardware library.
+"""Drivelesson: the parts that work without a network. Importing this package imports no hardware
+library.
 
 Example:
     >>> from robot.learner import BSOCClassifier
@@ -9,7 +10,7 @@ from pathlib import Path as _Path
 __version__ = "0.2.0"
 
 PROJECT = "drivelesson"
-"""Tells this package from the one of Robot Framework, which has the same name (docs/adr/0008)."""
+"""Distinguishes this package from Robot Framework's package of the same name (docs/adr/0008)."""
 
 _CLASH = (
     "Robot Framework and Drivelesson are installed in the same environment, and both have a "
@@ -17,5 +18,5 @@ _CLASH = (
     "'uv tool install' or 'pipx install', and remove both from this one."
 )
 
-if (_Path(__file__).parent / "running").is_dir():  # a folder of Robot Framework's
+if (_Path(__file__).parent / "running").is_dir():  # only Robot Framework has this folder
     raise ImportError(_CLASH)

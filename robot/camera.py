@@ -1,4 +1,4 @@
-"""Where frames come from: one slot that always holds the newest, and never a queue."""
+"""The source of frames: a single slot with the newest frame, not a queue."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from robot.types import Encoding, Frame, StartStop
 
 
 class Camera(StartStop):
-    """A source of frames. Found by name among the entry points.
+    """A source of frames, found by name among the entry points.
 
-    Subclasses take pictures on a thread of their own (or when a world steps) and hand
-    each to `_publish`, which overwrites the one slot and wakes the listener. Reading never
-    blocks, so a frozen camera cannot hold up the loop. `start` and `stop` are idempotent.
-    Options are declared as a driver declares its own.
+    Subclasses take pictures on a separate thread (or when a world steps) and pass each picture to
+    `_publish`, which overwrites the slot and wakes the listener. Reading never blocks, so a frozen
+    camera cannot hold up the loop. `start` and `stop` are idempotent. Options are declared in the
+    same way as a driver's.
 
     Attributes:
         fault: The camera's fault, as a sentence for the page; None if all is well.
@@ -43,10 +43,10 @@ class Camera(StartStop):
     name: ClassVar[str]
     options_type: ClassVar[type[Any]]
     world_waits: ClassVar[bool] = False
-    """True if the world waits until the loop has acted on the newest picture: then a picture is
-    never too old to drive by, however slow the computer is."""
+    """True if the world waits until the loop has acted on the newest picture. Then no picture is
+    too old to drive by, even on a slow computer."""
     can_be_turned: ClassVar[bool] = True
-    """False if its pictures are upright already: they were recorded."""
+    """False if the pictures are already upright because they were recorded."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
@@ -62,17 +62,17 @@ class Camera(StartStop):
 
         @property
         def device(self) -> str:
-            """The device that a search found, as `C270 (serial number A17)`; else empty."""
+            """Device found by a search, such as `C270 (serial number A17)`; else empty."""
     else:
-        device = ""  # no property: a plug-in may have an attribute of this name
+        device = ""  # not a property, because a plug-in may set an attribute of this name
 
     @classmethod
     @abstractmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        """Build the camera that goes with `driver`; most cameras use nothing of the driver.
+        """Build a camera for use with `driver`; most cameras do not depend on the driver.
 
         Raises:
-            ConfigurationError: If this camera cannot work beside that driver.
+            ConfigurationError: If this camera cannot be used with `driver`.
         """
 
     @abstractmethod
@@ -80,39 +80,40 @@ class Camera(StartStop):
         """Begin to take pictures.
 
         Raises:
-            CameraError: If the camera cannot be opened; the message says which and what to do.
+            CameraError: If the camera cannot be opened; the message names the camera and says what
+                to do.
         """
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop taking pictures and let go of the device."""
+        """Stop taking pictures and release the device."""
 
     def latest(self) -> Frame | None:
         """Return the newest frame, or None before the first. Never blocks."""
         return self._latest
 
     def world_s(self, at_s: float) -> float:
-        """Return the time of the world's own clock when `self.clock` showed `at_s`.
+        """Return the time of the world's clock when `self.clock` showed `at_s`.
 
-        The two are the same unless `world_waits`. Then the world's clock stops while the world is
-        computed or waits for the loop, so that this time does not count as the pilot's silence.
+        The two times are equal unless `world_waits`. If it does, the world's clock stops while the
+        world is computed or waits for the loop, so this time does not count as the pilot's silence.
         """
         return at_s
 
     def for_the_eye(self, frame: Frame) -> Frame:
-        """Return a larger picture of the moment of `frame` if this camera has one, else `frame`.
+        """Return a larger picture taken at the same moment as `frame`, or `frame` if there is none.
 
-        Only people look at it; what is learned and recorded is `frame`. Never blocks. A camera
-        may make such pictures only while they are asked for.
+        The larger picture is only shown to people; `frame` is learned and recorded. Never blocks.
+        A camera may take larger pictures only while they are requested.
         """
         return frame
 
     def mount(self, mounting: Mounting) -> None:
-        """Turn all further pictures upright: for page, recordings and learner alike.
+        """Turn all further pictures upright, for the page, the recordings and the learner.
 
         Raises:
-            ConfigurationError: If this camera's pictures are not to be turned.
-            MissingExtraError: If that needs OpenCV, and it is not installed.
+            ConfigurationError: If this camera's pictures must not be turned.
+            MissingExtraError: If turning needs OpenCV, and OpenCV is not installed.
         """
         if not mounting.is_upright:
             if not self.can_be_turned:
@@ -123,21 +124,21 @@ class Camera(StartStop):
         self.mounting = mounting
 
     def rest(self, every_s: float) -> None:
-        """Set that one picture in `every_s` is enough, until the next call.
+        """Set the period at which pictures are needed, until the next call. Returns at once.
 
-        0: all are needed, the next at once. Infinite: none is needed. Returns at once. A camera
-        that renders its pictures skips the others; one that passes on a device's may ignore this.
+        0: all pictures are needed, the next at once. Infinite: no picture is needed. A camera that
+        renders pictures skips the others; a camera that relays a device's pictures may ignore this.
         """
 
     def listen(self, on_frame: Callable[[], None] | None) -> None:
-        """Have `on_frame` called after each new frame, on the camera's thread; it must be quick."""
+        """Call `on_frame`, which must be quick, after each new frame, on the camera's thread."""
         self._on_frame = on_frame or (lambda: None)
 
     def _on_clock(self, taken_s: float) -> float:
         """Return the time of `self.clock` when `time.monotonic()` was `taken_s`.
 
-        The clock is read first: a thread that is held up between the two readings makes the
-        picture older than it is, never younger.
+        `self.clock` is read first: if the thread is held up between the two readings, the picture
+        seems older than it is, never younger.
         """
         clock_s = self.clock.now_s()
         return clock_s - max(0.0, time.monotonic() - taken_s)
@@ -145,9 +146,10 @@ class Camera(StartStop):
     def _publish(
         self, data: bytes, *, width: int, height: int, encoding: Encoding, captured_s: float
     ) -> Frame:
-        """Make these bytes the newest frame, with the next frame id; the future counts as now.
+        """Make these bytes the newest frame, with the next frame id. A `captured_s` in the future
+        is replaced by the current time.
 
-        The picture is as the camera took it; the frame is upright.
+        `data` is the picture as the camera took it; the frame is upright.
         """
         upright = self.mounting.upright(RawPicture(data, width, height, encoding))
         with self._slot_lock:
@@ -166,7 +168,7 @@ class Camera(StartStop):
         return frame
 
     def _report_fault(self, sentence: str) -> None:
-        """Set the fault, and wake the listener if it is news; the next frame clears it."""
+        """Set the fault, and wake the listener if the fault is new; the next frame clears it."""
         if sentence != self.fault:
             self.fault = sentence
             self._on_frame()

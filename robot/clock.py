@@ -1,7 +1,7 @@
 """Time as an argument: all waiting goes through a clock.
 
-In real time that is a plain wait. In virtual time it costs nothing, because the clock jumps to
-the next event: `robot/testing/virtual_clock.py`.
+In real time the clock simply waits. In virtual time a wait takes no time, because the clock jumps
+to the next event: `robot/testing/virtual_clock.py`.
 """
 
 from __future__ import annotations
@@ -16,36 +16,37 @@ from typing import Any, TypeVar
 
 _T = TypeVar("_T")
 Worker = threading.Thread
-"""A thread that a clock has started."""
+"""A thread that was started through a clock."""
 
 
 class Clock:
-    """Monotonic seconds since an arbitrary start, and all the ways to wait for them to pass.
+    """Monotonic seconds since an arbitrary start, and all ways to wait.
 
-    This one is the machine's; jumps of the wall clock do not touch it.
+    This is the machine's clock. Jumps of the wall clock do not affect it.
     """
 
     def now_s(self) -> float:
         """Return the present time in seconds; it never goes backwards."""
-        return time.perf_counter()  # `monotonic` goes by steps of 16 ms on Windows
+        return time.perf_counter()  # `monotonic` has a resolution of 16 ms on Windows
 
     def wall_s(self) -> float:
-        """Return seconds since 1970, for names and files; they may jump either way."""
+        """Return seconds since 1970, for names and files; the value may jump forward or back."""
         return time.time()
 
     def sleep(self, seconds: float) -> None:
-        """Hold up this thread."""
+        """Block this thread."""
         time.sleep(seconds)
 
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
-        """Hold up this thread until `event` is set or the time is up; True if it is set."""
+        """Block this thread until `event` is set or the time is up; return True if `event` is
+        set."""
         return event.wait(timeout_s)
 
     def result(self, future: Future[_T], timeout_s: float | None = None) -> _T:
-        """Hold up this thread until `future` is done, and return or raise what it holds.
+        """Block this thread until `future` is done; return its result or raise its exception.
 
         Raises:
-            TimeoutError: If it is not done in time.
+            TimeoutError: If `future` is not done in time.
         """
         return future.result(timeout_s)
 
@@ -54,13 +55,13 @@ class Clock:
         return threading.RLock()
 
     def start_thread(self, target: Callable[[], None], name: str) -> Worker:
-        """Run `target` on a daemon thread of its own, which may wait through this clock."""
+        """Run `target` on a new daemon thread, which may wait through this clock."""
         thread = threading.Thread(target=target, name=name, daemon=True)
         thread.start()
         return thread
 
     async def pause(self, seconds: float) -> None:
-        """Hold up this task; with 0, let the others run once."""
+        """Suspend this task; with 0 seconds, let the other tasks run once."""
         await asyncio.sleep(seconds)
 
 

@@ -1,7 +1,7 @@
-"""Corrections of a robot that is built or wired otherwise than its driver and camera expect. Pure.
+"""Corrections for a robot that is built or wired differently from what its driver expects. Pure.
 
-A correction changes what the motors get and how pictures lie. It never changes what a move means:
-`left` is left on the page, in recordings and for the learner, whatever the motors get for it.
+A correction changes the values sent to the motors and the orientation of the pictures. It never
+changes the meaning of a move: `left` means left on the page, in recordings and for the learner.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from robot.errors import ConfigurationError, need
 from robot.types import Encoding, Point
 
 MOST_TRIM = 0.3
-"""Largest trim: a robot that needs more has a motor or a wheel that is broken."""
+"""Largest trim: if a robot needs a larger trim, a motor or a wheel is broken."""
 REVERSED = ("none", "left", "right", "both")
 TURNS_DEG = (0, 90, 180, 270)
 _JPEG_QUALITY = 90
-"""Quality of a JPEG that is turned, which means to encode it again: nearly as it came."""
+"""Quality at which a turned JPEG is encoded again: almost without loss."""
 Pair = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyCorrection:
-    """How a body differs from what its driver expects.
+    """The differences between a body and what its driver expects.
 
     Args:
-        reverse: The motors that turn the other way: `none`, `left`, `right` or `both`, as the
-            driver's options name them.
-        swap_sides: The left motor is plugged in at the right, and the right one at the left.
-        trim: Steers to the right (positive) or to the left, as a share of full lock, where the
-            robot should drive straight: a robot that pulls to the left needs a positive trim.
+        reverse: The motors that turn in the wrong direction: `none`, `left`, `right` or `both`,
+            named as in the driver's options.
+        swap_sides: The left motor is plugged in at the right, and the right motor at the left.
+        trim: Steering to the right (positive) or left that is added when the robot should drive
+            straight, as a share of full lock. A robot that pulls to the left needs a positive trim.
 
     Raises:
         ConfigurationError: If a value is out of range.
@@ -68,13 +68,13 @@ class BodyCorrection:
 
     @property
     def is_steering(self) -> bool:
-        """True if moves and points are to be corrected, and not only the motors."""
+        """True if moves and points must be corrected, not only the motors."""
         return self.swap_sides or self.trim != 0.0
 
     def point(self, point: Point) -> Point:
         """Return the steering and throttle to send so that the robot drives `point`.
 
-        Trim fades out towards full lock. A spin on the spot needs none.
+        Trim decreases towards full lock. A spin on the spot needs no trim.
         """
         steering, throttle = point
         if throttle:
@@ -82,11 +82,12 @@ class BodyCorrection:
         return Point(-steering if self.swap_sides else steering, throttle)
 
     def motors(self, values: Pair) -> Pair:
-        """Return what the left and the right motor get; sides are swapped by `point` before."""
+        """Return the values for the left and the right motor; `point` has already swapped the
+        sides."""
         return values[0] * self.signs[0], values[1] * self.signs[1]
 
     def wheels(self, turned: Pair) -> Pair:
-        """Return how far the robot's left and right wheel turned, from what the motors count."""
+        """Return how far the robot's left and right wheel turned, from the motors' counts."""
         left, right = self.motors(turned)
         return (right, left) if self.swap_sides else (left, right)
 
@@ -106,8 +107,8 @@ class Mounting:
     """How a camera is mounted.
 
     Args:
-        turn_deg: Degrees by which its pictures are turned clockwise, to be upright.
-        is_mirrored: Left and right are exchanged after that: it looks into a mirror.
+        turn_deg: Degrees by which the pictures are turned clockwise, to be upright.
+        is_mirrored: The turned pictures are also mirrored, because the camera looks into a mirror.
 
     Raises:
         ConfigurationError: If a value is out of range.
@@ -123,22 +124,22 @@ class Mounting:
 
     @property
     def is_upright(self) -> bool:
-        """True if its pictures need no change."""
+        """True if the camera's pictures need no change."""
         return self == Mounting()
 
     def upright(self, picture: RawPicture) -> RawPicture:
-        """Return the picture as if the camera stood upright; one that cannot be read, unchanged.
+        """Return the picture as if the camera stood upright. An unreadable picture is unchanged.
 
-        Raw pixels stay as they are, exactly. A JPEG is encoded again.
+        The values of raw pixels do not change. A JPEG is encoded again.
 
         Raises:
-            MissingExtraError: If a JPEG is to be turned and OpenCV is not installed.
+            MissingExtraError: If a JPEG must be turned and OpenCV is not installed.
         """
         if self.is_upright:
             return picture
         try:
             return _TURNS[picture.encoding](self, picture)
-        except ValueError:  # not as long as its size says: whoever reads it reports that
+        except ValueError:  # the length is wrong; the reader reports it
             return picture
 
     def _turned(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -151,7 +152,8 @@ class Mounting:
         return _made(turned.tobytes(), turned, Encoding.RGB)
 
     def _yuyv(self, picture: RawPicture) -> RawPicture:
-        """Two pixels beside each other share a colour; turned by 90 degrees, others do."""
+        """Turn a YUYV picture. Two neighbours in a row share a colour; after a turn by 90 degrees
+        these are other pixels."""
         rows, columns = picture.height, picture.width
         packed = np.frombuffer(picture.data, np.uint8).reshape(rows, columns, 2)
         colours = packed[:, :, 1].reshape(rows, columns // 2, 2).repeat(2, axis=1)
@@ -190,13 +192,13 @@ _TURNS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corrections:
-    """The corrections of one robot: its body's and its camera's."""
+    """The corrections of one robot: those of its body and of its camera."""
 
     body: BodyCorrection = field(default_factory=BodyCorrection)
     camera: Mounting = field(default_factory=Mounting)
 
     def described(self) -> dict[str, Any]:
-        """Return plain values by the names of the options."""
+        """Return plain values, keyed by the names of the options."""
         return {
             "reverse": self.body.reverse,
             "swap_sides": self.body.swap_sides,

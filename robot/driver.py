@@ -1,7 +1,7 @@
-"""The interface of a robot's body: its moves, and how to make it move, sense and stop.
+"""The interface of a robot's body: its moves, and methods to move, sense and stop.
 
-A move is a name (`robot.types.Action`). Its description for pages, exports and recordings is
-declared once, beside the driver's code. The six classic moves need only their names.
+A move is a name (`robot.types.Action`). The description of a move for pages, exports and recordings
+is declared once, in the driver's code. The six classic moves need only their names.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from robot.errors import ConfigurationError
 from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
-"""Duration of one `send_action`, in seconds. The body stops by itself unless the next one comes
-before: just above the gate's watchdog of 0.3 s, so that motors stop even if Python dies."""
+"""Duration of one `send_action`, in seconds. The body stops by itself unless the next call comes
+before that, so motors stop even if Python dies. It is just above the gate's timeout of 0.3 s."""
 _LONGEST_LABEL, _LONGEST_ICON, _LONGEST_MEANING = 24, 16, 200
 TURNS_BEYOND = 0.2
-"""Share of full lock up to which a move or a point counts as driving straight."""
+"""Steering, as a share of full lock, up to which a move or a point counts as driving straight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,17 +31,18 @@ class Move:
     """One move of a body.
 
     Args:
-        name: A lower-case word such as `fast` or `left_2`; recordings and models store it.
-        label: The button's text: one for all, or texts by language (`en`, `es`, `zh`);
-            English stands in for a language that is missing. Empty: made of the name.
-        icon: A classic move's name, for its arrow, or one or two characters such as "⏩". Empty:
-            the arrow of its own name, if there is one.
+        name: A lower-case word such as `fast` or `left_2`; recordings and models store this name.
+        label: The button's text: one text, or texts by language (`en`, `es`, `zh`). If a language
+            is missing, the English text is used. Empty: the text is made from the name.
+        icon: The name of a classic move, whose arrow is used, or one or two characters such as
+            "⏩". Empty: the arrow of this move's name, if there is one.
         does: The body's motion in this move, as a sentence.
         steering: From -1 (full left) to 1 (full right), for bodies that are steered.
-        throttle: From -1 (full speed backward) to 1 (full speed ahead). Both or neither.
+        throttle: From -1 (full speed backward) to 1 (full speed ahead). Give both steering and
+            throttle, or neither.
 
     Raises:
-        ValueError: If a field is out of range; says which.
+        ValueError: If a field is out of range; the message names the field.
 
     Example:
         >>> drift = Move("drift", icon="↪", does="slides to the left", steering=-0.7, throttle=0.9)
@@ -72,14 +73,14 @@ class Move:
 
     @property
     def labels(self) -> dict[str, str]:
-        """The label by language; English is always among them unless the page has its own."""
+        """The label by language. It includes English unless the page has labels for this move."""
         if isinstance(self.label, str):
             return {"en": self.label} if self.label else {}
         return dict(self.label)
 
     @property
     def point(self) -> Point | None:
-        """Steering and throttle; None for a move that does not have them."""
+        """Steering and throttle; None if the move does not define them."""
         if self.steering is None or self.throttle is None:
             return None
         return Point(self.steering, self.throttle)
@@ -104,34 +105,35 @@ CLASSIC: dict[Action, Move] = {
 
 
 def names(moves: Iterable[Move]) -> tuple[Action, ...]:
-    """Return the names, in their order."""
+    """Return the names of the moves, in the same order."""
     return tuple(move.name for move in moves)
 
 
 def describe(wanted: Iterable[Action], declared: Iterable[Move] = ()) -> tuple[Move, ...]:
-    """Return each move as it was declared, or the classic one, or one made of its name."""
+    """Return each wanted move as declared, else the classic move, else one made from the name."""
     known = {**CLASSIC, **{move.name: move for move in declared}}
     return tuple(known.get(name) or Move(name) for name in wanted)
 
 
 def point_of(name: Action, declared: Iterable[Move] = ()) -> Point | None:
-    """Return the steering and throttle of a move, and of STOP; None if nobody declared them."""
+    """Return the steering and throttle of a move or STOP; None if they are not declared."""
     if name is Action.STOP:
         return Point(0.0, 0.0)
     return describe([name], declared)[0].point
 
 
 def side_of(steering: float, threshold: float = TURNS_BEYOND) -> int:
-    """Return the side that this steering leads to: -1 left, 1 right, 0 straight."""
+    """Return the side that this steering turns to: -1 left, 1 right, 0 straight."""
     return (steering > threshold) - (steering < -threshold)
 
 
 def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND) -> Action | None:
-    """Return the move that a point counts as; None if it stands, or no move goes its way.
+    """Return the move that a point counts as. None: the point is a stop, or no move drives in its
+    direction (ahead, back, or on the spot).
 
-    It is the nearest of the moves that drive the same way (ahead, back, or on the spot) and turn to
-    the same side. If no move turns to that side, it is the nearest that drives the same way: a
-    curve backward counts as backward.
+    The move is the nearest that drives in the same direction and turns to the same side. If no move
+    turns to that side, it is the nearest in the same direction: a curve backward counts as
+    backward.
 
     Raises:
         ValueError: If steering or throttle is not a number in [-1, 1].
@@ -152,24 +154,25 @@ _NOT_CORRECTED = {
     "swap_sides": "it has no moves to the left and to the right",
     "trim": "it is not steered by degrees",
 }
-"""Why a correction does not apply to a body."""
+"""The reason why a correction does not apply to a body."""
 
 
 class BodyButton(StrEnum):
-    """The request of a button on the body."""
+    """The request that a button on the body makes."""
 
     STOP = "stop"
-    START = "start"  # in the last mode
+    START = "start"  # start in the last mode
 
 
 class Driver(ABC):
-    """A body: motors and the sensors beside them. Found by name among the entry points.
+    """A body: its motors, and its sensors except the camera. Found by name among the entry points.
 
-    A driver declares its options as a frozen dataclass beside its code; each field has a
-    default and `metadata={"help": ...}`, and becomes a flag of the command line. It declares its
-    moves in `declared_moves`.
-    `connect`, `stop` and `disconnect` are idempotent, and the last two are safe on a
-    half-built driver. All methods but `__init__` may be called from any one thread at a time.
+    A driver declares its options as a frozen dataclass in its code. Each field has a default and
+    `metadata={"help": ...}`, and becomes a flag of the command line. The driver declares its moves
+    in `declared_moves`.
+    `connect`, `stop` and `disconnect` are idempotent; `stop` and `disconnect` are safe on a
+    half-built driver. All methods except `__init__` may be called from any thread, but only from
+    one at a time.
     `drivelesson new-driver NAME` writes a first version; `robot.testing` tests it.
 
     Example:
@@ -187,17 +190,17 @@ class Driver(ABC):
     declared_moves: tuple[Move, ...] = describe(DEFAULT_MOVES)
     track_m: float | None = None
     """Distance between the wheels of a differential drive, in metres, for dead reckoning.
-    None: the body has another drive, or the distance is not known."""
+    None: the body has another kind of drive, or the distance is unknown."""
     takes_points: bool = False
-    """True for a body that also takes steering and throttle in degrees: see `send_point`."""
+    """True for a body that also accepts steering and throttle by degrees: see `send_point`."""
     turns_motors: ClassVar[bool] = False
-    """True for a body whose driver turns each motor: it heeds `correction.motors`. Others send
-    moves or points to a program that does, and a reversed motor must be told to that program."""
+    """True if the driver sets each motor and applies `correction.motors`. False: the driver sends
+    moves or points to a program that sets the motors, and motors are reversed in that program."""
     correction: BodyCorrection = BodyCorrection()
-    """How this body differs from what its driver expects; set by `correct`."""
+    """The differences between this body and what its driver expects; set by `correct`."""
     is_remote: ClassVar[bool] = False
     """True for a body that answers over a network: `send_action`, `sense`, `stop`, `take_button`
-    and `show` may then block for up to half a second, and are called on a thread of their own."""
+    and `show` may then block for up to half a second, and are called on a separate thread."""
 
     @abstractmethod
     def __init__(self, options: Any) -> None: ...
@@ -206,9 +209,9 @@ class Driver(ABC):
 
         @property
         def device(self) -> str:
-            """The device that a search found, as `'Anna' (00:16:53:00:00:01)`; else empty."""
+            """Device found by a search, such as `'Anna' (00:16:53:00:00:01)`; else empty."""
     else:
-        device = ""  # no property: a plug-in may have an attribute of this name
+        device = ""  # not a property, because a plug-in may set an attribute of this name
 
     @property
     def moves(self) -> tuple[Action, ...]:
@@ -217,12 +220,13 @@ class Driver(ABC):
 
     @property
     def first_moves(self) -> tuple[Action, ...]:
-        """Default moves of a new model: the paper's three, or all if the body lacks one of them."""
+        """Default moves of a new model: the paper's three moves, or all moves if the body lacks one
+        of the three."""
         return DEFAULT_MOVES if set(DEFAULT_MOVES) <= set(self.moves) else self.moves
 
     @property
     def takes_advice(self) -> bool:
-        """True for a body that passes on the learner's predictions, whoever drives."""
+        """True for a body that passes on the learner's predictions, also while the pilot drives."""
         return False
 
     @property
@@ -241,7 +245,7 @@ class Driver(ABC):
 
     @abstractmethod
     def disconnect(self) -> None:
-        """Stop the motors and let go of the hardware."""
+        """Stop the motors and release the hardware."""
 
     @abstractmethod
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
@@ -253,19 +257,20 @@ class Driver(ABC):
 
         Raises:
             NotConnectedError: Before `connect`.
-            DriveError: If the hardware refuses; the caller must assume that it may be moving.
+            DriveError: If the hardware fails; the caller must assume that the robot may be moving.
             ValueError: If the action is not one of `moves`, or the scale is out of range.
         """
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
-        """Drive by degrees for at most `ACTION_TIMEOUT_S`; return the move that it counts as.
+        """Drive at a point for at most `ACTION_TIMEOUT_S`; return the move that the point counts
+        as.
 
-        The point of a declared move equals that move; a point between two of them drives in
-        between. A body that does not take points drives the move.
+        The point of a declared move equals that move; a point between the points of two moves
+        drives in between. A body that does not accept points drives the move.
 
         Args:
             point: Steering and throttle.
-            speed_scale: As for `send_action`; it slows the body and does not change the curve.
+            speed_scale: As for `send_action`; it changes the speed but not the curve.
 
         Raises:
             ValueError: If a number is out of range.
@@ -276,10 +281,10 @@ class Driver(ABC):
     def drive(
         self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
     ) -> Action:
-        """Drive the point, if there is one and this body takes points, or else the move.
+        """Drive the point, if one is given and this body accepts points, or else the move.
 
-        This is where the loop's orders come: they are corrected here (`correct`), and the result
-        is the move that was meant. Errors are those of `send_action`.
+        The loop calls this method. The order is corrected here (`correct`); the returned move is
+        the uncorrected one. Raises as `send_action`.
         """
         by_degrees = point is not None and self.takes_points
         if not self.correction.is_steering:
@@ -297,7 +302,7 @@ class Driver(ABC):
         return meant
 
     def correct(self, correction: BodyCorrection) -> None:
-        """Heed a correction from now on; the caller has stopped the body.
+        """Apply a correction from now on; the caller has stopped the body.
 
         Raises:
             ConfigurationError: As `check_correction`.
@@ -306,7 +311,8 @@ class Driver(ABC):
         self.correction = correction
 
     def check_correction(self, correction: BodyCorrection) -> None:
-        """Raise ConfigurationError if a correction does not apply to this body; says why."""
+        """Raise ConfigurationError, with the reason, if a correction does not apply to this
+        body."""
         possible, wanted = self.possible_corrections, BodyCorrection()
         for name in ("reverse", "swap_sides", "trim"):
             if name not in possible and getattr(correction, name) != getattr(wanted, name):
@@ -323,7 +329,7 @@ class Driver(ABC):
         return (*names, "trim") if self.takes_points else tuple(names)
 
     def _mirrored(self, action: Action) -> Action:
-        """Return the move that does the same to the other side; one straight on is its own."""
+        """Return the mirrored move; a straight move is its own mirror image."""
         name = Action("_".join(_OTHER.get(word, word) for word in action.split("_")))
         at = point_of(action, self.declared_moves)
         if name is not action and name in self.moves:
@@ -353,23 +359,25 @@ class Driver(ABC):
             raise ValueError(f"speed_scale must lie in (0, 1], not {speed_scale}")
 
     def wheels_mps(self, action: Action, point: Point | None = None) -> tuple[float, float] | None:
-        """Return the speeds of the left and right wheel at full speed; None if not known.
+        """Return the speeds of the left and right wheel at full speed; None if unknown.
 
         Args:
             action: The action that was sent.
-            point: The point that was sent; None: only the action was.
+            point: The point that was sent; None: only the action was sent.
         """
         return None
 
     def take_button(self) -> BodyButton | None:
-        """Return a request by a button on the body since the last call; most bodies have none."""
+        """Return the request of a button that was pressed since the last call, else None. Most
+        bodies have no buttons."""
         return None
 
     def advise(self, prediction: Prediction) -> None:  # noqa: B027
-        """Take the learner's prediction on the newest frame; must return at once, never raises."""
+        """Receive the learner's prediction on the newest frame; must return at once and not
+        raise."""
 
     def announce(self, address: str) -> None:  # noqa: B027 - a body without a screen says nothing
-        """Take the page's address, for a body that can show it; called before `connect`."""
+        """Receive the page's address, for bodies that can show it; called before `connect`."""
 
     def show(self, mode: Mode) -> None:  # noqa: B027
         """Show the mode on the body's own screen and lights, if it has any. Never raises."""
@@ -382,10 +390,10 @@ class Driver(ABC):
         self.disconnect()
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Refuse a name of a base that is taken for something else: the base calls it.
+        """Refuse a subclass that reuses the name of a base method for something else.
 
         Raises:
-            TypeError: If an overriding method does not take the arguments of the overridden one.
+            TypeError: If an overriding method does not accept the overridden method's arguments.
         """
         super().__init_subclass__(**options)
         for name, theirs in vars(cls).items():
@@ -399,8 +407,8 @@ class Driver(ABC):
 
 
 def _takes_calls(theirs: Any, ours: Callable[..., object]) -> bool:
-    """Return whether a function can be called as another one is: with all arguments, and with as
-    few as it needs. What is no plain function is believed."""
+    """Return whether `theirs` accepts the calls that `ours` accepts: with all arguments, and with
+    only the required ones. True for objects that are not plain functions."""
     if not callable(theirs):
         return isinstance(theirs, property | staticmethod | classmethod)
     if not inspect.isfunction(theirs):

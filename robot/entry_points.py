@@ -1,4 +1,4 @@
-"""Entry points of the installed packages, read once: a look through all packages costs 10 ms."""
+"""Entry points of the installed packages, read once because reading all packages takes 10 ms."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 
 
 def points(group: str) -> list[EntryPoint]:
-    """Return the entry points of a group, in the order of their names."""
+    """Return the entry points of a group, sorted by name."""
     return sorted(_all(tuple(sys.path)).select(group=group), key=lambda point: point.name)
 
 
 @cache
-def _all(path: tuple[str, ...]) -> Any:  # of another type on older Pythons
-    """Read all entry points; they are read again only when the search path has changed."""
+def _all(path: tuple[str, ...]) -> Any:  # the type differs on older Pythons
+    """Read all entry points; they are read again only if the search path has changed."""
     return read_entry_points()

@@ -1,6 +1,6 @@
-"""Every error of the robot. A message says what failed, with which device, and what to do next.
+"""All errors of the robot. A message says what failed, with which device, and what to do next.
 
-A missing library is named with the command that adds it to this installation.
+If a library is missing, the message contains the command that installs it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from typing import Any
 
 log = logging.getLogger(__name__)
 _LONGEST_SAID = 300
-"""How much of another program's error is shown, in characters."""
+"""Maximum length of another program's error message that is shown, in characters."""
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ` (did you mean 'x'?)` for the nearest known word; nothing if none is near."""
+    """Return ` (did you mean 'x'?)` for the most similar known word; empty if none is similar."""
     near = difflib.get_close_matches(word, list(known), n=1)
-    # Words with another first letter must be nearer: `drive` does not mean `new-driver`.
+    # If the first letters differ, the words must be more similar: `drive` is not `new-driver`.
     if not near or (near[0][:1] != word[:1] and not difflib.get_close_matches(word, near, 1, 0.75)):
         return ""
     return f" (did you mean {near[0]!r}?)"
@@ -36,11 +36,11 @@ class RobotError(Exception):
 
 
 class ConfigurationError(RobotError, ValueError):
-    """An option, world, port or file given by a person is not usable."""
+    """The user gave an unusable option, world, port or file."""
 
 
 class InUseError(ConfigurationError):
-    """Another program uses a folder or a port that only one can use; it may be free later."""
+    """Another program uses a folder or port that only one program can use; it may be free later."""
 
 
 class MissingExtraError(RobotError, ImportError):
@@ -55,10 +55,10 @@ class MissingExtraError(RobotError, ImportError):
 
 
 def need(library: str, feature: str, extra: str) -> Any:
-    """Import a library that an extra brings, and return it.
+    """Import a library that belongs to an extra, and return the library.
 
     Raises:
-        MissingExtraError: If it is not installed.
+        MissingExtraError: If the library is not installed.
     """
     try:
         return importlib.import_module(library)
@@ -75,7 +75,7 @@ class NotConnectedError(RobotError, ConnectionError):
 
 
 class DriveError(RobotError, OSError):
-    """A motor, a sensor or the line to them failed."""
+    """A motor, a sensor or the connection to it failed."""
 
 
 class CameraError(RobotError, OSError):
@@ -83,7 +83,7 @@ class CameraError(RobotError, OSError):
 
 
 class RecordingError(RobotError, ValueError):
-    """A file on disk, a model or a recorded run, is damaged or has an unknown form."""
+    """A file on disk (a model or a recorded run) is damaged or has an unknown format."""
 
 
 UNREADABLE = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
@@ -99,8 +99,8 @@ class NotFoundError(RobotError, LookupError):
 def told_as(
     kind: type[Exception], what: str, *errors: type[Exception], do: str = ""
 ) -> Iterator[None]:
-    """Raise the system's errors, or the given ones of a library, as `kind`: what failed, why, and
-    what to do."""
+    """Raise the system's errors (or the given errors of a library) as `kind`. The message says what
+    failed, why, and what to do."""
     caught = errors or (OSError,)
     try:
         yield
@@ -110,23 +110,23 @@ def told_as(
 
 
 class PluginErrors:
-    """Turns the errors of one plug-in's code into ours.
+    """Converts the errors of one plug-in's code to `RobotError`s.
 
-    Errors that the project raises on purpose (`RobotError`) pass: whoever raised them has said what
-    is wrong. The traceback of the others is in the log, once for each sentence.
+    Errors of type `RobotError` pass unchanged, because they already say what is wrong. For other
+    errors the traceback is logged, once for each message.
 
     Args:
         kind: Kind of the plug-in: `robot` or `camera`.
-        name: By which it was chosen.
-        error_type: Raised in place of the others; it takes the sentence.
-        first: Called before anything is logged: a log goes to a terminal, which may be held.
+        name: The name by which the plug-in was chosen.
+        error_type: Type of the errors raised in place of others; its argument is the message.
+        first: Called before anything is logged, because writing the log to a terminal may block.
 
     Example:
         >>> with PluginErrors("robot", "wheely", DriveError).named("connect"):
         ...     {}["port"]
         Traceback (most recent call last):
         robot.errors.DriveError: the driver of the robot 'wheely' failed in connect: \
-KeyError: 'port'; the log has the details for its author
+KeyError: 'port'; the log has the traceback: send it to the plug-in's author
     """
 
     def __init__(
@@ -142,7 +142,7 @@ KeyError: 'port'; the log has the details for its author
 
     @contextmanager
     def named(self, call: str) -> Iterator[None]:
-        """Watch over one call of the plug-in's code."""
+        """Convert the errors of one call of the plug-in's code."""
         try:
             yield
         except RobotError:
@@ -154,11 +154,13 @@ KeyError: 'port'; the log has the details for its author
             if said != self._said:  # once, not thirty times a second
                 self._said = said
                 log.exception(said)
-            raise self._error_type(f"{said}; the log has the details for its author") from error
+            raise self._error_type(
+                f"{said}; the log has the traceback: send it to the plug-in's author"
+            ) from error
 
 
 def install_command(extra: str) -> str:
-    """Return the command that adds the libraries of one extra to this installation."""
+    """Return the command that adds an extra's libraries to this installation."""
     wanted = f"drivelesson[{extra}]"
     clone = _clone()
     if clone is not None:
@@ -176,13 +178,14 @@ def install_command(extra: str) -> str:
 
 
 def _clone() -> Path | None:
-    """Return the folder of the source code that this program runs from, if it does."""
+    """Return the folder of the source code, if this program runs from source; else None."""
     folder = Path(__file__).resolve().parents[1]
     return folder if (folder / "pyproject.toml").is_file() else None
 
 
 def _source() -> str | None:
-    """Return the file or folder that was installed; None for the package index (PEP 610)."""
+    """Return the file or folder that was installed; None if the program was installed from the
+    package index (PEP 610)."""
     import importlib.metadata
 
     try:
@@ -193,7 +196,7 @@ def _source() -> str | None:
 
 
 def _pip_install() -> str:
-    """Return the pip command for the Python that runs, whatever is on the PATH."""
+    """Return the pip command for the running Python, independent of the PATH."""
     import importlib.metadata
 
     try:
@@ -204,8 +207,9 @@ def _pip_install() -> str:
 
 
 def quoted(word: str) -> str:
-    """Return a word quoted for this system's shells, also as the command itself: PowerShell takes a
-    command that begins with a quote for a text, and cmd fails on the `&` that would prevent it."""
+    """Return a word quoted for this system's shells. The result also works as a command: PowerShell
+    would treat a command that begins with a quote as text, and cmd fails on the `&` that prevents
+    this."""
     if os.name != "nt":
         return shlex.quote(word)
     parts = word.split("\\")

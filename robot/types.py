@@ -21,11 +21,11 @@ _NAME = re.compile(r"[a-z][a-z0-9_]{0,31}")
 
 
 class Action(str):
-    """A command to the motors, by name. All but STOP are moves: a learner learns moves.
+    """A command to the motors, by name. All actions except STOP are moves; a learner learns moves.
 
-    Drivers declare moves of their own (`robot.driver`). A name is a lower-case letter,
-    then up to 31 letters, digits or underscores. There is one object for each name, also after
-    pickling and copying: `is` holds as `==` does.
+    Drivers can declare more moves (`robot.driver`). A name is a lower-case letter, then up to 31
+    letters, digits or underscores. There is one object for each name, also after pickling and
+    copying, so `is` and `==` are equivalent.
 
     Raises:
         ValueError: If the name is not valid.
@@ -53,7 +53,7 @@ class Action(str):
                 f"{name!r} is not a valid name of a move: use a lower-case letter, then up to 31 "
                 "lower-case letters, digits or underscores"
             )
-        with cls._interning:  # two threads that meet a new name get the same object
+        with cls._interning:  # two threads that use a new name get the same object
             return cls._interned.setdefault(str(name), super().__new__(cls, name))
 
     def __reduce__(self) -> tuple[type[Action], tuple[str]]:
@@ -80,7 +80,7 @@ DEFAULT_MOVES: tuple[Action, ...] = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 class Point(NamedTuple):
     """Steering and throttle, each from -1 to 1: right and ahead are positive.
 
-    It goes beside a move, for bodies that are driven by degrees (`robot.driver.move_at`).
+    A point accompanies a move, for bodies that are steered by degrees (`robot.driver.move_at`).
     """
 
     steering: float
@@ -96,7 +96,7 @@ class Mode(StrEnum):
 
 
 class DrivenBy(StrEnum):
-    """The source of the present action."""
+    """The source of the current action."""
 
     NOBODY = "nobody"
     PILOT = "pilot"
@@ -104,7 +104,7 @@ class DrivenBy(StrEnum):
 
 
 class StopReason(StrEnum):
-    """Why the robot stands although a person might expect it to move."""
+    """The reason why the robot stands although a person might expect it to move."""
 
     PILOT_ASKED = "pilot_asked"
     PILOT_SILENT = "pilot_silent"
@@ -116,20 +116,20 @@ class StopReason(StrEnum):
     LOOP_FAULT = "loop_fault"
     EMERGENCY = "emergency"
     BUTTON = "button"
-    NEEDS_HELP = "needs_help"  # the robot tried, got nowhere, and waits for the pilot's hand
+    NEEDS_HELP = "needs_help"  # the robot tried without success, and waits for the pilot
 
 
 class Encoding(StrEnum):
-    """How the bytes of a frame are to be read."""
+    """The format of a frame's bytes."""
 
     JPEG = "jpeg"
-    YUYV = "yuyv"  # 4:2:2, two bytes a pixel, as USB cameras give it
+    YUYV = "yuyv"  # 4:2:2, two bytes per pixel, the format of USB cameras
     RGB = "rgb"  # three bytes a pixel, rows from the top
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
-    """One picture, upright; re-encoded on the way only if it had to be turned (`Mounting`).
+    """One upright picture; it is encoded again only if it had to be turned (`Mounting`).
 
     `frame_id` counts up from 1 within one run and is the key that commands, examples and
     recordings use; `captured_s` is the clock's time at which the picture was taken.
@@ -145,10 +145,10 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
-    """Where the robot stands: metres and radians.
+    """The robot's position and heading, in metres and radians.
 
-    In a virtual world it is the true pose, in the world's frame. For a real robot it is an
-    estimate from its wheels, relative to where it was connected; it drifts.
+    In a virtual world it is the true pose, in the world's frame. For a real robot it is an estimate
+    from its wheels, relative to the pose at which it was connected; this estimate drifts.
     """
 
     x_m: float
@@ -157,7 +157,7 @@ class Pose:
     is_estimate: bool = False
 
     def along(self, turn_rad: float, way_m: float) -> Pose:
-        """Return the pose at the end of an arc of this turn and length."""
+        """Return the pose after an arc with this turn and length."""
         middle_rad = self.heading_rad + turn_rad / 2
         return replace(
             self,
@@ -179,7 +179,7 @@ class Game:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """The robot's sensors besides its camera. None means: this robot has no such sensor."""
+    """The robot's sensors except its camera. None: this robot has no such sensor."""
 
     distance_m: float | None = None
     bumped: bool | None = None
@@ -187,7 +187,7 @@ class Sensors:
     """State of each bumper, from left to right; `bumped` is true if any is pressed."""
     battery_share: float | None = None
     wheels_m: tuple[float, float] | None = None
-    """Total way of the left and the right wheel, in metres, forward minus backward."""
+    """Total distance of the left and the right wheel, in metres, forward minus backward."""
     pose: Pose | None = None
     game: Game | None = None
 
@@ -198,11 +198,11 @@ class PilotCommand:
 
     `held` is None while nothing is held: the command is only a heartbeat. `seq` counts up within
     one connection; `received_s` is the loop's clock at receipt, never the phone's.
-    `frame_age_s` is the age of that frame when the command was sent, as the page estimates it, and
-    `phone_s` the part of that age that the frame had spent on the phone. `proven_s` is a time
-    before which the command cannot have been sent; None: it was sent when it was received.
-    `seen_id` is the newest frame that has been acknowledged; None: not known. `point` is the exact
-    steering, if `held` was steered by degrees.
+    `frame_age_s` is the page's estimate of the frame's age when the command was sent, and `phone_s`
+    the part of this age that the frame had spent on the phone. `proven_s` is a time before which
+    the command cannot have been sent; None: the time at which it was received.
+    `seen_id` is the newest frame that has been acknowledged; None: unknown. `point` is the exact
+    steering and throttle, if `held` was steered by degrees.
     """
 
     held: Action | None
@@ -221,9 +221,9 @@ class PilotCommand:
 class Prediction:
     """The policy's proposal on one frame, and the reasons for it.
 
-    `probabilities` are the smoothed votes per move, summing to 1 (empty before the first
-    example); `novelty` is 0 for a familiar view and 1 or more for one unlike all examples;
-    `node` is the learned image nearest to the view, `distance` its distance.
+    `probabilities` are the smoothed votes per move, summing to 1 (empty before the first example);
+    `novelty` is 0 for a familiar view and 1 or more for a view unlike all examples; `node` is the
+    learned image nearest to the view, and `distance` is the distance between them.
     """
 
     frame_id: int
@@ -238,7 +238,7 @@ class Prediction:
     is_turn: bool = False
     """True if the action is known to steer to one side."""
     needs_help: bool = False
-    """True if all that the robot tried failed: it stands and waits for the pilot."""
+    """True if everything that the robot tried failed, so it stands and waits for the pilot."""
     point: Point | None = None
     """The steering and throttle of `action`, if the pilot taught by degrees."""
     spread: float | None = None
@@ -254,7 +254,8 @@ class Prediction:
 class Decision:
     """The gate's decision for one tick: the action, its source, and the reason if it is STOP.
 
-    `point` is the action by degrees, if the pilot or the robot steers by degrees; STOP has none.
+    `point` is the exact steering and throttle, if the pilot or the robot steers by degrees; STOP
+    has no point.
     """
 
     action: Action
@@ -268,7 +269,7 @@ class Decision:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Example:
-    """One labelled frame as the learner was given it."""
+    """One labelled frame that was given to the learner."""
 
     frame_id: int
     label: Action
@@ -285,7 +286,7 @@ class StartStop(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """End, and let go of everything; idempotent, and safe before `start`."""
+        """End, and release all resources; idempotent, and safe before `start`."""
 
     def __enter__(self) -> Self:
         self.start()

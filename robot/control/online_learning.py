@@ -88,7 +88,7 @@ class Labeller:
 
 
 CORRECTS_BEYOND = 0.1
-"""Difference in steering above which an analog command of the pilot counts as a correction."""
+"""Difference in steering above which a command by degrees corrects the robot."""
 MEMORY_FRAMES = 64
 """Number of the newest frames that can still be labelled: two seconds at 30 frames a second."""
 

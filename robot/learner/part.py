@@ -1,9 +1,9 @@
-"""Declares the state of a part of a policy once: saving, loading and checking follow from it.
+"""Declares the state of a policy's part once, for saving, loading and checking.
 
-A part lists its `fields`: arrays, and plain values that JSON can hold; and it may have parts of its
-own. `check` compares a part as it stands with its declaration, bounds included, then asks it for
-`faults` that fields have together. So one set of rules judges a model from anywhere, and a learner
-that has just learned.
+A part lists its `fields`: arrays, and plain values that JSON can represent. A part may contain
+other parts. `check` compares a part with its declaration, bounds included, then calls `faults` for
+contradictions between fields. So the same rules apply to a loaded model and to a learner that has
+just learned.
 
 Example:
     >>> from robot.learner.values import count
@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 from robot.learner.values import LARGEST, Names, Reader, demand
 
 MOST_VALUES = 1e6
-"""The largest value of a feature, either way, in a model that is loaded."""
+"""The largest magnitude of a feature in a model that is loaded."""
 MOST_DISTANCE = 1e20
-"""Beyond the squared distance of any two vectors of such values."""
+"""Upper bound of the squared distance of two vectors whose values are within `MOST_VALUES`."""
 
 Params = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
@@ -40,14 +40,15 @@ Arrays = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A plain value that a part keeps.
+    """A plain value in a part's state.
 
     Attributes:
-        name: Its name in a model.
-        read: Reads and checks it.
-        attribute: Where the part has it, or an object of its own; `_name` unless given.
-        older: Itself as a list of one value, for a model from before it was kept.
-        is_fixed: It says how the part was made: no other value fits.
+        name: The value's name in a model.
+        read: Reads and checks the value.
+        attribute: The part's attribute that holds the value, or a dotted path; empty: `_name`.
+        older: A tuple with the default, for models saved before the value was introduced.
+        is_fixed: True if the value is set when the part is made; a model with another value is
+            refused.
     """
 
     name: str
@@ -57,7 +58,7 @@ class Value:
     is_fixed: bool = False
 
     def save(self, part: Stateful) -> Any:
-        """Return the part's value as JSON can hold it."""
+        """Return the part's value in a form that JSON can represent."""
         value = _get(part, self)
         if isinstance(value, Mapping):
             return {str(key): own for key, own in value.items()}
@@ -66,7 +67,7 @@ class Value:
         return value if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
 
     def load(self, part: Stateful, params: Params, names: Names) -> None:
-        """Give the part the value."""
+        """Set the part's value from a model."""
         demand(self.name in params or self.older != (), f"{self.name} is missing")
         plain = params.pop(self.name, *self.older)
         value = self._read(plain, names)
@@ -75,7 +76,7 @@ class Value:
             _set(part, self, value)
 
     def check(self, part: Stateful) -> None:
-        """Raise ValueError if the part's value is none that could be loaded again."""
+        """Raise ValueError if the part's value could not be loaded again."""
         self._read(self.save(part), {})
 
     def _read(self, plain: Any, names: Names) -> Any:
@@ -90,18 +91,19 @@ Side = int | str | range
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """An array that a part keeps.
+    """An array in a part's state.
 
     Attributes:
-        name: Its name in a model.
-        dtype: Of its values; or a choice of several.
-        shape: Its sides: a number; a range; the name of an attribute of the part; or any other
-            name, of a size that all arrays of a model share. `name+1` is one more.
-        low: Its least value.
-        high: Its largest value.
-        attribute: Where the part has it, or an object of its own; `_name` unless given.
-        older: With what it is filled for a model from before it was kept.
-        may_miss: It is optional: omitted from the model when None or empty.
+        name: The array's name in a model.
+        dtype: Type of the values, or a tuple of allowed types.
+        shape: The length of each dimension: a number, a range, the name of an attribute of the
+            part, or any other name for a length that all arrays of a model share. `name+1` means
+            this length plus 1.
+        low: The smallest allowed value.
+        high: The largest allowed value.
+        attribute: The part's attribute that holds the array, or a dotted path; empty: `_name`.
+        older: The value to fill the array with, for models saved before it was introduced.
+        may_miss: The array is optional: omitted from the model when None or empty.
     """
 
     name: str
@@ -114,14 +116,14 @@ class Array:
     may_miss: bool = False
 
     def save(self, part: Stateful) -> NDArray[Any] | None:
-        """Return a copy of the part's array, if it has one."""
+        """Return a copy of the part's array, or None if there is no array to save."""
         value = _get(part, self)
         if value is None or (self.may_miss and np.size(value) == 0):
             return None
         return np.array(value, None if isinstance(self.dtype, tuple) else self.dtype)
 
     def load(self, part: Stateful, arrays: Arrays, sizes: dict[str, int]) -> None:
-        """Give the part a copy of the array."""
+        """Set the part's array to a copy of the model's array."""
         array = arrays.pop(self.name, None)
         sides = [self._length(side, part, sizes) for side in self.shape]
         dtypes = self.dtype if isinstance(self.dtype, tuple) else (self.dtype,)
@@ -154,7 +156,7 @@ class Array:
         return None if length is None else length + int(more or 0)
 
     def check(self, part: Stateful) -> None:
-        """Raise ValueError if the part's array holds what it may not."""
+        """Raise ValueError if a value of the part's array is out of bounds."""
         value = _get(part, self)
         array = np.zeros(0) if value is None else np.asarray(value)
         if not _is_within(array, self.low, self.high):
@@ -162,7 +164,7 @@ class Array:
 
 
 def _is_within(array: NDArray[Any], low: float, high: float) -> bool:
-    """Tell whether all values are within bounds; NaN is in none."""
+    """Return whether all values are within bounds; NaN never is."""
     if not array.size or array.dtype == np.bool_:
         return True
     return bool(array.min() >= low and array.max() <= high)
@@ -178,32 +180,33 @@ def _set(part: Stateful, field: Value | Array, value: Any) -> None:
 
 
 class Stateful:
-    """Base of what keeps something between drives."""
+    """Base of classes whose state lasts from drive to drive."""
 
     @property
     def fields(self) -> Sequence[Value | Array]:
-        """The values and arrays that it keeps; most parts declare a tuple instead."""
+        """The values and arrays of the state; most parts declare a tuple instead."""
         return ()
 
     def parts(self) -> Sequence[tuple[str, Stateful]]:
-        """Return its own parts with their names; one without a name shares the names of its owner.
+        """Return the contained parts, with their names.
 
-        A part's values are a table of its name, and its arrays' names begin with it.
+        A part's values are saved in a table of the part's name, and the names of its arrays begin
+        with this name. A part with an empty name is saved among its owner's values and arrays.
         """
         return ()
 
     def prepare(self, arrays: Arrays) -> None:
-        """Make the parts that these arrays need, before they are loaded."""
+        """Create the parts that these arrays belong to, before the arrays are loaded."""
 
     def restored(self) -> None:
-        """Make what follows from what was loaded."""
+        """Compute the derived values after loading."""
 
     def faults(self) -> Iterator[str]:
         """Yield the contradictions between fields that are each within their bounds."""
         return iter(())
 
     def save(self) -> tuple[Params, Arrays]:
-        """Return copies of all that is kept: plain values, and arrays."""
+        """Return copies of the state: plain values, and arrays."""
         params: Params = {}
         arrays: Arrays = {}
         for field in self.fields:
@@ -224,17 +227,17 @@ class Stateful:
         names: Names | None = None,
         sizes: dict[str, int] | None = None,
     ) -> None:
-        """Become what was saved.
+        """Restore a saved state.
 
         Args:
             params: The plain values.
             arrays: The arrays; they are copied.
             names: The labels or moves that the values may name.
-            sizes: Sizes that are known, by name.
+            sizes: Known lengths, by name.
 
         Raises:
-            ValueError: If something is missing, too much, or not as it was declared; the part may
-                then be half of it.
+            ValueError: If a field is missing, unknown or not as declared; the part may then be
+                partly loaded.
         """
         values, others = dict(params), dict(arrays)
         self._take(values, others, names or {}, {} if sizes is None else sizes)
@@ -242,7 +245,7 @@ class Stateful:
             raise ValueError(f"{str(other)[:60]!r} does not belong there")
 
     def _take(self, params: Params, arrays: Arrays, names: Names, sizes: dict[str, int]) -> None:
-        """Take what belongs to this part out of a model; see `load`."""
+        """Load this part's values and arrays, and remove them from the arguments; see `load`."""
         self.prepare(arrays)
         for own, part in self.parts():
             if not own:
@@ -259,13 +262,13 @@ class Stateful:
         self.restored()
 
     def array_names(self) -> set[str]:
-        """Return the names of all arrays that it may keep."""
+        """Return the names of all arrays that the state may contain."""
         own = {field.name for field in self.fields if isinstance(field, Array)}
         inner = {_inner(own, key) for own, part in self.parts() for key in part.array_names()}
         return own | inner
 
     def check(self) -> None:
-        """Raise ValueError, saying why, if this part is not what it declares."""
+        """Raise ValueError with the reason if this part does not match its declaration."""
         for field in self.fields:
             field.check(self)
         for fault in self.faults():
@@ -279,5 +282,5 @@ def _inner(own: str, key: str) -> str:
 
 
 def taken(arrays: Arrays, start: str) -> Arrays:
-    """Take the arrays whose names begin so out of others; return them without that beginning."""
+    """Remove the arrays whose names begin with `start`; return them without this prefix."""
     return {k.removeprefix(start): arrays.pop(k) for k in list(arrays) if k.startswith(start)}

@@ -1,8 +1,8 @@
 """The clustering exactly as published: every distance computed, the same tie-breaking.
 
 Source: Ferrer, FLAIRS-30 (2017), with the details of the authors' program: the distance is the
-sum of squared differences; a new node takes the lowest free index, a merged one the lower of its
-two, and the last node fills the gap.
+sum of squared differences; a new node gets the lowest free index, a merged node the lower index of
+the two, and the last node fills the gap.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from robot.learner.part import MOST_VALUES, Array, Value
 
 
 class PublishedBSOC(Clusters):
-    """`BSOC` as published; two passes over the nodes a step, one for x, one for a merged node.
+    """`BSOC` as published, without groups. Each step passes over the nodes twice: once for the new
+    vector, once for a merged node.
 
-    It has no groups. With `integer`, vectors are bytes and so are images, rounded to nearest on a
-    merge as in the authors' program: no floating-point operation on any pixel. Else images are
-    exact means. Pinning is not in the paper; pages need it.
+    With `integer`, vectors and images are bytes, rounded to nearest on a merge as in the authors'
+    program, without floating-point operations on pixels. Otherwise images are exact means. Pinning
+    is not in the paper; the page needs it.
     """
 
     measures_novelty = False
@@ -38,7 +39,7 @@ class PublishedBSOC(Clusters):
 
     @property
     def fields(self) -> Sequence[Value | Array]:
-        """Its values and arrays: the images are bytes with `integer`, else exact means."""
+        """The values and arrays: the images are bytes with `integer`, else exact means."""
         least, most = (0.0, 255.0) if self.integer else (-MOST_VALUES, MOST_VALUES)
         return (*SHARED, Array("images", self._dtype, ("n_rows", "d"), least, most))
 

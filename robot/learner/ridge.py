@@ -3,14 +3,14 @@
 Source: recursive least squares, Haykin, "Adaptive Filter Theory", with a forgetting factor of 1.
 After any number of frames the weights are those of batch ridge regression on all of them.
 
-The inverse is large, and reading and writing it is what a frame costs. So it is kept in single
-precision (`_ROUNDED` bounds what that may cost), and its last changes wait as vectors, which count
-as if they were in it, and are written together.
+The inverse is large, and most of a frame's time is spent reading and writing it. So the inverse is
+stored in single precision (`_ROUNDED` bounds the error), and its latest updates are kept as vectors
+that are written together. Results include these pending updates.
 
-A driver begins a turn late and ends it late. Between the two the same view means FORWARD while
-driving straight and LEFT while turning, and a single linear map takes the mean. So there is one
-ridge for every view, and one for each context: it learns the moves made in it, and the first
-examples of the moves that followed.
+A driver begins a turn late and ends it late. In between, the same view means FORWARD while driving
+straight and LEFT while turning, and a single linear map would predict the mean. So there is one
+ridge for all examples and one for each context. A context's ridge learns the moves made in it, and
+the first examples of the moves that followed.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ from robot.learner.votes import Floats
 Singles = NDArray[np.float32]
 Places = NDArray[np.intp]
 Angle = Floats | float
-"""An angle and its size, shape (2,), or 0 where no angle is learned."""
+"""An angle and its magnitude, shape (2,), or 0 if no angle is learned."""
 _WAITING = 32
-"""Changes of the inverse that are written at once: more would cost more to wait with than they
-save. Earlier versions had 8."""
+"""Number of pending updates of the inverse that are written together. With more, evaluating the
+pending updates would take longer than the writing that they save. Earlier versions had 8."""
 _ROUNDED = 1e-5
-"""By how much rounding may move an eigenvalue of the inverse, as a share of the largest that it can
-have. Single precision adds 6e-8 of it at each write, in all directions."""
+"""Largest rounding error of an eigenvalue of the inverse, as a share of the largest possible
+eigenvalue. Each write in single precision adds an error of 6e-8 of it."""
 _MOST_INVERSE = 1e3
-"""Upper bound of an inverse's values: they begin at 1 / penalty and shrink with every frame."""
+"""Upper bound of an inverse's values, which begin at 1 / penalty and shrink with every frame."""
 _EITHER = np.float32, np.float64
-"""Earlier versions kept the inverse in double precision."""
+"""Types of a saved inverse: earlier versions saved it in double precision."""
 MIRRORED = 0.3
-"""Weight of a frame's mirror image, where left and right are alike. A whole one gains as much from
-few frames, and costs more after many."""
+"""Weight of a frame's mirror image, if left and right are alike. A weight of 1 helps as much after
+few frames, and harms more after many."""
 N_CONTEXTS = 2
 EVERY = range(N_CONTEXTS)
 
 
 @functools.cache
 def _upper(size: int) -> NDArray[np.bool_]:
-    """Return which elements of a square matrix its upper triangle has."""
+    """Return the mask of a square matrix's upper triangle."""
     return np.triu(np.ones((size, size), bool))
 
 
@@ -62,50 +62,51 @@ class LinearPart(Stateful, ABC):
     knows_contexts: ClassVar[bool] = False
     knows_mirrors: ClassVar[bool] = False
     n_features: int
-    """How many values of a vector it uses, from the first."""
+    """Number of leading values of a vector that are used."""
 
     @abstractmethod
     def add_label(self) -> None:
-        """Add a label, which no frame so far had."""
+        """Add a label that no earlier frame had."""
 
     def begin_angles(self, of_labels: Floats) -> None:
-        """Learn an angle, too, from now on; each frame so far had the angle of its label."""
+        """Also learn an angle from now on; each earlier frame gets the angle of its label."""
 
     @abstractmethod
     def scores(self, x: Vector, context: int | None = None) -> Floats:
-        """Return one score a label, about its probability but not bounded, shape (n_labels,)."""
+        """Return one score per label, shape (n_labels,): about its probability, but not bounded."""
 
     def angle(self, x: Vector) -> Floats | None:
-        """Return angle and size, shape (2,), not bounded; None from a part that learns none."""
+        """Return angle and magnitude, shape (2,), not bounded; None if the part learns no
+        angles."""
         return None
 
     @abstractmethod
     def learn(
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
-        """Add a frame with its target scores, which counts only in these contexts."""
+        """Add a frame with its target scores; the frame counts only in these contexts."""
 
     @abstractmethod
     def forget(self, x: Vector, targets: Floats, frames: float, angle: Angle = 0.0) -> None:
-        """Take back `frames` frames, given by their means; in each context by its share of them."""
+        """Remove `frames` frames, given by their means; each context loses its share of them."""
 
     @abstractmethod
     def retarget(self, x: Vector, change: Floats, angle: Angle = 0.0) -> None:
-        """Change the targets of frames of mean `x` by `change` in sum; the frames stay."""
+        """Change the summed targets of frames with mean `x` by `change`; the frames stay."""
 
     def learn_mirrored(
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
-        """Add the mirror image of a frame, told as it is in the mirror."""
+        """Add the mirror image of a frame; all arguments are already mirrored."""
         raise ValueError("it knows no mirror images")
 
     def reflect(self, places: Places, columns: Sequence[int], on: bool) -> None:
-        """Add the mirror images of all frames so far, or take them out again.
+        """Add the mirror images of all frames so far, or remove them again.
 
         Args:
-            places: Which value of a vector each value of its mirror image is.
-            columns: Which label each label is in the mirror.
-            on: True to add them.
+            places: For each feature the index of the feature that replaces it in the mirror.
+            columns: For each label the column of its mirrored label.
+            on: True: add the mirror images.
         """
         raise ValueError("it knows no mirror images")
 
@@ -113,15 +114,15 @@ class LinearPart(Stateful, ABC):
 class RecursiveRidge(LinearPart):
     """A linear score per label, from the first `n_features` values of a vector.
 
-    Time and memory O(n_features ** 2), whatever the number of frames seen.
+    Time and memory are O(n_features ** 2), independent of the number of frames seen.
 
     Args:
-        n_features: How many values are used; a constant is added to them.
+        n_features: Number of values that are used; a constant is added to them.
         penalty: Weight of the squared coefficients.
-        scale: The divisor of the values, so that they lie about in [0, 1].
-        alike: How alike the weights of each two values are expected to be, before any frame: a
-            covariance of shape (n_features, n_features), its diagonal 1. None: each is on its own.
-            It costs nothing later on, for it is where the inverse begins.
+        scale: The divisor of the values, so that they lie roughly in [0, 1].
+        alike: Prior covariance of the weights, shape (n_features, n_features), with diagonal 1;
+            None: weights are independent. The prior takes no time per frame, because it is only
+            the initial value of the inverse.
     """
 
     knows_mirrors = True
@@ -172,7 +173,7 @@ class RecursiveRidge(LinearPart):
         return scores
 
     def begin_angles(self, of_labels: Floats) -> None:
-        # Weights are linear in their targets: it is as if it had been learned from the first.
+        # Weights are linear in their targets, so this equals learning angles from the start.
         self._angles = self._weights @ np.stack([of_labels, np.abs(of_labels)], axis=1)
 
     def angle(self, x: Vector) -> Floats:
@@ -199,7 +200,7 @@ class RecursiveRidge(LinearPart):
         seen = np.linalg.inv(self._inverse - waiting.T @ waiting)
         sums = seen @ self._weights
         angles = None if self._angles is None else seen @ self._angles
-        # What was seen is a sum over frames, so that its mirror image is that of the frames.
+        # `seen` is a sum over frames, so mirroring the sum mirrors every frame.
         seen, turned = seen - begun, np.append(places, self.size - 1)
         share, rest = (MIRRORED, 1.0) if on else (-MIRRORED, 1.0 - MIRRORED**2)
         seen = (seen + share * seen[np.ix_(turned, turned)]) / rest
@@ -218,7 +219,7 @@ class RecursiveRidge(LinearPart):
         direction = self._solve(single)
         rest = 1.0 + weight * float(single @ direction)
         if weight < 0.0 and -weight * float(direction @ direction) > rest * self._most:
-            return  # not all of it was learned here: less than nothing would be left
+            return  # not all was learned here: the rest would be negative
         gain = weight / rest
         step = np.multiply(direction, gain, dtype=np.float64)[:, None]
         self._weights += step.dot((targets - z.dot(self._weights))[None])  # faster than np.outer
@@ -234,7 +235,8 @@ class RecursiveRidge(LinearPart):
             self._write()
 
     def _write(self) -> None:
-        """Write what waits. A product with itself is symmetric to the last bit."""
+        """Write the pending updates. A product of a matrix with its transpose is exactly
+        symmetric."""
         np.matmul(self._waiting.T, self._waiting, out=self._work)
         self._inverse -= self._work
         self._waiting[:] = 0.0
@@ -247,7 +249,7 @@ class RecursiveRidge(LinearPart):
             self._angles += np.outer(direction, angle)
 
     def _solve(self, z: Singles) -> Singles:
-        """Return the inverse times `z`, with the changes that wait."""
+        """Return the inverse times `z`, including the pending updates."""
         solution: Singles = self._inverse.dot(z)
         if self._n_waiting:
             waiting = self._waiting[: self._n_waiting]
@@ -255,14 +257,14 @@ class RecursiveRidge(LinearPart):
         return solution
 
     def _scaled(self, x: Vector) -> Floats:
-        """Return the values that are used, scaled, and the constant; shape (n_features + 1,)."""
+        """Return the scaled values that are used, and the constant; shape (n_features + 1,)."""
         z = np.ones(self.n_features + 1)
         np.divide(x[: self.n_features], self.scale, out=z[:-1])
         return z
 
     @property
     def _triangle(self) -> Singles:
-        """The upper half of the inverse, which is symmetric to the last bit."""
+        """The upper triangle of the inverse, which is exactly symmetric."""
         return self._inverse[_upper(self.size)]
 
     @_triangle.setter
@@ -280,7 +282,7 @@ class RecursiveRidge(LinearPart):
         self._waiting = waiting.astype(np.float32)
 
     def prepare(self, arrays: Arrays) -> None:
-        """Make room for more frames that wait than were kept in November 2026."""
+        """Make room for more pending updates than models of November 2026 have."""
         waiting = arrays.get("waiting")
         if waiting is not None and waiting.shape == (8, self.size):
             arrays["waiting"] = np.pad(waiting, ((0, _WAITING - 8), (0, 0)))
@@ -290,7 +292,7 @@ class RecursiveRidge(LinearPart):
 
     @property
     def is_indefinite(self) -> bool:
-        """True if the inverse is of numbers, but the inverse of nothing, rounding aside."""
+        """True if the inverse is finite but, apart from rounding errors, not positive definite."""
         waiting = self._waiting.astype(np.float64)
         inverse = self._inverse - waiting.T @ waiting
         try:
@@ -308,9 +310,8 @@ class RecursiveRidge(LinearPart):
 
 
 class ContextRidge(RecursiveRidge):
-    """A ridge for every view, and one for each context as soon as a frame did not count in all.
-
-    The angle does not depend on the context.
+    """One ridge for all examples, and one for each context as soon as a frame does not count in
+    all contexts. The angle does not depend on the context.
     """
 
     knows_contexts = True
@@ -383,12 +384,12 @@ class ContextRidge(RecursiveRidge):
             ridge.retarget(x, lost * shares + part * np.maximum(change, 0.0))
 
     def _shares(self) -> Floats:
-        """Return how many of each label's frames each context has, shape (N_CONTEXTS, n_labels)."""
+        """Return each context's share of each label's frames, shape (N_CONTEXTS, n_labels)."""
         shares: Floats = self._counts[1:] / np.maximum(self._counts[0], 1)
         return shares
 
     def _copy(self) -> RecursiveRidge:
-        """Return a ridge that knows what all contexts have in common so far, but no angles."""
+        """Return a copy of the common ridge, without angles, to begin a context with."""
         ridge = RecursiveRidge(
             self.n_features, penalty=self.penalty, scale=self.scale, alike=self._alike
         )
@@ -401,7 +402,7 @@ class ContextRidge(RecursiveRidge):
         return [(f"context{context}", ridge) for context, ridge in enumerate(self._ridges)]
 
     def prepare(self, arrays: Arrays) -> None:
-        """Make as many ridges as were saved."""
+        """Create as many ridges as were saved."""
         super().prepare(arrays)
         every = (f"context{context}" for context in range(N_CONTEXTS))
         names = [name for name in every if any(key.startswith(f"{name}_") for key in arrays)]
@@ -411,7 +412,7 @@ class ContextRidge(RecursiveRidge):
     def restored(self) -> None:
         super().restored()
         for i, ridge in enumerate(self._ridges):
-            for field in ridge.fields:  # first: the copy below would hide values out of bounds
+            for field in ridge.fields:  # check first: the copy below would hide bad values
                 field.check(ridge)
-            if ridge.is_indefinite:  # frames of the other context were taken back from it
+            if ridge.is_indefinite:  # the other context's frames were removed from it
                 self._ridges[i] = self._copy()

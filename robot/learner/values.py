@@ -1,4 +1,4 @@
-"""Plain values that a part of a policy may keep: each reader says what one may be."""
+"""Readers of the plain values in a policy's state: each reader checks one kind of value."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any
 
 LARGEST, WHOLE = 1e12, 2**53
 MOST_NAMES = 10_000
-"""More moves than a body has."""
+"""Upper bound of the number of names, above the number of moves of any body."""
 
 Names = Mapping[str, str]
-"""The labels or moves that a model may name, and what each is to its parts; empty: any."""
+"""Maps the labels or moves that a model may name to the parts' names for them; empty: any name."""
 Reader = Callable[[Any, Names], Any]
-"""Returns a plain value as a part keeps it; raises ValueError for what it cannot be."""
+"""Converts a plain value to the part's form; raises ValueError for an invalid value."""
 
 
 def demand(holds: bool, otherwise: str = "") -> None:
-    """Raise ValueError unless this holds."""
+    """Raise ValueError unless `holds` is true."""
     if not holds:
         raise ValueError(otherwise)
 
@@ -33,7 +33,7 @@ def number(low: float = -LARGEST, high: float = LARGEST) -> Reader:
 
 
 def count(high: int = WHOLE) -> Reader:
-    """Read a whole number from 0."""
+    """Read an integer from 0 to `high`."""
 
     def read(plain: Any, names: Names) -> Any:
         demand(isinstance(plain, int) and not isinstance(plain, bool) and 0 <= plain <= high)
@@ -55,7 +55,7 @@ def name(plain: Any, names: Names) -> str:
 
 
 def optional(reader: Reader) -> Reader:
-    """Read this or None."""
+    """Read None, or a value that `reader` accepts."""
     return lambda plain, names: None if plain is None else reader(plain, names)
 
 
@@ -70,7 +70,7 @@ def many(reader: Reader, most: int = MOST_NAMES, least: int = 0) -> Reader:
 
 
 def row(*readers: Reader) -> Reader:
-    """Read a list of one value of each kind."""
+    """Read a list with one value for each reader."""
 
     def read(plain: Any, names: Names) -> list[Any]:
         demand(isinstance(plain, list | tuple) and len(plain) == len(readers))
@@ -80,7 +80,7 @@ def row(*readers: Reader) -> Reader:
 
 
 def table(key: Reader, value: Reader) -> Reader:
-    """Read a table."""
+    """Read a table of keys and values."""
 
     def read(plain: Any, names: Names) -> dict[Any, Any]:
         demand(isinstance(plain, Mapping))

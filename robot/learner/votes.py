@@ -16,14 +16,14 @@ Distances = NDArray[np.float32] | NDArray[np.float64]
 
 
 def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters: int) -> Floats:
-    """Return the labels' shares among the `n_voters` nearest nodes, the nearer the heavier.
+    """Return the labels' shares among the `n_voters` nearest nodes, weighted by nearness.
 
     With one voter this is the paper's vote.
 
     Args:
         distances: Squared distances to the nodes, shape (n,).
         histograms: Labels counted per node, shape (n, n_labels).
-        n_voters: How many nodes vote at most.
+        n_voters: Maximum number of nodes that vote.
 
     Returns:
         Shares that sum to 1, shape (n_labels,).
@@ -31,7 +31,7 @@ def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters:
     if n_voters == 1:
         return shares(histograms[int(distances.argmin())].astype(np.float64))
     voters, weights = _weighed(distances, histograms, n_voters)
-    summed = [0.0] * histograms.shape[1]  # of a few numbers: no task for numpy
+    summed = [0.0] * histograms.shape[1]  # for few numbers a list is faster than numpy
     for weight, counts in zip(weights, histograms[voters].tolist(), strict=True):
         each = weight / max(sum(counts), 1)
         summed = [votes + each * count for votes, count in zip(summed, counts, strict=True)]
@@ -41,11 +41,11 @@ def nearest_nodes(distances: Distances, histograms: NDArray[np.int64], n_voters:
 def _weighed(
     distances: Distances, counts: NDArray[np.int64], n_voters: int
 ) -> tuple[NDArray[np.intp], list[float]]:
-    """Return the `n_voters` nearest nodes, and how heavy each is: the nearer the heavier."""
+    """Return the `n_voters` nearest nodes and their weights; nearer nodes have higher weights."""
     voters = np.arange(distances.size)
     if distances.size > n_voters:
         voters = distances.argpartition(n_voters - 1)[:n_voters]
-        if not counts[voters].any():  # of images that are the same one has all the votes
+        if not counts[voters].any():  # of equal images one has all the votes
             voting = np.unique(counts.nonzero()[0])
             voters = voting[distances[voting].argsort()[:n_voters]]
     near = distances[voters].tolist()
@@ -54,20 +54,21 @@ def _weighed(
 
 
 def angle_terms(angle: Floats | float) -> Floats:
-    """Return angle, size and square, shape (..., 3): their sums give all that is said of angles."""
+    """Return angle, magnitude and square, shape (..., 3): means and deviations of angles are
+    computed from sums of these."""
     return np.stack([angle, np.abs(angle), np.square(angle)], axis=-1)
 
 
 def mean_angle(
     distances: Distances, sums: Floats, frames: NDArray[np.int64], n_voters: int
 ) -> tuple[Floats, float]:
-    """Return mean angle and size, shape (2,), and the angle's deviation among the nearest nodes.
+    """Return the mean angle and magnitude, shape (2,), and the angle's standard deviation.
 
     Args:
         distances: Squared distances to the nodes, shape (n,).
         sums: Sums of each node's `angle_terms`, shape (n or more, 3).
-        frames: How many frames each node stands for, shape (n,).
-        n_voters: How many nodes count at most, the nearer the more.
+        frames: Number of frames of each node, shape (n,).
+        n_voters: Maximum number of nodes that count, weighted by nearness.
     """
     voters, each = _weighed(distances, frames, n_voters)
     weights = np.array(each) * (frames[voters] > 0)
@@ -77,25 +78,25 @@ def mean_angle(
 
 
 def chance(votes: Sequence[float], best: int, sharpness: float) -> float:
-    """Return the chance that the label `best` is right: its share after sharpening.
+    """Return the probability that the label `best` is right: its share after sharpening.
 
     Votes of neighbours and of a penalised linear part are underconfident: at 75 % they are right in
-    87 % of frames. Raising shares to a power (a temperature below 1) corrects that at every level.
+    87 % of frames. Raising shares to a power (a temperature below 1) corrects this at every level.
     """
-    powers = [vote**sharpness for vote in votes]  # of a few numbers: no task for numpy
+    powers = [vote**sharpness for vote in votes]  # for few numbers a list is faster than numpy
     total = sum(powers)
     return powers[best] / total if total > 0 else 0.0
 
 
 def rarity(counts: NDArray[np.int64] | Floats, power: float) -> Floats:
-    """Return what to multiply each label's votes by, so that a rare one weighs more.
+    """Return factors for the labels' votes, higher for rare labels.
 
-    A few examples show mostly the most frequent label, and whatever was learned from them leans
-    towards it: "logit adjustment", Menon et al. (2021).
+    Most of the first examples have the most frequent label, so a learner trained on them is biased
+    towards this label: "logit adjustment", Menon et al. (2021).
 
     Args:
-        counts: How many examples each label has.
-        power: Of a label's frequency; with 1 frequencies no longer count.
+        counts: Number of examples of each label.
+        power: Exponent of a label's frequency; 1 cancels the effect of the frequencies.
     """
     weights: Floats = (np.maximum(counts, 1) / max(float(counts.sum()), 1.0)) ** -power
     return weights
@@ -108,8 +109,9 @@ def shares(votes: Floats) -> Floats:
 
 
 HELD_OUT = 20
-"""Number of latest examples whose nodes are left out when the novelty of the next one is measured:
-frames a tenth of a second apart are almost the same. At ten examples a second this is 2 s."""
+"""Number of latest examples whose nodes are left out when the next example's novelty is measured,
+because frames a tenth of a second apart are almost the same. At ten examples a second this is
+2 s."""
 _FEWEST, _MEMORY = 30, 600
 """The least and the largest number of latest examples that a view is compared with."""
 _SCALE = 3
@@ -122,13 +124,13 @@ MARGIN = 0.05
 class Novelty(Stateful):
     """Compares a view's distance with those of earlier examples.
 
-    Every example, before it is learned, has a distance from the nearest node that none of the
-    latest examples went into. Such distances occur when the robot comes by again. The
-    median of these is novelty 0, a little beyond their 98th percentile 1. Old examples count less,
-    because distances shrink as the nodes cover the place.
+    Before an example is learned, its distance from the nearest node without recent examples is
+    measured. Such distances are typical of views that the robot passes again. Their median is
+    novelty 0; a little more than their 98th percentile is novelty 1. Old examples count less,
+    because distances shrink as the nodes cover the surroundings.
 
     Args:
-        margin: Share of the median by which the border lies beyond that percentile.
+        margin: Share of the median by which the border lies beyond the percentile.
     """
 
     fields = (
@@ -155,7 +157,7 @@ class Novelty(Stateful):
         self._border += self.margin * self._median
 
     def score(self, squared_distance: float) -> float:
-        """Return 0 for a view no farther away than usual, 1 at the limit, more beyond."""
+        """Return 0 for a view that is no farther away than usual, 1 at the border, more beyond."""
         span = self._border - self._median
         if span <= 0.0:
             return 0.0
@@ -175,12 +177,13 @@ class Novelty(Stateful):
 
 
 def percentile(ordered: Sequence[float], share: float) -> float:
-    """Return what `numpy.percentile` does for values in order, to the last bit.
+    """Return exactly the result of `numpy.percentile`, for sorted values.
 
-    That function costs a brick more than a frame, and newer versions import masked arrays for it.
+    On a brick `numpy.percentile` takes longer than a frame, and newer versions of numpy import
+    masked arrays for it.
     """
     place = share / 100 * (len(ordered) - 1)
     index = min(int(place), len(ordered) - 2)
     low, high, rest = ordered[index], ordered[index + 1], place - index
-    # From the nearer end, so that it never leaves the two.
+    # Interpolate from the nearer end, so that the result stays between `low` and `high`.
     return high - (high - low) * (1 - rest) if rest >= 0.5 else low + (high - low) * rest

@@ -2,11 +2,11 @@
 
 Every constant is a time or a share of votes, never a number of frames.
 
-1. Votes are averaged over time, less for a pilot who changes his moves quickly.
-2. Without contexts, a move under way goes on until another exceeds it clearly; by degrees, a turn
-   until one to the other side does.
+1. Votes are averaged over time, over a shorter time if the pilot changes his moves quickly.
+2. Without contexts, the current move goes on until another move has clearly more votes. By degrees,
+   a turn goes on until a turn to the other side has clearly more votes.
 3. A straight move without effect is given up (`StallDetector`).
-4. Turning for longer than the pilot's own longest loses votes (`Headway`).
+4. Turning for longer than the pilot's longest turns loses votes (`Headway`).
 5. A robot that alternates between left and right faster than its pilot keeps to one side for a
    while.
 6. If none of this helps, the robot stops and asks for help.
@@ -29,8 +29,8 @@ from robot.types import Action, Point
 VOTES_KEPT = 0.4
 """Share of the running average of votes that is left after a tenth of a second."""
 SHARE_OF_RUN = 0.14
-"""The time constant is at most this share of how long the pilot keeps to a move: an average that
-is slower than its pilot's hand comes too late for a quick body."""
+"""Upper bound of the average's time constant, as a share of the time for which the pilot usually
+holds a move. An average that is slower than the pilot comes too late for a quick body."""
 
 
 class RunningVotes:
@@ -60,8 +60,8 @@ class RunningVotes:
 
         Args:
             shares: The votes for each move.
-            step_s: How long the frame comes after the last.
-            usual_run_s: How long the pilot keeps to a move; None if it is not known.
+            step_s: Time since the last frame, in seconds.
+            usual_run_s: Time for which the pilot usually holds a move; None: unknown.
         """
         keep = self.kept = self._kept(step_s if self._average else USUAL_STEP_S, usual_run_s)
         old = self._average or shares
@@ -82,29 +82,29 @@ class RunningVotes:
         return math.exp(-step_s / constant_s)
 
     def reset(self) -> None:
-        """Forget the past: a new drive begins."""
+        """Forget the past votes, because a new drive begins."""
         self._average = {}
 
 
 AWAY_S = 1.5
-"""Time for which a given-up move is barred, in seconds; it also stays barred until the robot moves.
-Several moves may be given up one after the other."""
+"""Time for which a given-up move is barred, in seconds. The move also stays barred until the robot
+moves. Several moves may be given up one after the other."""
 
 
 class StallDetector:
-    """Bars a move that has no effect: motion is commanded, the image does not change.
+    """Bars a move that has no effect: motion is commanded, but the image does not change.
 
-    A pilot seldom gets stuck, so no example shows the view from there, and the votes would let the
-    robot push or brake indefinitely. An unchanged image shows it, or a bumper. From one frame to
-    the next a car that sets off changes the image as little as one that stands; so in the end the
-    image must still be as it was when that began.
+    A pilot seldom gets stuck, so no example shows such a view, and by the votes the robot would
+    push or brake indefinitely. An unchanged image or a pressed bumper shows that it is stuck. From
+    one frame to the next a car that sets off changes the image as little as a standing car. So the
+    last image must also be as little changed from the image at which the standstill began.
 
-    A turn is not watched here: near a plain wall it changes the picture little (`Headway` watches
-    it). Nor is a move that nobody knows, if the pilot has stood with it himself: he may wait, or
-    grip.
+    A turn is not watched here, because near a plain wall a turn changes the picture little
+    (`Headway` watches turns). A move of unknown effect is not watched either if the pilot has stood
+    still with it, for example to wait or to grip.
 
     Attributes:
-        is_stalled: True while a move under way has no effect.
+        is_stalled: True while the current move has no effect.
         futile: The moves that are given up.
     """
 
@@ -117,7 +117,7 @@ class StallDetector:
         self._barred_until_s = 0.0
 
     def look(self, seen: Seen, pace: PilotPace) -> None:
-        """Look at one more frame, beside what the pilot's driving tells."""
+        """Process one more frame; `pace` is learned from the pilot's driving."""
         kinds, under_way, at_s = self._kinds, seen.under_way, seen.at_s
         change = self._meter.note(seen.picture, at_s)
         if change is None:
@@ -137,52 +137,56 @@ class StallDetector:
         elif self._stuck_since is None:
             self._stuck_since = at_s, seen.picture
         elif at_s - self._stuck_since[0] >= pace.patience_s - STEP_S:
-            # The picture may have crept on meanwhile.
+            # The picture may have changed slowly in the meantime.
             if seen.bumped or scale.is_still(difference(seen.picture, self._stuck_since[1])):
                 self.futile = [*(move for move in self.futile if move is not under_way), under_way]
                 self._barred_until_s = at_s + AWAY_S
             self._stuck_since = None
 
     def lift(self) -> None:
-        """Bar nothing: what had no effect is tried again."""
+        """Bar no moves: all may be tried again."""
         self._stuck_since = None
         self.futile = []
 
     def reset(self) -> None:
-        """Forget what belongs to one drive; the scale of change stays."""
+        """Forget the state of the last drive; the usual change of the picture stays known."""
         self._meter.reset()
         self.lift()
         self.is_stalled = False
 
 
 TURN_INERTIA, STRAIGHT_INERTIA = 0.3, 0.1
-"""By how much the votes for another move must exceed those for the turn, or other move, under way.
+"""Inertia: margin by which the votes for another move must exceed the votes for the current move,
+if that is a turn or another move.
 
-People begin a turn late and end it late: between the two, the same view means go on as you do.
-Votes cannot tell, and a robot without inertia ends its turns too early. A turn begun too late
-costs more than one ended too late, so a turn has more of it (docs/explanation/learner.md).
+People begin a turn late and end it late, so the same view means "go on" before and during a turn.
+Votes do not show this, and a robot without inertia ends its turns too early. Beginning a turn too
+late is worse than ending a turn too late, so turns have more inertia
+(docs/explanation/learner.md).
 """
 ALLOWANCE = 1.3
 """Multiple of the pilot's longest debt above which the robot's turns lose votes."""
 HELPLESS_S = 10.0
-"""Grace period beyond that before the robot stops and asks for help, in seconds."""
+"""Time above `ALLOWANCE` times the pilot's longest debt before the robot stops and asks for help,
+in seconds."""
 ASKING_S = 5.0
-"""Time that the robot asks for help before it tries again by itself, in seconds."""
+"""Time for which the robot asks for help before it tries again by itself, in seconds."""
 
 
 class ActionFilter(PolicyPart):
-    """Makes steady driving of the votes on single frames.
+    """Turns the votes on single frames into steady driving.
 
     Args:
-        kinds: Of the moves.
+        kinds: The kinds of the moves.
         votes_kept: Share of the running average of votes that is left after a tenth of a second.
-        turn_inertia: By how much the votes for another move must exceed those for a turn under way.
-        straight_inertia: The same for any other move under way.
+        turn_inertia: Margin by which the votes for another move must exceed those for a turn that
+            is under way.
+        straight_inertia: Margin for all other moves that are under way.
         gives_up: False: moves without effect are not given up, as in the paper.
 
     Attributes:
-        needs_help: True while the robot stands and asks for help, because no move had effect.
-        pace: The pilot's.
+        needs_help: True while the robot stands and asks for help, because no move had an effect.
+        pace: The pilot's pace.
     """
 
     def __init__(
@@ -208,11 +212,11 @@ class ActionFilter(PolicyPart):
 
     @classmethod
     def none(cls, kinds: MoveKinds) -> Self:
-        """Return a filter that does nothing: each frame's own votes decide, as in the paper."""
+        """Return a filter without effect: each frame's votes decide, as in the paper."""
         return cls(kinds, 0.0, turn_inertia=0.0, straight_inertia=0.0, gives_up=False)
 
     def on_frame(self, seen: Seen) -> None:
-        """Average the votes, and choose the move with most of them, or the one under way."""
+        """Average the votes, and choose the move with the most votes or the current move."""
         seen.shares = self._average.update(seen.shares, seen.step_s, self.pace.usual_run_s)
         seen.kept = self._average.kept
         seen.action = self._choose(seen)
@@ -222,7 +226,7 @@ class ActionFilter(PolicyPart):
             self._headway.turn(seen.action, seen.at_s)
 
     def _choose(self, seen: Seen) -> Action:
-        """Return the best move that is not barred; the first on a tie."""
+        """Return the best move that is not barred; on a tie, the first."""
         under_way, shares, turns, pace = seen.under_way, seen.shares, self._kinds.turns, self.pace
         urge = 0.0
         if self._gives_up:  # on a slow computer each comparison of pictures counts
@@ -233,9 +237,9 @@ class ActionFilter(PolicyPart):
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
         fruitful = [action for action in allowed if action not in futile and shares[action] > 0.0]
         if futile and not fruitful:
-            self._ask(seen.at_s)  # nothing else was taught, or all was tried
+            self._ask(seen.at_s)  # no other move was taught, or all were tried
         inertia = self.turn_inertia if under_way in turns else self.straight_inertia
-        # A context tells a turn from a straight drive, not from a turn to the other side.
+        # A context distinguishes a turn from a straight drive, but not left from right turns.
         by_degrees = seen.in_context and self._point is not None
         held = turns.get(under_way) if by_degrees and under_way is not None else None
         return max(
@@ -250,22 +254,23 @@ class ActionFilter(PolicyPart):
 
     @property
     def _point(self) -> Point | None:
-        """The point that was driven last by degrees; it is found after the move is chosen."""
+        """The last point driven by degrees; it is computed after the move is chosen."""
         return None if self._last is None else self._last.point
 
     def _barred_side(self, at_s: float) -> float | None:
-        """Return the side to which it must not turn, for it has just come from there twice."""
+        """Return the side to which the robot must not turn, because it has just changed sides
+        twice."""
         side, sides_s = self._headway.side, self._headway.sides_s
         if side is None or len(sides_s) < 2 or at_s - sides_s[0] > self.pace.to_and_fro_s:
             return None
         return -side
 
     def _watch(self, under_way: Action | None, at_s: float, allowed_s: float) -> float:
-        """Update the clock and `needs_help`; return what to subtract from the votes of turns."""
+        """Update the clock and `needs_help`; return the number to subtract from turns' votes."""
         if under_way is None or (self.needs_help and at_s >= self._asks_until_s):
             if self.needs_help:
                 self._stall_detector.lift()
-            self.needs_help = False  # the pilot drives, and knows the way out, or it tries again
+            self.needs_help = False  # the pilot drives out, or the robot tries again
             self._headway.reset()
             return 0.0
         is_stalled = self._stall_detector.is_stalled

@@ -1,4 +1,4 @@
-"""Chooses `max_nodes`: how many nodes does this machine allow at a given frame rate?"""
+"""Chooses `max_nodes`: the number of nodes that this machine allows at a given frame rate."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _MACHINE = RealClock()
 
 SIZES = (2, 4, 8, 16, 32, 64, 128, 256, 512, 1024)
 MARGIN = 0.5
-"""Share of a frame's time that may go into features and learner; the rest is for the others."""
+"""Share of a frame's time for features and learner; the rest is for the robot's other parts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,18 +33,18 @@ class Cost:
 
     @property
     def frame_s(self) -> float:
-        """Typical time of one taught frame: medians, because the slowest ticks show what else the
-        machine was doing; the margin covers those."""
+        """Typical time of one taught frame. It is a sum of medians, because the slowest ticks
+        depend on the machine's other tasks; `MARGIN` covers them."""
         return self.extract_s + self.propose_s + self.learn_s
 
     @property
     def rate_hz(self) -> float:
-        """The frame rate that this allows, with nothing else to do."""
+        """The frame rate that this time allows if the machine has no other tasks."""
         return 1.0 / self.frame_s
 
 
 def sample_frames(count: int) -> list[Frame]:
-    """Return synthetic frames of one drive: coarse scenes that slide by, with noise."""
+    """Return synthetic frames of one drive: coarse scenes that scroll past, with noise."""
     rng = np.random.default_rng(0)
     panorama = np.kron(rng.integers(30, 220, (12, 160)), np.ones((10, 10)))
     frames = []
@@ -78,7 +78,7 @@ def measure(
     extract = times(lambda i: policy.extract(frames[i % len(frames)]), min(repeats, 20))
     xs = [policy.extract(frame) for frame in frames]
     rng = np.random.default_rng(0)
-    for i in range(max_nodes):  # fill it: a half-empty learner is faster than it will be
+    for i in range(max_nodes):  # fill it: a half-empty learner is too fast
         noisy = xs[i % len(xs)].astype(np.int16) + rng.integers(-8, 9, xs[0].size)
         policy.learn(noisy.clip(0, 255).astype(np.uint8), DEFAULT_MOVES[i % 3])
     propose = times(lambda i: policy.propose(i, xs[i % len(xs)]), repeats)
@@ -99,13 +99,13 @@ def choose_max_nodes(
     kind: str = "default",
     cost_of: Callable[[int], Cost] | None = None,
 ) -> Cost:
-    """Return the cost of the largest size in `SIZES` that holds the rate with a margin.
+    """Return the cost of the largest size in `SIZES` that reaches the rate with a margin.
 
-    Sizes are tried in rising order, and the first that is too slow ends the search, so that a slow
-    machine wastes no time on sizes that it cannot run.
+    Sizes are tried in ascending order, and the search ends at the first size that is too slow, so
+    a slow machine wastes no time on sizes that it cannot run.
 
     Raises:
-        ConfigurationError: If not even the smallest size holds the rate.
+        ConfigurationError: If even the smallest size is too slow.
     """
     if not rate_hz > 0:
         raise ConfigurationError(f"a frame rate is above 0, not {rate_hz}")
@@ -125,7 +125,7 @@ def choose_max_nodes(
 
 
 def times(step: Callable[[int], object], repeats: int) -> list[float]:
-    """Return how long each step took, in seconds."""
+    """Return the duration of each step, in seconds."""
     took_s = []
     for i in range(repeats):
         start_s = _MACHINE.now_s()

@@ -1,4 +1,5 @@
-"""A frame as the vector that a learner compares: small grey pictures and gradient orientations."""
+"""Converts a frame to the vector that a learner compares: a small grey picture, and histograms of
+gradient orientations."""
 
 from __future__ import annotations
 
@@ -14,14 +15,14 @@ from robot.types import Frame
 
 Singles = NDArray[np.float32]
 THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT = 40, 30
-"""The paper's picture: 160x120 shrunk by four."""
+"""Size of the paper's picture: 160x120 divided by four."""
 COMMON_SIDES = 4 * THUMBNAIL_WIDTH, 4 * THUMBNAIL_HEIGHT
 CELL_COLUMNS, CELL_ROWS = 8, 6
-"""Parts of a picture, to say where two views are alike."""
+"""Number of cells across and down a picture, to show where two views are alike."""
 
 
 class Features(Protocol):
-    """A pure function from frame to vector, and from vector to a thumbnail."""
+    """Pure functions from a frame to a vector, and from a vector to a thumbnail."""
 
     name: str
 
@@ -30,24 +31,24 @@ class Features(Protocol):
         ...
 
     def thumbnail(self, x: Vector) -> NDArray[np.uint8]:
-        """Return the picture of a vector (of a node's, say), shape (30, 40) or (30, 40, 3)."""
+        """Return the picture of a vector, such as a node's, shape (30, 40) or (30, 40, 3)."""
         ...
 
     def grey(self, x: Vector) -> NDArray[np.uint8]:
-        """Return the vector's part that is a grey picture, at any contrast: to compare frames."""
+        """Return the grey picture in the vector, at any contrast, to compare frames."""
         ...
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return by how much each part of the picture adds to a squared distance, shape (6, 8)."""
+        """Return the contribution of each cell to a squared distance, shape (6, 8)."""
         ...
 
 
 class PictureFeatures:
-    """Base of vectors that end in a grey picture of 40x30.
+    """Base of features whose vectors end with a grey picture of 40x30.
 
     Attributes:
-        n_others: How many values there are before it.
-        contrast: By what its grey values were divided.
+        n_others: Number of values before the picture.
+        contrast: Divisor of the picture's grey values.
     """
 
     n_others, contrast = 0, 1
@@ -61,7 +62,7 @@ class PictureFeatures:
         return x[self.n_others :]
 
     def brightened(self, x: Vector, gain: float) -> Vector:
-        """Return a copy with the grey part multiplied by `gain`, at most white."""
+        """Return a copy with the grey part multiplied by `gain`, limited to white."""
         brighter = x.copy()
         brighter[self.n_others :] = np.minimum(self.grey(x) * gain, 255 // self.contrast)
         return brighter
@@ -77,19 +78,19 @@ class GreyFeatures(PictureFeatures):
         return image.to_small_grey(frame, THUMBNAIL_WIDTH, THUMBNAIL_HEIGHT).ravel()
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sums of squares over parts of 5x5 pixels."""
+        """Return the sums of squares over cells of 5x5 pixels."""
         return sum_over_cells(difference)
 
 
 class GradientFeatures(PictureFeatures):
-    """Histograms of gradient orientations beside a grey picture at half contrast: 1584 bytes.
+    """Histograms of gradient orientations, and a grey picture at half contrast: 1584 bytes.
 
     Dalal and Triggs (2005), simplified: 8x6 cells over the frame, signed directions in 8 bins,
     each cell divided by the energy of its 3x3 neighbourhood, then the square root. A gradient is
-    split between the two directions beside it by exact decomposition, max - min along the axis
-    and min along the diagonal, so that every pixel costs a few operations on whole numbers, no
-    arctangent and no root; the eight directions follow from the sums of eight simpler parts. The
-    grey part tells apart plain surfaces that have no gradients, and is the node's thumbnail.
+    split exactly between its two neighbouring directions: max - min along the axis, and min along
+    the diagonal. So every pixel needs a few integer operations, but no arctangent and no square
+    root; the eight directions are computed from the sums of eight simpler parts. The grey part
+    distinguishes plain surfaces without gradients, and is the node's thumbnail.
     """
 
     name = "gradient"
@@ -97,13 +98,13 @@ class GradientFeatures(PictureFeatures):
     n_gradients = n_others = n_columns * n_rows * n_bins
     contrast = 2
     samples = 10
-    """Gradients are taken at 10x10 points of each cell: every second pixel of 160x120. A larger
-    picture is made that small before, so that a view is the same to a camera of any size."""
+    """Gradients are computed at 10x10 points of each cell: every second pixel of 160x120. Larger
+    pictures are first reduced to this size, so vectors do not depend on the camera's resolution."""
     reach, shared = (2.0, 1.0), 0.7
-    """How many cells apart, sideways and up or down, weights are still alike, and how much of a
-    weight that is."""
+    """Correlation length of weights in cells, horizontally and vertically, and the correlated share
+    of a weight."""
     noise = 100.0
-    """Energy of a cell below which it counts as plain: one grey level a sample."""
+    """Energy below which a cell counts as plain: one grey level per sample."""
 
     def extract(self, frame: Frame) -> Vector:
         """Return shape (1584,), uint8: 6x8 cells of 8 bins, then 30x40 pixels halved."""
@@ -114,9 +115,9 @@ class GradientFeatures(PictureFeatures):
     @classmethod
     @cache
     def mirror(cls) -> NDArray[np.intp]:
-        """Return which gradient value is in each one's place in a mirror, shape (384,).
+        """For each gradient value, return the index of its mirrored value, shape (384,).
 
-        Columns of cells change places, and so do the directions to the left and to the right.
+        Columns of cells are swapped, and so are the directions to the left and to the right.
         """
         places = np.arange(cls.n_gradients).reshape(cls.n_rows, cls.n_columns, cls.n_bins)
         return places[:, ::-1, (cls.n_bins // 2 - np.arange(cls.n_bins)) % cls.n_bins].ravel()
@@ -124,12 +125,12 @@ class GradientFeatures(PictureFeatures):
     @classmethod
     @cache
     def alike(cls) -> NDArray[np.float64]:
-        """Return how alike a linear part's weights of each two values are, shape (384, 384).
+        """Return the prior covariance of the linear part's weights, shape (384, 384).
 
-        What is to be done about an edge hardly depends on whether it lies in this cell or the next
-        one: weights of one direction are alike in cells that are near each other, most of all
-        beside each other. So a few examples say something of views that are shifted a little,
-        which they could also be told by shifted copies, for twice the time.
+        The right move hardly depends on whether an edge lies in one cell or in the next. So the
+        weights of one direction are similar in nearby cells, most of all in adjacent cells. With
+        this prior a few examples also teach slightly shifted views. Training on shifted copies
+        would do the same in twice the time.
         """
         near = [
             np.exp(-0.5 * ((np.arange(n)[:, None] - np.arange(n)) / reach) ** 2)
@@ -147,7 +148,7 @@ class GradientFeatures(PictureFeatures):
 
     def _histograms(self, grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
         across, down = self._gradients(grey)
-        # Whole numbers below 2 ** 24, which single precision holds exactly.
+        # Integers below 2 ** 24, which single precision represents exactly.
         parts = np.empty((8, *across.shape), np.float32)
         width, right, height, below = parts[:4]
         np.abs(across, out=width)
@@ -160,7 +161,7 @@ class GradientFeatures(PictureFeatures):
             np.minimum(one, other, out=half)
         parts[0:2] -= parts[4:6]
         parts[2:4] -= parts[4::2]
-        # The diagonal unit vector is longer by the root of 2, which is 181 / 128.
+        # The diagonal unit vector is longer by the square root of 2, approximately 181 / 128.
         parts[4:] *= np.float32(181 / 128)
         np.floor(parts[4:], out=parts[4:])
         rows, columns = _cell_sums(self.n_rows, self.n_columns, self.samples)
@@ -190,14 +191,14 @@ class GradientFeatures(PictureFeatures):
 
 @cache
 def _sampled(length: int, n_points: int) -> tuple[NDArray[np.intp], ...]:
-    """Return `n_points` points along a side, and those before and after each."""
+    """Return `n_points` points along a side, and the points before and after each of them."""
     points = (np.arange(n_points) * length + length // 2) // n_points
     return points, points - 1, np.minimum(points + 1, length - 1)
 
 
 @cache
 def _cell_sums(n_rows: int, n_columns: int, samples: int) -> tuple[Singles, Singles]:
-    """Return what adds up the rows of each cell, and its columns, as matrices to multiply with."""
+    """Return the matrices that sum the rows and the columns of each cell by multiplication."""
     ones = np.ones(samples, np.float32)
     return np.kron(np.eye(n_rows, dtype=np.float32), ones), np.kron(
         np.eye(n_columns, dtype=np.float32), ones[:, None]
@@ -219,9 +220,10 @@ def _normalised(cells: NDArray[np.float64], noise: float) -> NDArray[np.uint8]:
 def sum_over_cells(
     pixels: NDArray[np.float64], parts: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Sum the squares of 40x30 pixels over 5x5 each, shape (6, 8), and what whole parts add.
+    """Sum the squares of 40x30 pixels over cells of 5x5, shape (6, 8); also add `parts`.
 
-    `parts` are sums over as many rows and columns of parts, each spread evenly over its pixels.
+    `parts` are sums over areas of the picture, in rows and columns; each sum is spread
+    evenly over its area.
     """
     squares = (pixels * pixels).reshape(THUMBNAIL_HEIGHT, THUMBNAIL_WIDTH)
     if parts is not None:
