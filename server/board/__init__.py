@@ -1,1 +1,1 @@
-"""The teacher's board of a class: asks the robots' own servers, and shows all on one page."""
+"""The teacher's board of a class: queries the robots' servers and shows all on one page."""

@@ -30,7 +30,7 @@ from server.routes.sockets import end_with_either
 from server.services import keep_gateway
 
 SEND_EVERY_S = 0.1
-"""How long news and pictures are gathered before they are sent together, in seconds."""
+"""How long news and pictures are collected before they are sent together, in seconds."""
 LANGUAGES = ("en", "es", "zh")
 """The languages of the lessons."""
 PICTURE_HEADER = struct.Struct("<HI")
@@ -38,7 +38,7 @@ PICTURE_HEADER = struct.Struct("<HI")
 
 
 class StopOrder(RawValue):
-    """The robot to stop; all robots if it is left out."""
+    """The robot to stop; all robots if `robot` is left out."""
 
     robot: int | None = whole(None)
 
@@ -88,7 +88,7 @@ def create_board_app(
     @app.exception_handler(RobotError)
     @app.exception_handler(OSError)
     async def refuse(request: Request, error: RobotError | OSError) -> JSONResponse:
-        """Pass on what a robot refused; 502 where it does not answer."""
+        """Return the robot's error to the client, or 502 if the robot does not answer."""
         if isinstance(error, NotFoundError):
             return JSONResponse({"detail": str(error)}, 404)
         sentence = f"{board.robot(int(request.path_params['number'])).name}: {error}"
@@ -134,7 +134,7 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.get("/lesson/{language}", include_in_schema=False)
     async def lesson_text(language: str) -> Response:
-        """Return the three lessons as they are written, in one language."""
+        """Return the Markdown of the three lessons in one language."""
         written = (config.web / "lessons", config.web.parent / "docs" / "lessons")
         for folder in written if language in LANGUAGES else ():
             if (folder / f"{language}.md").is_file():
@@ -172,12 +172,12 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.post("/api/models")
     async def order(body: OrderBody) -> dict[str, Any]:
-        """Have all robots keep their models, start empty ones, or change hands."""
+        """Have all robots save their models, start empty ones, or change hands."""
         return await models.give(ClassOrder(body.order))
 
     @app.post("/api/models/left-turns")
     async def give_left_turns(body: LessonModel) -> dict[str, Any]:
-        """Have all robots load the ready lesson of left turns only, under this name."""
+        """Have all robots load the ready lesson of left turns only as a model of this name."""
         return await models.give(ClassOrder.LOAD, await do(left_turns), body.name)
 
     @app.post("/api/models/undo")
@@ -187,7 +187,7 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.post("/api/robots/{number}/copy-model")
     async def take_model(number: int, body: ModelCopies) -> dict[str, Any]:
-        """Copy this robot's model in use; return the failures."""
+        """Copy this robot's model in use to other robots; return the failures."""
         targets = [board.robot(target) for target in body.to if target != number]
         return {"faults": await copy_model(board.robot(number), targets)}
 

@@ -1,4 +1,4 @@
-"""All robots of a class, the pages that watch them, and STOP for all at once."""
+"""All robots of a class, the board's open pages, and STOP for all robots at once."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class BoardViewer:
     """One open page of the board, with its unsent news and the newest pictures.
 
     Attributes:
-        due: Set when there is something to send, so that the page's task wakes up.
+        due: Set when there is something to send; it wakes the page's task.
         may_send: Set while the page has drawn all pictures that it was sent.
     """
 
@@ -40,8 +40,8 @@ class Board:
     """The robots of one class. Everything runs on one event loop.
 
     Attributes:
-        robots: The robots of the class: named by the teacher, or proved by the key. None is ever
-            removed.
+        robots: The robots of the class, which the teacher named or which proved the key. No robot
+            is ever removed.
         strangers: The other announced robots.
     """
 
@@ -60,7 +60,7 @@ class Board:
         self._tasks: list[asyncio.Task[None]] = []
         self._onlookers: list[BoardViewer] = []
         self.at_leisure = asyncio.Event()
-        """Cleared while a stop is neither confirmed nor reported as failed.
+        """Cleared from a stop until it is confirmed or reported as failed.
 
         Meanwhile no pictures or news are sent, so that the stop has the machine and the network
         to itself.
@@ -68,7 +68,7 @@ class Board:
         self.at_leisure.set()
 
     def add(self, address: RobotAddress) -> RobotLink | None:
-        """Add a robot and connect to it; None if it is there already."""
+        """Add a robot and connect to it; None if it was added before."""
         if self.has(address):
             return None
         robot = RobotLink(
@@ -85,7 +85,7 @@ class Board:
         return robot
 
     def announce(self, address: RobotAddress) -> None:
-        """Add an announced robot; it joins the class only after it has proved the key."""
+        """Add an announced robot; the robot joins the class only after it has proved the key."""
         if not self.has(address):
             self.strangers.announce(address)
 
@@ -119,7 +119,7 @@ class Board:
             robot.stop.press()
 
     def release(self, number: object = None) -> None:
-        """Release the stop of one robot, or of all that the board has stopped."""
+        """Release the stop of one robot, or of all robots that the board has stopped."""
         for robot in self._chosen(number):
             if number is not None or robot.state.get("stop_held_by"):
                 robot.stop.release()
@@ -127,7 +127,7 @@ class Board:
     # Pages -------------------------------------------------------------------------------------
 
     def join(self, page: BoardViewer) -> None:
-        """Add a page; it is told of all robots."""
+        """Add a page and send it all robots."""
         self._onlookers.append(page)
         page.changed.update(self.robots)
         page.strangers_changed = True
@@ -138,7 +138,7 @@ class Board:
         self._choose_pictures()
 
     def watch(self, page: BoardViewer, numbers: Iterable[int]) -> None:
-        """Send a page only the pictures of these robots."""
+        """Set the robots whose pictures a page gets."""
         page.watched = frozenset(numbers)
         for number in set(page.pictures) - page.watched:
             del page.pictures[number]

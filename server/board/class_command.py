@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until interrupted; then no process is left."""
+    """Run until interrupted; then end all processes."""
     from robot.simulator.world import load_world
     from server.access.config import NetworkConfig
     from server.access.network import lan_addresses
@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     listed = read_list(others) if others else []
     file = args.data / "class.key"
     key = keep_class_key(file)
-    # Phones read this address in the codes, so the board uses it, too.
+    # The QR codes contain this address for phones, so the board uses it too.
     here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
     place: dict[str, Any] = {"host": args.host, "port": args.port, "data": args.data}
     if args.lesson == "fair-data":
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def split(text: str) -> tuple[int, str]:
-    """Return how many simulated robots a list asks for, and the rest of it."""
+    """Return the number of simulated robots in a list, and the list's other entries."""
     words = list(filter(None, map(str.strip, text.split(","))))
     count = sum(int(word) for word in words if word.isdecimal())
     listed = [word for word in words if not word.isdecimal()]

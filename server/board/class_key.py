@@ -1,8 +1,8 @@
 """The key that a teacher's board shares with the robots of a class, and its proofs.
 
-Each side proves that it knows the key without showing it. A proof covers both sides' random
-numbers and the robot's address as each side sees it, so an impostor with another address can
-neither replay nor relay it. Pure, except for the key's file.
+Each side proves that it knows the key without sending the key. A proof covers both sides' random
+numbers and the robot's address as each side sees it, so an impostor at another address can neither
+replay nor relay the proof. Pure, except for the key's file.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ class ClassKey:
         """Return the proof of one side.
 
         Args:
-            who: `robot` or `board`: neither can use the other's proof.
+            who: `robot` or `board`, so that neither side can use the other's proof.
             board_nonce: The board's random number.
-            robot_nonce: The robot's, which it made for this one.
-            endpoint: The robot's address and port: `192.168.1.5:8000`.
+            robot_nonce: The robot's random number, made for this `board_nonce`.
+            endpoint: The robot's address and port, for example `192.168.1.5:8000`.
         """
         text = "\n".join(["drivelesson class 1", who, board_nonce, robot_nonce, endpoint])
         return hmac.digest(self.secret.encode(), text.encode(), "sha256").hex()
 
     @property
     def code(self) -> str:
-        """The printed code: it pairs any phone with any robot that has this key."""
+        """The printed code, which pairs any phone with any robot that has this key."""
         digest = hmac.digest(self.secret.encode(), b"drivelesson class code 1", "sha256")
         return "".join(ALPHABET[byte % len(ALPHABET)] for byte in digest[:TOKEN_LETTERS])
 
@@ -77,7 +77,7 @@ def read_class_key(file: Path) -> ClassKey:
 
 
 def keep_class_key(file: Path) -> ClassKey:
-    """Read a key; make one if there is none, readable only by its owner."""
+    """Read the key; if there is none, make a key that only its owner can read."""
     with told_as(ConfigurationError, f"cannot write a class key {file}"), suppress(FileExistsError):
         file.parent.mkdir(parents=True, exist_ok=True)
         with os.fdopen(os.open(file, os.O_CREAT | os.O_WRONLY | os.O_EXCL, 0o600), "w") as out:

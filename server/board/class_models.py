@@ -1,8 +1,8 @@
-"""Keeps, resets or hands over the models of all robots of a class at once, and undoes it.
+"""Saves, resets or hands over the models of all robots of a class at once, with undo.
 
-Every robot is asked at the same time, and nothing is lost: a robot saves its model before it starts
-another one. What was done to a robot is noted step by step, so that an order that failed halfway
-can be undone as well.
+All robots get the order at the same time, and nothing is lost: a robot saves its model before it
+starts another. Each step is recorded for each robot, so that an order that failed halfway can be
+undone as well.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from server.board.teacher_session import Status
 from server.board.transport import UnreachableError, within
 
 PATIENCE_S = 20.0
-"""How long one robot may take for an order, in seconds: it saves and loads a model."""
+"""How long one robot may take to carry out an order, in seconds: it saves and loads a model."""
 _STOP_S, _LOOK_S = 3.0, 0.05
 _MOST_UNDONE = 10
 _LONGEST_NAME = 40
@@ -36,23 +36,23 @@ class ClassOrder(StrEnum):
     """What all robots are to do."""
 
     KEEP = "keep"
-    """Keep a dated copy of the model in use, and go on."""
+    """Save a dated copy of the model in use, and continue with the model."""
     RESET = "reset"
     """Save the model in use, and start an empty one."""
     HAND_OVER = "hand_over"
-    """Do the same, and sign out the phones of this class."""
+    """Reset, and sign out the phones of this class."""
     LOAD = "load"
     """Save the model in use, and load a given one."""
 
 
 @dataclass(slots=True)
 class RobotOutcome:
-    """What became of one robot.
+    """The result of an order at one robot.
 
     Attributes:
         did: The order that was done, `undone`, `away` or `failed`.
-        model: The model that was kept or put aside.
-        detail: What went wrong, in English.
+        model: The model that was saved or set aside.
+        detail: The failure's cause, in English.
     """
 
     number: int
@@ -64,7 +64,7 @@ class RobotOutcome:
 
 @dataclass(slots=True)
 class _Done:
-    """An order, and for each robot the steps that undo it, the first step last."""
+    """An order with the steps that undo it, for each robot, in the order of undoing."""
 
     order: ClassOrder
     steps: dict[int, list[Undo]] = field(default_factory=dict)
@@ -75,7 +75,7 @@ class ClassModels:
     """Gives orders to all robots of a board.
 
     Args:
-        robots: Returns the robots that there are now.
+        robots: Returns the board's current robots.
     """
 
     def __init__(self, robots: Callable[[], Sequence[RobotLink]], clock: Clock) -> None:
@@ -84,7 +84,7 @@ class ClassModels:
         self._lock = asyncio.Lock()
 
     def describe(self) -> dict[str, Any]:
-        """Return the last order that can be undone, and what became of each robot."""
+        """Return the last order that can be undone, and its result at each robot."""
         last = self._done[-1] if self._done else None
         return {
             "order": last and last.order.value,
@@ -104,7 +104,7 @@ class ClassModels:
             return {"order": order.value, "robots": [_described(one) for one in done.outcomes]}
 
     async def undo(self) -> dict[str, Any]:
-        """Undo the last order; robots that do not answer can be asked again."""
+        """Undo the last order; it can be repeated for robots that did not answer."""
         async with self._lock:
             if not self._done:
                 raise NotFoundError("there is nothing to undo")
@@ -158,7 +158,7 @@ class ClassModels:
 
             async def go_back() -> None:
                 await robot.ask("POST", f"{_model(before)}/load", {})
-                if await _lessons(robot, new) == lessons:  # nobody has taught it since
+                if await _lessons(robot, new) == lessons:  # not taught since
                     await robot.ask("DELETE", _model(new))
 
             steps.append(go_back)
@@ -195,7 +195,7 @@ class ClassModels:
         return RobotOutcome(robot.number, robot.name, "undone")
 
     async def _stop(self, robot: RobotLink) -> None:
-        """Stop a robot that is not stopped; the teacher's STOP holds until it is released."""
+        """Stop a robot that is not stopped; it stays stopped until the teacher releases it."""
         if robot.state.get("mode") == "stopped":
             return
         robot.stop.press()
@@ -211,7 +211,7 @@ def _model(name: str) -> str:
 
 
 async def _lessons(robot: RobotLink, name: str) -> int | None:
-    """Return the number of examples of a model; None if it is gone."""
+    """Return the number of examples in a model; None if the model is gone."""
     for model in (await robot.ask("GET", "/api/models")).json().get("models", []):
         if isinstance(model, dict) and model.get("name") == name:
             return int(model["lessons"]) if isinstance(model.get("lessons"), int) else None

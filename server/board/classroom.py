@@ -1,9 +1,9 @@
-"""A robot as a member of a class: its teacher's sessions, and the locks on its pupils.
+"""A robot's membership in a class: the teacher's sessions, and the locks on pupils.
 
-It exists only if the robot was given the class's key. The teacher's board proves that it knows the
-key and gets its own session. No browser holds it: it travels in a header that a page of another
-site cannot set. Locks are kept on the robot and enforced by its guard. Pure, except for the locks'
-file; the time is an argument.
+A robot has a `Classroom` only if it was given the class's key. The teacher's board proves that it
+knows the key and gets a session. No browser has this session: its secret is sent in a header that a
+page of another site cannot set. Locks are stored on the robot and enforced by its guard. Pure,
+except for the locks' file; the time is an argument.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from server.gateway.roles import Role
 log = logging.getLogger(__name__)
 
 TEACHER = Role(value="teacher", may_change=True, holds_stop=True)
-"""The board of a class: changes what a pilot may and what is locked, and never drives."""
+"""The board of a class: it may change whatever a pilot may, and the locks, but never drives."""
 LOCKS: dict[str, tuple[str, ...]] = {
     "settings": ("/api/settings", "/api/world"),
     "models": ("/api/models", "/api/retraining", "/api/studies", "/api/session"),
@@ -44,7 +44,7 @@ _USED = 64
 
 
 class Classroom:
-    """The teacher's sessions and the locks of one robot; with no file the locks are in memory."""
+    """The teacher's sessions and the locks of one robot; without a file the locks are in memory."""
 
     def __init__(self, key: ClassKey, file: Path | None = None) -> None:
         self._key = key
@@ -58,8 +58,8 @@ class Classroom:
     def challenge(self, board_nonce: str, endpoint: str, now_s: float) -> tuple[str, str]:
         """Return a random number for the board, and the proof that this robot knows the key.
 
-        Nothing is stored: repeated requests cost no memory and evict nobody. ConfigurationError if
-        `board_nonce` is not valid.
+        Nothing is stored, so repeated requests use no memory and evict nobody. ConfigurationError
+        if `board_nonce` is not valid.
         """
         if not _NONCE.fullmatch(board_nonce):
             raise ConfigurationError("'nonce' must be 32 hexadecimal digits")
@@ -70,7 +70,7 @@ class Classroom:
     def admit(
         self, board_nonce: str, nonce: str, proof: str, endpoint: str, now_s: float
     ) -> str | None:
-        """Return the secret of a new session if the board knows the key, else None."""
+        """Return the secret of a new session if the board knows the key, otherwise None."""
         if not self._is_ours(nonce, board_nonce, now_s) or nonce in self._used:
             return None
         if not self._key.accepts(proof, "board", board_nonce, nonce, endpoint):
@@ -83,7 +83,7 @@ class Classroom:
         return secret
 
     def knows(self, authorization: str) -> bool:
-        """True if the header `authorization` carries the secret of a session."""
+        """True if the header `authorization` contains the secret of a session."""
         kind, _, secret = authorization.partition(" ")
         return kind == "Bearer" and hash_of(secret) in self._sessions
 
@@ -99,7 +99,7 @@ class Classroom:
         return hmac.new(self._own_secret, text, hashlib.sha256).hexdigest()[:32]
 
     def lock(self, names: Sequence[str]) -> None:
-        """Lock these and unlock all others; an error leaves the locks unchanged."""
+        """Set these locks and remove all others; an error leaves the locks unchanged."""
         locks = frozenset(names)
         if not locks <= LOCKS.keys():
             raise ConfigurationError(f"'locks' must be a list of some of {', '.join(LOCKS)}")
@@ -117,7 +117,7 @@ class Classroom:
 
 
 def _load(file: Path | None) -> frozenset[str]:
-    """Read the locks; if the file is damaged all is locked until the teacher unlocks it."""
+    """Read the locks; if the file is damaged, everything is locked until the teacher unlocks it."""
     if file is None:
         return frozenset()
     try:

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
 def serve_board(
     key: ClassKey, port: int, listed: Sequence[RobotAddress], picture_every_s: float = 1.0
 ) -> None:
-    """Serve the page of these robots, or of all that the network announces if there are none."""
+    """Serve the board of these robots; if none are given, of all that the network announces."""
     from server.board.app import create_board_app
     from server.board.board import Board
     from server.board.discovery import browsing
@@ -73,7 +73,7 @@ def serve_board(
                 event_loop = asyncio.get_running_loop()
 
                 def found(address: RobotAddress) -> None:  # on another thread
-                    with contextlib.suppress(RuntimeError):  # the board has just ended
+                    with contextlib.suppress(RuntimeError):  # the board's event loop has just ended
                         event_loop.call_soon_threadsafe(board.announce, address)
 
                 stack.enter_context(browsing(found))

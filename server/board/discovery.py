@@ -1,7 +1,7 @@
 """Finds robots, from a list or from their announcements on the network.
 
-Announcements can be forged, so only the port is taken from them. The address is the sender's, so
-that nobody can direct the board to a third computer.
+Announcements can be forged, so only the port is taken from an announcement. The address is that of
+the packet's sender, so nobody can direct the board to a third computer.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _KINDS = {"_http._tcp.local.": False, "_https._tcp.local.": True}
 _GROUP, _PORT = "224.0.0.251", 5353
 _LONGEST = 9000
 _ASK_EVERY_S = 60.0
-"""Longest time between two queries, in seconds; it is reached after waits of 1, 2, 4 ... s."""
+"""Longest time between two queries, in seconds; the waits before are 1, 2, 4 ... s."""
 
 
 def read_list(text: str) -> list[RobotAddress]:
-    """Read `HOST:PORT,...`, or a file with one address a line; `#` begins a comment."""
+    """Read `HOST:PORT,...`, or a file with one address per line; `#` begins a comment."""
     file = Path(text)
     if "," not in text and (file.is_file() or file.suffix == ".txt"):
         with told_as(ConfigurationError, f"cannot read {file}", OSError, ValueError):
@@ -48,8 +48,8 @@ def browsing(
 ) -> Iterator[None]:
     """Call `found` for each announcement of a robot inside the block, on another thread.
 
-    Asks from all of this computer's addresses, or from those of `interfaces`; MissingExtraError
-    where zeroconf is not installed.
+    Queries are sent from all of this computer's addresses, or only from `interfaces`.
+    MissingExtraError if zeroconf is not installed.
     """
     _zeroconf()
     addresses = own_addresses() if interfaces is None else interfaces
@@ -67,7 +67,7 @@ def browsing(
             if clock.now_s() >= ask_s:
                 _ask(network, addresses)
                 ask_s, pause_s = ask_s + pause_s, min(2 * pause_s, _ASK_EVERY_S)
-            with suppress(OSError):  # nothing came for a while
+            with suppress(OSError):  # a timeout
                 data, source = network.recvfrom(_LONGEST)
                 for address in read_announcement(data, str(source[0])):
                     found(address)
@@ -83,10 +83,10 @@ def browsing(
 
 
 def _join(addresses: Sequence[str]) -> socket.socket:
-    """Listen to what is announced on these of this computer's addresses."""
+    """Listen for announcements on these addresses of this computer."""
     network = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
-        for name in ("SO_REUSEADDR", "SO_REUSEPORT"):  # others listen there as well
+        for name in ("SO_REUSEADDR", "SO_REUSEPORT"):  # other programs listen on this port
             if hasattr(socket, name):
                 network.setsockopt(socket.SOL_SOCKET, getattr(socket, name), 1)
         network.bind(("", _PORT))
@@ -105,13 +105,13 @@ def _zeroconf() -> Any:
 
 
 def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
-    """Ask all services of these kinds to announce themselves again."""
+    """Query all services of these kinds, so that they announce themselves again."""
     zeroconf = _zeroconf()
     question = zeroconf.DNSOutgoing(0)
     for kind in _KINDS:
         question.add_question(zeroconf.DNSQuestion(kind, 12, 1))
     for address in addresses:
-        with suppress(OSError):  # a cable that was pulled out
+        with suppress(OSError):  # a cable may be unplugged
             own = socket.inet_aton(address)
             network.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, own)
             for packet in question.packets():
@@ -121,7 +121,7 @@ def _ask(network: socket.socket, addresses: Sequence[str]) -> None:
 def read_announcement(data: bytes, source: str) -> list[RobotAddress]:
     """Return the robots in a packet that came from `source`; robots elsewhere are ignored.
 
-    A robot with several addresses names the best; its packets from other addresses are ignored.
+    A robot with several addresses names the best one; its packets from other addresses are ignored.
     """
     zeroconf = _zeroconf()
     packet = zeroconf.DNSIncoming(data, (source, _PORT))

@@ -1,4 +1,4 @@
-"""A robot's side of a class: `/api/class`, which the board asks. See docs/reference/http.md."""
+"""A robot's side of a class: `/api/class`, which the board requests. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from server.services import Extension, Services, services_of
 
 router = APIRouter(prefix="/api/class", route_class=Route)
 _SIGNED_OUT = 10
-"""Number of times that phones were signed out and can be signed in again."""
+"""Number of sign-outs that can be undone."""
 
 
 def _require_teacher(request: Request) -> None:
@@ -58,7 +58,7 @@ class ClassLocks(RawValue):
 
 @router.post("/hello", responses={404: {}, 409: {}})
 async def hello(request: Request, body: ClassHello) -> dict[str, str]:
-    """Begin the handshake: this robot proves first that it knows the key."""
+    """Begin the handshake: this robot is the first to prove that it knows the key."""
     now_s = services_of(request).robot.clock.now_s()
     nonce, proof = _classroom(request).challenge(body.nonce, _own(request), now_s)
     return {"nonce": nonce, "proof": proof}
@@ -77,7 +77,7 @@ async def join(request: Request, body: ClassJoin) -> dict[str, str]:
 
 @router.get("", dependencies=[ONLY_TEACHER])
 async def describe_class(request: Request) -> dict[str, Any]:
-    """Return name, colour, locks, the model in use, and what the pilots chose to show."""
+    """Return name, colour, locks, the model in use, and the pilots' display choices."""
     services = services_of(request)
     identity, persistence = services.identity.now, services.persistence
     return {
@@ -101,7 +101,7 @@ async def lock(request: Request, body: ClassLocks) -> dict[str, Any]:
 
 @router.post("/invitation", dependencies=[ONLY_TEACHER])
 async def invite(request: Request) -> dict[str, Any]:
-    """Return a token for the QR code on the board; null where no pairing is needed."""
+    """Return a token for the QR code on the board; null if no pairing is needed."""
     services = services_of(request)
     pairing = _pairing(services)
     if pairing is None:
@@ -112,7 +112,7 @@ async def invite(request: Request) -> dict[str, Any]:
 
 @router.delete("/phones", dependencies=[ONLY_TEACHER])
 async def sign_out(request: Request) -> dict[str, Any]:
-    """Sign out all phones that paired by this class's codes; `undo` lets them go on."""
+    """Sign out all phones that paired by this class's codes; `undo` signs them in again."""
     services = services_of(request)
     pairing = _pairing(services)
     ended = pairing.sign_out_invited() if pairing is not None else {}
@@ -127,7 +127,7 @@ async def sign_out(request: Request) -> dict[str, Any]:
 
 @router.post("/phones", dependencies=[ONLY_TEACHER])
 async def sign_in(request: Request, body: Key) -> dict[str, Any]:
-    """Let the phones go on that were signed out."""
+    """Sign in the phones that were signed out."""
     services = services_of(request)
     sessions = services.extension(ClassroomExtension).take_signed_out(body.undo)
     pairing = _pairing(services)
@@ -160,9 +160,9 @@ def _own(request: Request) -> str:
 
 
 class ClassroomExtension(Extension):
-    """The class that the robot belongs to, if any: `classroom` is None for a robot in no class.
+    """The class that the robot belongs to; `classroom` is None if it belongs to none.
 
-    The option `class_key` names the key's file; `classroom` passes an open class instead.
+    The option `class_key` names the key's file. The argument `classroom` replaces this option.
     """
 
     routers = (router,)
@@ -182,19 +182,19 @@ class ClassroomExtension(Extension):
         services.gateway.kept.add(TEACHER.value)
 
     def keep_signed_out(self, sessions: Sessions) -> str:
-        """Keep sessions that were ended, the last few times; return their key."""
+        """Store ended sessions, so that they can be restored; return their key."""
         key = secrets.token_hex(8)
         self._signed_out = dict([*self._signed_out.items(), (key, sessions)][-_SIGNED_OUT:])
         return key
 
     def take_signed_out(self, key: str) -> Sessions:
-        """Return the sessions of a key, once; NotFoundError if there are none."""
+        """Remove and return the sessions of a key; NotFoundError if there are none."""
         if key not in self._signed_out:
             raise NotFoundError("these phones were signed in again, or too long ago signed out")
         return self._signed_out.pop(key)
 
     def start(self) -> None:
-        """Have the class's code pair pilots, now that the gateway is open."""
+        """Let the class's code pair pilots, now that the gateway is open."""
         pairing = _pairing(self._services)
         if self.classroom is not None and pairing is not None:
             pairing.standing_code = self.classroom.code

@@ -1,4 +1,4 @@
-"""Copies a model from one robot to others, which check it like any uploaded file."""
+"""Copies a model from one robot to others, which check the model like any uploaded file."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from server.board.transport import HttpAnswer, UnreachableError
 async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[str]:
     """Copy the model in use of one robot to others, all at the same time, and have them load it.
 
-    They save their current model first, and must be stopped.
+    The other robots must be stopped, and save their current model first.
 
     Returns:
-        One sentence for each robot that failed, which also says what has not changed.
+        One sentence for each robot that failed; it also says what has not changed.
     """
     try:
         name = name_in(await source.ask("POST", "/api/models/save", {}))
@@ -43,7 +43,7 @@ async def _give(target: RobotLink, name: str, data: bytes) -> str | None:
 
 
 def name_in(answer: HttpAnswer) -> str:
-    """Return the model's name in a robot's answer; UnreachableError if it is not there."""
+    """Return the model's name in a robot's answer; UnreachableError if the name is missing."""
     name = answer.json().get("name")
     if not isinstance(name, str):
         raise UnreachableError("its answer makes no sense")

@@ -1,9 +1,10 @@
 """A process that has imported everything and forks robots on request.
 
-Thirty robots that each import on their own take 30 CPU seconds to start, and share no memory. Here
-one process imports, and its forks share its memory. Each robot is still a separate process, so one
-that crashes does not affect the others. The nursery reads lines of JSON on its standard input and
-answers on its standard output. It is only for Linux: elsewhere libraries may not be forked.
+Thirty robots that each import separately take 30 CPU seconds to start, and share no memory. Here
+one process imports, and its forks share its memory. Each robot is still a separate process, so a
+crash of one robot does not affect the others. The nursery reads lines of JSON on its standard input
+and answers on its standard output. It runs only on Linux, because on other systems a process with
+these libraries must not be forked.
 """
 
 from __future__ import annotations
@@ -28,13 +29,13 @@ from typing import Any
 from robot.clock import RealClock
 
 END_S = 15.0
-"""How long a robot may take to end by itself before it is killed, in seconds."""
+"""How long a robot may take to exit before it is killed, in seconds."""
 BELOW = 5
-"""Niceness of the robots: the board and the browsers go first."""
+"""Niceness of the robots: the board and the browsers have priority."""
 _POLL_S = 1.0
 _COLD = 3.0
-"""Factor by which a picture costs more in a class than in a loop in one process. Caches are cold,
-and sockets and the disk add time. Measured with thirty robots on two cores."""
+"""Factor by which a picture costs more in a class than in a loop in one process, because caches are
+cold, and sockets and the disk add time. Measured with thirty robots on two cores."""
 _MODULES = (
     *("cv2", "mcap.writer", "mcap.reader", "panda3d.core", "zeroconf", "zstandard"),
     *("uvicorn.lifespan.on", "uvicorn.logging", "uvicorn.loops.asyncio"),
@@ -48,7 +49,7 @@ class Nursery:
     """The class's connection to the nursery.
 
     Attributes:
-        picture_s: The CPU seconds that a picture of a taught robot takes here; None: not measured.
+        picture_s: CPU seconds per picture of a taught robot on this computer; None: not measured.
     """
 
     def __init__(self, folder: Path, world: str) -> None:
@@ -87,7 +88,7 @@ class Nursery:
         return list(self._ended)
 
     def end(self) -> None:
-        """End all robots; they also end when the calling process is gone."""
+        """End all robots; they also end when the calling process ends."""
         if self._life >= 0:
             os.close(self._life)
             self._life = -1
@@ -160,11 +161,11 @@ def _fork(work: Callable[[], int]) -> int:
         with contextlib.suppress(Exception):
             sys.stdout.flush()
             sys.stderr.flush()
-        os._exit(status)  # what the process before it would do at its end is not ours
+        os._exit(status)  # skip the parent's exit handlers
 
 
 def measure_picture_s(world: str) -> float:
-    """Return the CPU time of a picture: rendered, encoded, decoded, proposed on and learned."""
+    """Return the CPU time to render, encode, decode, judge and learn one picture."""
     from robot.control.loop import ControlLoop
     from robot.policy.registry import make_policy
     from robot.simulator.camera import SimCamera, SimCameraOptions
@@ -193,7 +194,7 @@ def measure_picture_s(world: str) -> float:
 
 
 def _measure_apart(world: str) -> float | None:
-    """Measure in a fork: a process must not be forked once it has a renderer."""
+    """Measure in a fork, because a process with a renderer must not be forked."""
     read, write = os.pipe()
 
     def work() -> int:
@@ -209,7 +210,7 @@ def _measure_apart(world: str) -> float | None:
 
 
 def _run(world: str, life: int) -> None:
-    """Import; then fork robots until the input ends, and outlive them."""
+    """Import, fork robots until the input ends, and wait until they have ended."""
     import importlib
 
     for name in _MODULES:
@@ -249,7 +250,7 @@ def _run(world: str, life: int) -> None:
 
 
 def _say(**words: Any) -> None:
-    with contextlib.suppress(OSError):  # the class is gone
+    with contextlib.suppress(OSError):  # the class has ended
         sys.stdout.write(json.dumps(words) + "\n")
         sys.stdout.flush()
 

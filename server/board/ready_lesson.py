@@ -1,7 +1,7 @@
-"""The ready lesson of left turns only: what a robot learned that was never shown a right turn.
+"""The ready lesson of left turns only: a model that was never taught a right turn.
 
-It is made when it is needed, by driving rounds in the simulator, so it fits this version's learner
-and no file of it is shipped.
+The model is made when it is needed, by driving rounds in the simulator. So it fits this version's
+learner, and no model file is shipped.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _NEAR_M, _FREE_M = 0.35, 0.5
 
 @cache
 def left_turns(world: str = "box", seconds: float = 90.0) -> bytes:
-    """Return the model's file: rounds of a place in which every turn is to the left."""
+    """Return the model's file, taught on rounds of a place in which every turn is to the left."""
     from robot.policy.history import TrainingHistory
     from robot.policy.registry import make_policy
     from robot.simulator.camera import SimCamera, SimCameraOptions

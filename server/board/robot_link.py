@@ -1,8 +1,8 @@
 """The board's connection to one robot, which stays open so that a stop takes one message.
 
 The board is a client of the robot's own server, like a page. It receives the state on `/ws/drive`
-as an idle client, and pictures on `/ws/video` only while somebody looks. A robot that is slow or
-gone delays no other: each has its own tasks, which share nothing.
+as an idle client, and pictures on `/ws/video` only while somebody looks. A slow or missing robot
+does not delay the others, because each robot has its own tasks, which share nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ START_S = 30.0
 """How long a robot that has never answered counts as starting, in seconds."""
 _RETRY_S, _LONGEST_RETRY_S, _STOP_RETRY_S = 0.5, 5.0, 0.25
 _STARTING_RETRY_S = 1.0
-"""Longest time between two tries while a robot may be starting: a class waits for it."""
+"""Longest time between two tries while a robot may be starting, in seconds: a class is waiting."""
 _INVITE_EVERY_S = 100.0
 _FIELDS = (
     *("mode", "driven_by", "action", "stop_reason", "emergency", "asks_pilot", "fault", "link"),
@@ -45,7 +45,7 @@ class RobotLink:
     Args:
         on_news: Called when something about the robot has changed.
         on_picture: Called with each message of `/ws/video`.
-        at_leisure: Not set while a stop is under way: pictures wait for it.
+        at_leisure: Cleared while a stop is under way, so that pictures wait for the stop.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class RobotLink:
         return pairing_address(address, token) if token else None
 
     def show(self, every_s: float | None) -> None:
-        """Get one picture every `every_s` seconds; none if it is None."""
+        """Get one picture every `every_s` seconds; None: no pictures."""
         if every_s != self._every_s:
             self._every_s = every_s
             self._rate_changed.set()
@@ -150,14 +150,14 @@ class RobotLink:
         self._on_news(self)
 
     async def _serve(self) -> None:
-        """Connect once, and stay until the connection ends."""
+        """Connect once, and serve until the connection ends."""
         async with within():
             if not self._session.is_open:
                 await self._session.join()
             try:
                 await self.refresh()
             except RefusedError:
-                self._session.forget()  # it was started anew, perhaps without the key
+                self._session.forget()  # it restarted, perhaps without the key
                 raise
         async with self._session.connect("/ws/drive") as channel:
             await self.stop.send_again(channel)
@@ -240,7 +240,7 @@ class RobotLink:
             message = await channel.recv()
             with told_as(UnreachableError, "its picture makes no sense", ProtocolError):
                 picture = parse_picture(message if isinstance(message, bytes) else b"")
-            await self._at_leisure.wait()  # the robot sends no other before this is acknowledged
+            await self._at_leisure.wait()  # the next one comes after this is acknowledged
             if not picture.quiet:
                 await channel.send(encode_acknowledgement(picture.frame_id))
             assert isinstance(message, bytes)

@@ -1,8 +1,8 @@
 """The simulated robots of a class, each in its own process, which ends with the class.
 
-A process runs `serve` until its parent closes the process's standard input. Every system, Windows
-included, closes it when the parent ends, is killed or loses its terminal, so no process is left
-behind. Ctrl-C would reach all of them at once, so only the class handles it.
+A process runs `serve` until its standard input is closed. Every system, Windows included, closes
+the standard input when the parent ends, is killed or loses its terminal, so no process is left
+behind. Ctrl-C would reach all processes at once, so only the class handles Ctrl-C.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _ANSWER_S = 5.0
 _GOLDEN_DEG = 137.508
 """Step between hues in degrees: the golden angle keeps any number of hues distinct."""
 _HUES_DEG = {"green": 130, "purple": 259, "pink": 324, "brown": 28, "teal": 176}
-"""Hues of the board's colours in degrees; a robot gets the one nearest to its walls' hue."""
+"""Hues of the board's colours in degrees; a robot gets the colour nearest to its walls' hue."""
 RATE_HZ, PER_CORE_HZ = 30, 150
 """Maximum frame rate of one robot, and of all robots together per CPU core, in Hz."""
 _FLAGS = sum(  # of Windows
@@ -45,7 +45,8 @@ _FLAGS = sum(  # of Windows
 class SimulatedRobot:
     """One simulated robot.
 
-    Its number decides its name, colour and room, unless its folder has those that a teacher gave.
+    The robot's number decides its name, colour and room, unless a teacher changed them: then its
+    folder contains them.
     """
 
     def __init__(self, number: int, port: int, folder: Path) -> None:
@@ -53,7 +54,7 @@ class SimulatedRobot:
         self._hue_deg = round(number * _GOLDEN_DEG) % 360
         self._process: subprocess.Popen[bytes] | None = None
         self.model = ""
-        """The model that it begins with; empty: the one that it used last."""
+        """The model that the robot begins with; empty: the model that it used last."""
         self._ending, self._has_ended = threading.Event(), threading.Event()
         if not (folder / "robot.json").exists():
             again, place = divmod(number - 1, len(NAMES))
@@ -69,7 +70,7 @@ class SimulatedRobot:
     def start(
         self, host: str, world: str, key: Path, rate_hz: float, nursery: Nursery | None = None
     ) -> None:
-        """Start its process and return when it serves; its output goes to `log.txt`."""
+        """Start the robot's process and return when it serves; its output goes to `log.txt`."""
         if self._ending.is_set():
             return
         words = ["--lan", "--host", host, "--port", self.port, "--hostname", f"robot-{self.number}"]
@@ -113,7 +114,7 @@ class SimulatedRobot:
             self._process.stdin.close()
 
     def wait(self) -> None:
-        """Return when its process has ended; one that hangs is killed."""
+        """Wait until the robot's process has ended; kill the process if it hangs."""
         if self._process is not None:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(END_S)
@@ -151,16 +152,16 @@ def simulated_robots(
 ) -> Iterator[list[int]]:
     """Run `count` robots inside the block, each with its own room; yield their ports.
 
-    They serve on the ports after `port`, the board's, and save their models in `data/class`.
-    They begin with `model`, its name and file, if there is one.
+    They serve on the ports after `port`, which is the board's, and save their models in
+    `data/class`. They begin with `model`, a name and a file, if it is given.
     """
     robots = [SimulatedRobot(i, port + i, data / "class" / f"{i:02d}") for i in range(1, count + 1)]
-    for robot in robots:  # before any of them starts: is the port free?
+    for robot in robots:  # check all ports before the first robot starts
         open_socket(host, robot.port).close()
         if model is not None:
             robot.keep_model(*model)
     cores = os.cpu_count() or 1
-    starting = ThreadPoolExecutor(cores)  # all at once would keep the board from answering
+    starting = ThreadPoolExecutor(cores)  # more at once would block the board
     nurseries: list[Nursery] = []
     begun = itertools.count(1)
 
@@ -205,7 +206,7 @@ def _end_with_input() -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have set it to ignore
     if hasattr(os, "nice"):
         os.nice(BELOW)
     threading.Thread(target=_end_with_input, daemon=True).start()

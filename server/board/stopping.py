@@ -1,4 +1,4 @@
-"""STOP for one robot: sent at once on the open connection, then confirmed, or sent again.
+"""STOP for one robot: sent at once on the open connection, and repeated until confirmed.
 
 A stop is the teacher's until the teacher releases it: see docs/howto/class.md.
 """
@@ -36,7 +36,7 @@ class RobotStop:
     """The stop of one robot; `on_change` is called at each new stage.
 
     Attributes:
-        stage: The current stage; None if no stop was asked for, or it was released.
+        stage: The current stage; None if no stop was requested, or the stop was released.
         channel: The open connection to the robot; None while there is none.
     """
 
@@ -60,7 +60,7 @@ class RobotStop:
         return self.stage in (Stopping.ASKED, Stopping.NOT_REACHED)
 
     def press(self) -> None:
-        """Stop the robot now, or as soon as it can be reached."""
+        """Stop the robot now, or as soon as the robot can be reached."""
         if self.channel is not None:
             self._start(self.send(self.channel))
         if not self.is_under_way:
@@ -71,10 +71,10 @@ class RobotStop:
         self._on_change()
 
     def release(self) -> None:
-        """Let the robot's pupils start it again; one that is away stays stopped."""
+        """Let pupils start the robot again; a robot that is away stays stopped."""
         if self.channel is None:
             return
-        if self._pressing is not None:  # what it has asked for would come after the release
+        if self._pressing is not None:  # its request would arrive after the release
             self._pressing.cancel()
         self.stage, self._is_behind = None, True
         self._start(self.send(self.channel, _RELEASE))
@@ -90,13 +90,13 @@ class RobotStop:
             self.stage, self._is_shown = Stopping.STOPPED, True
 
     async def send_again(self, channel: Any) -> None:
-        """Send an unreleased stop first on a connection that has just been opened."""
+        """On a new connection, send a stop that was not released, before anything else."""
         self._is_shown = self._is_behind = False
         if self.stage is not None:
             await self.send(channel)
 
     async def send(self, channel: Any, words: str = _STOP) -> None:
-        """Send it on an open connection; a failure is noticed by the missing confirmation."""
+        """Send the stop on an open connection; the missing confirmation shows a failure."""
         with contextlib.suppress(UnreachableError):
             async with within(1.0):
                 await channel.send(words)
@@ -106,7 +106,7 @@ class RobotStop:
             task.cancel()
 
     async def _see_to_it(self) -> None:
-        """Wait until the stop is confirmed; report and repeat it if it is not."""
+        """Wait until the stop is confirmed; report and repeat an unconfirmed stop."""
         await self._clock.pause(CONFIRM_S)
         while self.is_under_way:
             if self.stage is Stopping.ASKED:
@@ -115,7 +115,7 @@ class RobotStop:
                 self._on_change()
             with contextlib.suppress(UnreachableError):
                 async with within():
-                    # The open connection may be dead without knowing it: this is one of its own.
+                    # The open connection may be dead without an error, so use a separate one.
                     answer = await self._session.send("POST", "/api/stop")
                 if answer.json().get("emergency") is True and self.stage is not None:
                     self.stage = Stopping.STOPPED

@@ -23,7 +23,7 @@ _LONGEST = 300
 
 
 class Status(StrEnum):
-    """The state of a robot's server as the board knows it."""
+    """The state of a robot's server as known to the board."""
 
     CONNECTING = "connecting"
     THERE = "there"
@@ -41,7 +41,7 @@ class RefusedError(RobotError):
 
 
 class WrongClassError(RobotError):
-    """A robot belongs to no class, or to another one."""
+    """A robot belongs to no class or to another class."""
 
     def __init__(self, status: Status, sentence: str) -> None:
         super().__init__(sentence)
@@ -49,9 +49,9 @@ class WrongClassError(RobotError):
 
 
 class TeacherSession:
-    """Asks one robot's server, as its teacher once `join` has succeeded.
+    """Sends requests to one robot's server, as its teacher once `join` has succeeded.
 
-    Methods that ask it raise UnreachableError if the robot does not answer.
+    Methods that send a request raise UnreachableError if the robot does not answer.
     """
 
     def __init__(self, address: RobotAddress, key: ClassKey, transport: NetworkTransport) -> None:
@@ -65,7 +65,7 @@ class TeacherSession:
         return self._secret is not None
 
     async def join(self) -> None:
-        """Prove in both directions that board and robot are of one class; open a session.
+        """Verify that board and robot are of one class, in both directions; open a session.
 
         Raises:
             WrongClassError: If they are of different classes.
@@ -92,7 +92,7 @@ class TeacherSession:
         self._secret = secret
 
     async def ask(self, method: str, path: str, body: Any = None) -> HttpAnswer:
-        """Send a request as the teacher; a session that the robot has forgotten is closed.
+        """Send a request as the teacher; close the session if the robot has forgotten it.
 
         Raises:
             RefusedError: If the robot refuses, with the robot's own sentence.
@@ -102,14 +102,14 @@ class TeacherSession:
         answer = await self.send(method, path, body)
         if answer.status >= 400:
             if answer.status == 401:
-                self._secret = None  # it was started anew
+                self._secret = None  # the robot restarted
             raise RefusedError(answer.status, _sentence(answer))
         return answer
 
     async def send(self, method: str, path: str, body: Any = None) -> HttpAnswer:
-        """Send a request and return the answer; before `join` it may be forged.
+        """Send a request and return the answer; before `join` the answer may be forged.
 
-        The body is sent as JSON, or as it is if it is bytes.
+        A body of bytes is sent unchanged, any other as JSON.
         """
         is_file = isinstance(body, bytes)
         data = body if is_file else b"" if body is None else json.dumps(body).encode()
@@ -122,7 +122,7 @@ class TeacherSession:
         return self._transport.connect(self._there, path, self.headers)
 
     def forget(self) -> None:
-        """Close the session; `join` opens the next."""
+        """Close the session; `join` opens a new one."""
         self._secret = None
 
     @property

@@ -1,6 +1,6 @@
 """Connects the board to a robot's server by requests and by websockets that stay open.
 
-Every connection goes to the address of the handshake: a name is looked up once, and over https only
+Every connection goes to the address of the handshake: a name is resolved once, and over https only
 the first certificate is accepted afterwards.
 """
 
@@ -41,7 +41,7 @@ class UnreachableError(RobotError, OSError):
 
 @dataclass(frozen=True, slots=True)
 class RobotAddress:
-    """The address of a robot's server, as a person or the network named it."""
+    """The address of a robot's server, as a person typed it or the network announced it."""
 
     host: str
     port: int
@@ -72,7 +72,7 @@ class ServerPlace:
     Attributes:
         address: The address, with an IP address instead of a name.
         endpoint: The text that both sides of a handshake must agree on.
-        certificate: The only one accepted; None over http.
+        certificate: The only certificate that is accepted; None over http.
     """
 
     address: RobotAddress
@@ -88,20 +88,23 @@ class HttpAnswer:
     body: bytes
 
     def json(self) -> dict[str, Any]:
-        """Return the object in the body; {} if there is none."""
+        """Return the JSON object in the body; {} if there is none."""
         with contextlib.suppress(ProtocolError):
             return parse_object(self.body.decode("utf-8", "replace"))
         return {}
 
 
 class NetworkTransport:
-    """Reaches robots over the network. Methods raise UnreachableError when one does not answer."""
+    """Reaches robots over the network.
+
+    Methods raise UnreachableError if a robot does not answer.
+    """
 
     def __init__(self) -> None:
         self._looking_up = ThreadPoolExecutor(_THREADS, thread_name_prefix="looks-up-robots")
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
-        """Look up a robot's address, and over https its certificate."""
+        """Resolve a robot's address, and over https get its certificate."""
         async with within(_PATIENCE_S):
             found = await asyncio.get_running_loop().run_in_executor(
                 self._looking_up, _look_up, address.host, address.port
@@ -115,7 +118,7 @@ class NetworkTransport:
             async with _connected(there, unchecked) as (_, writer):
                 der = writer.get_extra_info("ssl_object").getpeercert(binary_form=True)
             pinned = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-            pinned.check_hostname = False  # the certificate itself is compared, whatever its names
+            pinned.check_hostname = False  # the whole certificate is compared instead
             pinned.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
             pinned.load_verify_locations(cadata=der)
             return ServerPlace(there, f"{own} {hashlib.sha256(der).hexdigest()}", pinned)
@@ -152,7 +155,7 @@ class NetworkTransport:
     async def connect(
         self, place: ServerPlace, path: str, headers: Mapping[str, str]
     ) -> AsyncIterator[Any]:
-        """Open a websocket for the length of the block; UnreachableError ends it early."""
+        """Open a websocket inside the block; UnreachableError ends the block early."""
         url = str(place.address).replace("http", "ws", 1) + path
         options: dict[str, Any] = {"compression": None, "max_size": 1 << 20}
         options |= {"open_timeout": _PATIENCE_S, "close_timeout": 1.0, "ping_interval": None}
@@ -163,11 +166,11 @@ class NetworkTransport:
 
 
 def _open(url: str, headers: dict[str, str], options: dict[str, Any]) -> Any:
-    """Open a websocket with any version of the library."""
+    """Open a websocket with any version of `websockets`."""
     try:
         from websockets.asyncio.client import connect
     except ImportError:
-        import websockets  # before version 13
+        import websockets  # websockets before version 13
 
         return websockets.connect(url, extra_headers=headers, **options)
     return connect(url, additional_headers=headers, proxy=None, **options)
@@ -182,7 +185,7 @@ def _look_up(host: str, port: int) -> str:
 async def _connected(
     address: RobotAddress, certificate: ssl.SSLContext | None
 ) -> AsyncIterator[tuple[asyncio.StreamReader, asyncio.StreamWriter]]:
-    """Connect for the length of the block; unread data is dropped."""
+    """Connect inside the block; unread data is dropped."""
     reader, writer = await asyncio.open_connection(address.host, address.port, ssl=certificate)
     try:
         yield reader, writer
@@ -206,5 +209,5 @@ async def within(patience_s: float | None = 5.0) -> AsyncIterator[None]:
         number = getattr(error, "errno", None) or 0
         words = getattr(error, "strerror", None) or str(error) or type(error).__name__
         if number > 0 and not isinstance(error, ssl.SSLError):
-            words = os.strerror(number)  # asyncio says which call has failed, not why
+            words = os.strerror(number)  # asyncio names the failed call, not the cause
         raise UnreachableError(words.lower()) from error

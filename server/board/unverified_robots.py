@@ -1,8 +1,8 @@
 """Robots that were announced and have not proved that they are of the class.
 
-Each is asked for its proof. Robots that fail are shown separately, and forgotten when they are no
-longer announced. Computers take turns, so that one that announces a thousand robots does not delay
-the others.
+Each robot is asked for its proof. Robots that fail are shown separately, and forgotten when they
+are no longer announced. Computers take turns, so that a computer that announces a thousand robots
+does not delay the others.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 300.0
 
 @dataclass(slots=True)
 class UnverifiedRobot:
-    """One unverified robot, with the time of its last announcement and the result of asking it."""
+    """One unverified robot, with the time of its last announcement and the result of its check."""
 
     heard_s: float
     status: Status = Status.CONNECTING
@@ -55,12 +55,12 @@ class UnverifiedRobots:
         self._asking: set[asyncio.Task[None]] = set()
 
     def announce(self, address: RobotAddress) -> None:
-        """Note an announcement, and ask the robot if it is due."""
+        """Note an announcement, and ask the robot for its proof if that is due."""
         now_s = self._clock.now_s()
         stranger = self._known.pop(address, None) or UnverifiedRobot(now_s)
         self._known[address] = stranger
         stranger.heard_s = now_s
-        for other, one in list(self._known.items()):  # the least recently heard first
+        for other, one in list(self._known.items()):  # the least recently announced first
             if now_s - one.heard_s <= FORGOTTEN_S and len(self._known) <= _MOST:
                 break
             del self._known[other]
@@ -70,7 +70,7 @@ class UnverifiedRobots:
             self._ask_next()
 
     def describe(self) -> dict[str, Any]:
-        """Return their number and the details of some of them, for the page."""
+        """Return the number of unverified robots and the details of some, for the page."""
         since_s = self._clock.now_s() - FORGOTTEN_S
         there = {at: one for at, one in self._known.items() if one.heard_s >= since_s}
         rows = [

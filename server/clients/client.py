@@ -14,14 +14,15 @@ _OUTBOX = 64
 """Maximum number of answers queued for one client; a slow reader loses the oldest."""
 
 IDLE_STATE_EVERY_S = 5.0
-"""Interval at which an idle client, which shows no picture, gets the state, in seconds. Changes of
+"""Interval in seconds at which an idle client, which shows no picture, gets the state. Changes of
 mode, pilot or fault are sent at once."""
 
 
 class Client:
     """One open `/ws/drive`: its sequence check, its rate limit and its outgoing messages.
 
-    Answers and events wait in a short queue; of states only the newest waits.
+    Answers and events wait in a short queue. Only the newest state waits, because each state
+    replaces the one before.
     """
 
     def __init__(
@@ -54,9 +55,9 @@ class Client:
         self._waiting.set()
 
     def refuse(self, error: ProtocolError) -> None:
-        """Queue the answer to a refused message; a client with too many is shut out.
+        """Queue the answer to a refused message; a client with too many refusals is disconnected.
 
-        Messages that only came late do not count: a slow link causes them.
+        Messages that only arrived late do not count, because a slow link causes them.
         """
         self.refused += error.code is not ErrorCode.STALE
         if self.refused >= self._most_refused:
@@ -64,12 +65,12 @@ class Client:
         self.send(encode_error(error))
 
     def send_state(self, text: str) -> None:
-        """Queue a state; it replaces one that still waits."""
+        """Queue a state; it replaces a state that is still queued."""
         self._state = text
         self._waiting.set()
 
     def is_state_due(self, urgent: object, now_s: float) -> bool:
-        """True if a state is due: for an idle client rarely, unless `urgent` has changed."""
+        """True if a state is due; for an idle client this is rare unless `urgent` has changed."""
         is_new = urgent != self._sent or self.is_answer_due
         if self.is_idle and not is_new and now_s - self._sent_s < IDLE_STATE_EVERY_S:
             return False

@@ -1,4 +1,4 @@
-"""The window of frames in flight to a viewer, and their size.
+"""The window of frames in flight to a viewer, and the size of the frames.
 
 Pure: nothing here uses sockets or clocks; the time is an argument.
 """
@@ -22,15 +22,15 @@ class _Sent(NamedTuple):
 class VideoWindow:
     """A congestion window: the number of frames that may be in flight to one viewer.
 
-    It is one frame while bandwidth is the limit: a second one would only queue behind the first. It
-    is up to `LARGEST` frames when only the round trip is long: then the delay of an acknowledgement
-    does not grow with the window. The window probes: it grows by one when frames had to be skipped,
-    and falls back to one when the delay has grown with it. After a failed probe it backs off by a
-    factor of four.
+    The window is one frame while bandwidth is the limit, because a second frame would only queue
+    behind the first. It is up to `LARGEST` frames when only the round trip is long, because then
+    the delay of an acknowledgement does not grow with the window. The window probes: it grows by
+    one when frames had to be skipped, and falls back to one when the delay has grown as well. After
+    a failed probe the window backs off by a factor of four.
 
-    On an easy link, where acknowledgements come long before the next frame, only every third
-    frame asks for one; the others are *quiet*. That saves both ends a third of their work, and a
-    phone's radio two packets of three.
+    On a fast link, acknowledgements arrive long before the next frame. Then only every third frame
+    requests an acknowledgement; the others are *quiet*. Quiet frames save both ends a third of
+    their work, and a phone's radio two packets of three.
     """
 
     LARGEST = 4
@@ -60,8 +60,8 @@ class VideoWindow:
         self._starved = self._slow = self._easy = 0
 
     def may_send(self, n_bytes: int) -> bool:
-        """True if another frame of this size may be sent; a refusal is counted."""
-        if not self._asked:  # nothing in flight is to be acknowledged
+        """True if another frame of this size may be sent; refusals are counted."""
+        if not self._asked:  # no frame in flight requests an acknowledgement
             return True
         if len(self._flight) < self.size and self._bytes + n_bytes <= self.LARGEST_BYTES:
             return True
@@ -69,7 +69,10 @@ class VideoWindow:
         return False
 
     def sent(self, frame_id: int, n_bytes: int, now_s: float, *, is_frequent: bool = True) -> bool:
-        """Record a frame as in flight; True if it is quiet. Infrequent frames are never quiet."""
+        """Record a frame as in flight; True if the frame is quiet.
+
+        Infrequent frames are never quiet.
+        """
         is_quiet = (
             self.is_easy
             and is_frequent
@@ -94,7 +97,7 @@ class VideoWindow:
             if earlier_id == frame_id:
                 break
         self.delay_s = now_s - sent.at_s
-        if self.size == 1 or sent.in_flight == 0:  # it had the link to itself
+        if self.size == 1 or sent.in_flight == 0:  # no other frame was in flight
             before_s = self._lone_delay_s if self._lone_delay_s is not None else self.delay_s
             self._lone_delay_s = min(self.delay_s, before_s + (self.delay_s - before_s) / 4)
         self._adapt(self.delay_s, now_s)
@@ -128,7 +131,7 @@ class VideoWindow:
 
 
 class PictureSize:
-    """Decides whether a viewer gets the camera's larger pictures: while it takes them in time.
+    """Decides whether a viewer draws the camera's larger pictures in time and so gets them.
 
     After each failure it backs off by a factor of four.
     """

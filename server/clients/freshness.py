@@ -12,18 +12,18 @@ from server.protocol import ErrorCode, ProtocolError
 NEVER_S = -math.inf
 """The time of a message without a known nonce."""
 _KEPT_S = 2.0
-"""How long a nonce is remembered, in seconds; far longer than it can move the robot."""
+"""How long a nonce is remembered, in seconds; a command with it is obeyed far more briefly."""
 
 
 class NonceLedger:
-    """Issues nonces and remembers for a while when each was issued.
+    """Issues nonces and remembers for a while when each nonce was issued.
 
     Every state and every frame carries a nonce. A message that returns it cannot have been sent
     before the nonce was issued, even if it was delayed on a stalled link, in a frozen server or in
     a queue. Only the robot's own clock is trusted, and nobody can guess a nonce.
 
     Args:
-        below: Draws a whole number below its argument, from 0.
+        below: Draws a random whole number from 0 to one below its argument.
     """
 
     def __init__(self, below: Callable[[int], int] = secrets.randbelow) -> None:
@@ -40,12 +40,12 @@ class NonceLedger:
         return nonce
 
     def issued_s(self, nonce: int | None) -> float:
-        """Return when a nonce was issued; `NEVER_S` for an unknown or forgotten one."""
+        """Return when a nonce was issued; `NEVER_S` if the nonce is unknown or forgotten."""
         return NEVER_S if nonce is None else self._issued_s.get(nonce, NEVER_S)
 
 
 def why_refused(frame: int | None, seq: int, limit_s: float) -> ProtocolError:
-    """Return why the gate refused the message `seq`, which names this frame and is this old."""
+    """Return why the gate refused the message `seq`, which names this frame and has this age."""
     if frame is None:
         why = "'frame' must be the frame on the screen: a client that shows none cannot drive"
         return ProtocolError(ErrorCode.NO_PICTURE, why, seq)

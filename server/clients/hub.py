@@ -1,7 +1,7 @@
 """The clients of one robot: their connections, the pilot, and the published states.
 
 Everything runs on the server's event loop; the control loop's thread only hands over its newest
-tick. Nothing in this module decides about motors: the gate in robot/ does.
+tick. Only the gate in robot/ decides about motors, not this module.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_messag
 
 log = logging.getLogger(__name__)
 _UNWATCHED_S = 0.5
-"""Interval of the timer while there is no client, in seconds."""
+"""Interval of the timer in seconds while no client is connected."""
 LASTING = ("set_aside", "nothing_kept", "check_battery")
 """Events that are also sent to clients that join later."""
 _ENDS = {"kept_again": "nothing_kept", "battery_bears": "check_battery"}
-"""Each event that ends a lasting one, with the event it ends."""
+"""Events that end a lasting event: each with the event that it ends."""
 
 
 class Hub:
@@ -64,7 +64,7 @@ class Hub:
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
-        self.pilot = ""  # whose client had the wheel last: that person may come back
+        self.pilot = ""  # the person who last had the wheel and may come back
         self._ids = itertools.count(1)
         self._sent: object = None
         self._sent_s = 0.0
@@ -103,7 +103,7 @@ class Hub:
 
     def _soon(self, call: Callable[..., None], *args: object) -> None:
         """Schedule a call on the event loop; may be called on any thread."""
-        with contextlib.suppress(RuntimeError):  # the server has just ended
+        with contextlib.suppress(RuntimeError):  # the server's event loop has just ended
             if self.event_loop is not None:
                 self.event_loop.call_soon_threadsafe(call, *args)
 
@@ -136,13 +136,13 @@ class Hub:
         return client
 
     def leave(self, client: Client) -> None:
-        """Remove a client that disconnected; if it had the wheel, the robot stops now."""
+        """Remove a client that disconnected; if it had the wheel, the robot stops at once."""
         self.clients.pop(client.id, None)
         self._note_need()
         now_s = self.clock.now_s()
         if self.lease.give_up(client.id, now_s):
             drivers = [one for one in self.clients.values() if one.role.may_drive]
-            if self.lease.owner is None and len(drivers) == 1:  # usually a pilot who reconnected
+            if self.lease.owner is None and len(drivers) == 1:  # usually the pilot, reconnected
                 self.lease.join(drivers[0].id, now_s)
             self._pilot_changed()
         else:
@@ -179,14 +179,14 @@ class Hub:
                 encode_message("pong", client_ms=message.client_ms, server_ms=self.now_ms())
             )
         elif message is BareMessage.STOP:
-            client.is_answer_due = True  # though the robot may stand already
+            client.is_answer_due = True  # even if the robot stands already
             self.latch_emergency(client.id, client.role)
         elif message is BareMessage.RELEASE:
             self._release_emergency(client)
         elif message is BareMessage.TAKE:
             self._handle_take(client, now_s)
         elif message in (BareMessage.IDLE, BareMessage.WATCH):
-            client.is_idle = message is BareMessage.IDLE  # the next state comes soon to all
+            client.is_idle = message is BareMessage.IDLE  # the next state is soon sent to all
             self._note_need()
         elif self.lease.give_up(client.id, now_s):
             self._pilot_changed()
@@ -199,7 +199,7 @@ class Hub:
         log.warning("emergency client=%s", source)
 
     def _release_emergency(self, client: Client) -> None:
-        """Allow modes to be chosen again; the robot stays stopped until one is."""
+        """Allow modes to be chosen again; the robot stays stopped until a mode is chosen."""
         holder = self.stop_held_by
         if holder is not None and client.role is not holder:
             raise ProtocolError(ErrorCode.STOP_HELD, f"only the {holder.value} releases this")
@@ -264,7 +264,7 @@ class Hub:
         before = self.lease.owner
         if not self.lease.take(client.id, now_s):
             owner = self.clients.get(before or "")
-            if owner and self._asks.allows(now_s):  # whoever asks, and how often
+            if owner and self._asks.allows(now_s):  # limited over all clients together
                 owner.send(encode_message("event", name="wheel_asked", client=client.id))
             client.send(encode_message("event", name="wheel_waiting", pilot=before))
         elif before != client.id:
@@ -275,7 +275,7 @@ class Hub:
             raise ProtocolError(ErrorCode.NOT_PILOT, "another client has the wheel", seq)
 
     def _pilot_changed(self) -> None:
-        """Drop the last command, because the wheel has another owner or none."""
+        """Drop the last command, because the wheel has a new owner or no owner."""
         self.robot.loop.empty_command()
         if self.lease.owner is not None:
             self.pilot = self.clients[self.lease.owner].person
@@ -283,7 +283,7 @@ class Hub:
         self.publish_state()
 
     def _note_need(self) -> None:
-        """Tell the loop the rate at which clients need pictures, if it has changed."""
+        """Tell the loop the rate at which clients need pictures, if the rate has changed."""
         self._is_watched = self.video.viewers > 0
         is_shown = any(not client.is_idle for client in self.clients.values())
         every_s = 0.0 if is_shown else self.video.needed_every_s
@@ -292,7 +292,7 @@ class Hub:
             self.robot.loop.need_picture_every(every_s)
 
     def announce(self, name: str, **fields: object) -> None:
-        """Send an event to all clients; one of `LASTING` also to each that joins later.
+        """Send an event to all clients; an event of `LASTING` also goes to clients that join later.
 
         May be called on any thread, and before the start; returns at once.
         """
@@ -324,7 +324,7 @@ class Hub:
             "stop_held_by": self.stop_held_by and self.stop_held_by.value,
             "viewers": len(self.clients) - (owner in self.clients),
         }
-        texts: dict[bool, str] = {}  # encoded once for all viewers
+        texts: dict[bool, str] = {}  # each text is encoded once for all clients
         for client in self.clients.values():
             if client.is_state_due((self._sent, owner), self._sent_s):
                 is_pilot = client.id == owner
@@ -333,12 +333,12 @@ class Hub:
                 client.send_state(texts[is_pilot])
 
     def _urgent(self) -> object:
-        """The part of the state whose changes are published at once, like those of the pilot."""
+        """Return the part of the state whose changes are published at once, such as the pilot."""
         state = self.robot.loop.state
         decision = state.decision
         is_pilots = decision.driven_by is DrivenBy.PILOT
         return (
-            decision.action if is_pilots else None,  # a program waits for what became of its order
+            decision.action if is_pilots else None,  # a program waits for the result of its order
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
             *(state.link.level, state.emergency, state.fault),
             self.stop_held_by,
@@ -351,7 +351,7 @@ class Hub:
                 self.refuse(client, why_refused(command.frame_id, command.seq, self._limit_s))
 
     def _note_tick(self) -> None:
-        """Publish the newest tick: at most once per wake-up, the state before its picture."""
+        """Publish the newest tick at most once per wake-up, the state before the picture."""
         self._is_tick_due = False
         try:
             if self._is_due():
@@ -360,19 +360,19 @@ class Hub:
             asyncio.get_running_loop().call_soon(self.show_newest)
 
     def _is_due(self) -> bool:
-        """True if the state is due: something urgent changed, or the interval is over."""
+        """True if the state is due: something urgent changed, or the interval has passed."""
         state, since_s = self.robot.loop.state, self.clock.now_s() - self._sent_s
         is_slow = state.camera.period_s > SOON_S and state.decision.mode is not Mode.STOPPED
         return since_s >= (SOON_S if is_slow else STATE_EVERY_S) or self._urgent() != self._sent
 
     def show_newest(self) -> None:
-        """Pass the newest frame to the video, which gets none while nobody watches."""
+        """Pass the newest frame to the video, unless nobody watches."""
         is_old = self.robot.loop.is_resting and not self.video.viewers
         if self._frame is not None and self._frame is not self.video.newest and not is_old:
             self.video.show(self._frame, self.nonces.issue(self.clock.now_s()))
 
     async def _run_timer(self) -> None:
-        """Pass on a lapsed wheel, and publish the state even if the control loop stalls."""
+        """Pass on a lapsed lease, and publish the state even if the control loop stalls."""
         while True:
             pause_s = STATE_EVERY_S if self.clients else _UNWATCHED_S
             due_s = self.clock.now_s() + pause_s

@@ -8,14 +8,15 @@ LAPSE_S = 1.5
 
 
 class Lease:
-    """The wheel: at most one client has it, and renews it by its commands.
+    """The wheel: at most one client has it, and that client renews its lease by its commands.
 
-    A lease that was not renewed for `LAPSE_S` has lapsed: its owner keeps it until another client
-    asks for it. A client that asks for a lease in use waits until it is yielded or lapses.
+    A lease that was not renewed for `LAPSE_S` has lapsed. Its owner keeps a lapsed lease until
+    another client requests it. A client that requests a lease in use waits until the owner yields
+    or the lease lapses.
     """
 
     def __init__(self) -> None:
-        self._line: list[str] = []  # the owner, then the waiting clients in order
+        self._line: list[str] = []  # the owner first, then the waiting clients in order
         self._renewed_s = -math.inf
 
     @property
@@ -28,7 +29,7 @@ class Lease:
         return len(self._line) > 1
 
     def join(self, client: str, now_s: float) -> bool:
-        """Give the wheel to a client that may drive, if it is free; True if it was."""
+        """Give the wheel to a client that may drive if the wheel is free; True if it was."""
         is_next = self._line[1:2] in ([], [client])
         if self._line and not (is_next and self._has_lapsed(now_s)):
             return False
@@ -37,7 +38,7 @@ class Lease:
         return True
 
     def take(self, client: str, now_s: float) -> bool:
-        """Ask for the wheel; True if the client has it now, False if it waits for it."""
+        """Request the wheel; True if the client has it now, False if the client waits for it."""
         if self.owner == client or self.join(client, now_s):
             return True
         if client not in self._line:
@@ -48,7 +49,7 @@ class Lease:
         self._renewed_s = now_s
 
     def give_up(self, client: str, now_s: float) -> bool:
-        """Take the wheel from a client that yields or has disconnected; True if it was the owner.
+        """Take the wheel from a client that yields or has disconnected; True if it had the wheel.
 
         The next waiting client gets it.
         """

@@ -1,4 +1,4 @@
-"""Video for many viewers: frames are encoded once, and each viewer gets the newest it can take."""
+"""Video for many viewers: each frame is encoded once, and slow viewers skip frames."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _FREQUENT_S = 0.06
 nothing is noticed soon."""
 
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
-"""Interval in seconds above which a viewer lets a standing robot rest, and the share of a viewer's
-interval after which a frame is due: a camera that runs at the wanted rate is not exact."""
+"""Interval in seconds above which a viewer lets a standing robot rest; and the share of a viewer's
+interval after which a frame is due, because a camera does not keep its rate exactly."""
 
 
 class FrameAges:
-    """Histogram of the age of frames when a viewer had drawn them, in seconds."""
+    """Histogram of the ages of frames at the time when a viewer has drawn them, in seconds."""
 
     bounds = (0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
 
@@ -47,8 +47,8 @@ class FrameAges:
 class Encoder:
     """Encodes a frame as the message that all viewers get.
 
-    JPEG and YUYV of a camera are sent unchanged. RGB, as from a Pi's camera, is compressed if
-    OpenCV is installed, and otherwise sent unchanged.
+    JPEG and YUYV frames are sent unchanged. RGB frames, for example from a Pi's camera, are
+    compressed if OpenCV is installed, and otherwise sent unchanged.
     """
 
     def __init__(self, jpeg_quality: int) -> None:
@@ -56,7 +56,7 @@ class Encoder:
 
     @cached_property
     def _compress(self) -> Encode | None:
-        """Import OpenCV when it is first needed, which JPEG frames never do."""
+        """Compress with OpenCV, which is imported at the first call: JPEG frames never need it."""
         try:
             return jpeg_encoder(self._quality)
         except MissingExtraError:
@@ -81,10 +81,10 @@ class Viewer:
     """One receiver of the video, with its window and the last frame sent to it.
 
     Attributes:
-        send: Sends a message. It must return at once: a viewer's window holds fewer bytes than its
-            transport takes without pausing the writer.
+        send: Sends a message and returns at once: a viewer's window is smaller than the buffer at
+            which its transport pauses the writer.
         every_s: The minimum time between two frames, in seconds.
-        person: The person who watches.
+        person: The key of the person who watches.
     """
 
     send: Callable[[bytes], None]
@@ -102,8 +102,8 @@ class VideoHub:
 
     Everything runs on the server's event loop and nothing waits, so one viewer delays no other.
 
-    `for_the_eye` returns a larger picture of a frame, or the frame itself. Viewers that take large
-    pictures in time get them; others get smaller pictures more often.
+    `for_the_eye` returns a larger picture of a frame, or the frame itself. Viewers that draw large
+    pictures in time get large pictures; others get smaller pictures more often.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class VideoHub:
         self._messages: dict[tuple[bool, bool], bytes] = {}
         self._jpeg: bytes | None = None
         self._shown = asyncio.Event()
-        self.captured_s: OrderedDict[int, float] = OrderedDict()  # of the last frames, by id
+        self.captured_s: OrderedDict[int, float] = OrderedDict()  # by id, of the last frames
         self.frames_encoded = 0
         self.frames_sent = 0
         self.frame_ages = FrameAges()
@@ -136,7 +136,7 @@ class VideoHub:
 
     @property
     def newest_bytes(self) -> int:
-        """Size of the last picture sent, in bytes; 0 if there is none."""
+        """Size of the last picture sent, in bytes; 0 if none was sent."""
         return max((len(picture.data) for picture in self._pictures.values()), default=0)
 
     @property
@@ -148,7 +148,7 @@ class VideoHub:
         return every_s if every_s > _SELDOM_S else 0.0
 
     def add(self, viewer: Viewer) -> None:
-        """Add a viewer; the newest frame is sent to it at once."""
+        """Add a viewer, and send it the newest frame at once."""
         self._viewers[viewer] = None
         self._on_viewers()
         self.offer(viewer, self._clock.now_s())
@@ -157,7 +157,7 @@ class VideoHub:
         self._viewers.pop(viewer, None)
         self._on_viewers()
         if not self.viewers:
-            self.newest = None  # the next viewer is shown none that is so old
+            self.newest = None  # this frame will be too old for the next viewer
 
     def show(self, frame: Frame, nonce: int = 0) -> None:
         """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
@@ -175,14 +175,14 @@ class VideoHub:
             self.offer(viewer, now_s)
 
     def offer(self, viewer: Viewer, now_s: float) -> None:
-        """Send the newest frame, unless the viewer has it or its window is full."""
+        """Send the newest frame, unless the viewer has the frame already or its window is full."""
         frame = self.newest
         if frame is None or frame.frame_id == viewer.last_sent_id:
             return
         if now_s - viewer.last_sent_s < _EARLY_SHARE * viewer.every_s:
             return
         window = viewer.window
-        is_large = viewer.size.is_large and not viewer.every_s  # who looks seldom looks at many
+        is_large = viewer.size.is_large and not viewer.every_s  # an interval means many robots
         picture = self._pictures.get(is_large) or self._picture_of(frame, is_large)
         n_bytes = len(picture.data)
         if not window.may_send(n_bytes):
@@ -209,7 +209,7 @@ class VideoHub:
         return self._pictures[is_large]
 
     def acknowledge(self, viewer: Viewer, frame_id: int, now_s: float) -> None:
-        """Record that a viewer has drawn a frame, and send the next if there is one."""
+        """Record that a viewer has drawn a frame, and send the next frame if there is one."""
         viewer.window.acknowledged(frame_id, now_s)
         viewer.drawn_id = frame_id
         viewer.size.note(viewer.window.delay_s or 0.0, now_s)
@@ -228,8 +228,8 @@ class VideoHub:
     ) -> AsyncGenerator[bytes, None]:
         """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
 
-        `has_room` tells from the last frame's size whether to send another. A viewer that does not
-        read skips frames, and gets the newest as soon as it reads again.
+        `has_room` decides from the last frame's size whether another may be sent. A viewer that
+        does not read skips frames, and gets the newest as soon as it reads again.
         """
         last_id = n_bytes = 0
         self._streams += 1

@@ -1,7 +1,7 @@
-"""Which connections and requests reach the application: the one of a server on loopback.
+"""Decides which connections and requests reach the application; this gateway serves only loopback.
 
-The extension `access` puts its own in this place, by the entry point of `drivelesson.gateway`: that
-one serves networks and admits browsers that have proved who they are.
+The extension `access` replaces this gateway by an entry point of `drivelesson.gateway`. Its gateway
+serves networks and admits browsers that have proved their identity.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ GATEWAY = "drivelesson.gateway"
 STOP_PATH = "/api/stop"
 """The emergency stop for a page without a websocket."""
 SLOT = "drivelesson.slot"
-"""In a scope: what a limiter counts of a websocket, stream or upload."""
+"""Key in a scope: the limiter's slot of a websocket, stream or upload."""
 PREFIX = "drivelesson.prefix"
-"""In a scope: the path under which the page is served, such as /robot; or nothing."""
+"""Key in a scope: the path under which the page is served, such as /robot; empty for the root."""
 Credential = Callable[[Mapping[str, str]], Session | None]
 Check = Callable[[str, str | None, Role], Refusal | None]
 
@@ -38,17 +38,18 @@ class Gateway:
     """Admits every client of this computer as a pilot.
 
     Attributes:
-        credentials: Each returns the session that a request's headers prove, if any.
-        checks: Each may refuse a request, by path, method (None: a websocket) and role.
+        credentials: Functions; each returns the session that a request's headers prove, if any.
+        checks: Functions; each may refuse a request by path, method (None: a websocket) and role.
         kept: Persons whose connections are never evicted for others.
-        has_priority: True for further such persons: the one who drives.
+        has_priority: Returns True for the person who drives, whose connections are not evicted
+            either.
     """
 
     limits_type: ClassVar[type[Limits]] = Limits
     watch_by: str = ""
-    """Sentence that tells a player without a session how it can watch."""
+    """Sentence that tells a video player without a session how it can watch."""
     tls_files: tuple[str, str] | None = None
-    """The files of key and chain where the page is served by https."""
+    """The files of key and certificate chain if the page is served by https."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         self.config, self.clock = config, clock
@@ -63,19 +64,19 @@ class Gateway:
 
     @classmethod
     def make_config(cls, args: argparse.Namespace, **given: Any) -> Config:
-        """Return the configuration that the options ask for."""
+        """Return the configuration that the options set."""
         return Config(host=args.host or "127.0.0.1", **given)
 
     def open(self, robot: str, show: Callable[[str], None]) -> None:
-        """Prepare to serve a robot; `show` is given the address by which the next pilot comes."""
+        """Prepare to serve a robot; `show` is called with the address for the next pilot."""
         show(self.addresses()[0])
 
     def serving(self, more: Callable[[], list[str]]) -> contextlib.AbstractContextManager[object]:
-        """Follow what changes around the server inside the block; `more` are lines for `greet`."""
+        """Track the server's environment inside the block; `more` are lines for `greet`."""
         return contextlib.nullcontext()
 
     def use_tls(self, context: ssl.SSLContext) -> None:
-        """Take the context of the running server, whose files may be renewed."""
+        """Remember the running server's TLS context, because its certificate may be renewed."""
 
     @property
     def admits_all(self) -> bool:
@@ -84,7 +85,7 @@ class Gateway:
 
     @property
     def is_secure(self) -> bool:
-        """True if browsers give every way to the page a secure context."""
+        """True if browsers treat the page as a secure context at each of its addresses."""
         return True
 
     def addresses(self) -> list[str]:
@@ -93,15 +94,15 @@ class Gateway:
         return [f"{scheme}://{f'[{host}]' if ':' in host else host}:{self.config.port}"]
 
     def address_for(self, role: Role) -> str:
-        """Return where a browser gets this role: once, if it has to prove who it is."""
+        """Return the address at which a browser gets this role; with pairing it works once."""
         return self.addresses()[0] + (role.start or "")
 
     def draw(self, address: str) -> list[str]:
-        """Return an address as lines that a phone can scan, if it can be reached by one."""
+        """Return an address's QR code as lines; none if phones cannot reach the address."""
         return []
 
     def greet(self, more: Sequence[str]) -> str:
-        """Return what a person is shown when the robot is ready; `more` are extensions' lines."""
+        """Return the text shown when the robot is ready; `more` are extensions' lines."""
         return "\n".join([f"Drivelesson is ready: open {self.addresses()[0]}", *more, ""])
 
     def rules(self, public: frozenset[str], open: frozenset[str]) -> AccessRules:
@@ -109,7 +110,7 @@ class Gateway:
         return AccessRules(names=frozenset(loopback_names(self.config)), public=public, open=open)
 
     def explain(self, refusal: Refusal, asked: Headers, headers: dict[str, str]) -> Response:
-        """Return the answer that says why a request is refused; `headers` are its own."""
+        """Return the answer that says why a request is refused; `headers` are the answer's."""
         told = {"error": refusal.reason, "detail": refusal.sentence}
         return JSONResponse(told, refusal.status, headers)
 
@@ -138,11 +139,11 @@ class Gateway:
         return None
 
     def unread(self, scope: Scope) -> int:
-        """Return how many bytes the client has been sent and not read yet, as far as known."""
+        """Return the number of bytes sent that the client has not read yet, as far as known."""
         return 0
 
     def anonymous(self, address: str) -> Session:
-        """Return what a client without a session is counted by."""
+        """Return the session by which a client that has not paired is counted."""
         return Session(Role.VIEWER, address)
 
     def check(self, path: str, method: str | None, role: Role) -> Refusal | None:
@@ -154,15 +155,15 @@ class Gateway:
         """True for persons whose connections are never evicted for others."""
         return person in self.kept or self.has_priority(person)
 
-    # Limits, which a server on loopback needs none of -------------------------------------------
+    # Limits: a server on loopback needs none ----------------------------------------------------
 
     @property
     def is_full(self) -> bool:
-        """True if no websocket finds a place."""
+        """True if there is no slot for another websocket."""
         return False
 
     def limit(self, listener: socket.socket) -> socket.socket:
-        """Return the listener by which the server accepts connections."""
+        """Return the listener from which the server accepts connections."""
         return listener
 
     def may_ask(self, person: Session) -> bool:
@@ -170,24 +171,27 @@ class Gateway:
         return True
 
     def may_log(self, person: str, reason: str) -> bool:
-        """False if the log has said lately for which reason this person is refused."""
+        """False if this person's refusal for this reason was logged recently."""
         return True
 
     def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> Refusal | None:
-        """Note a complete request; a websocket or stream lasts. Return why it is one too many."""
+        """Note a complete request; `lasts` marks a websocket or stream.
+
+        Return a refusal if over the limit.
+        """
         return None
 
     def note_answered(self, scope: Scope) -> None:
-        """Note that a request has its answer."""
+        """Note that a request was answered."""
 
     def take_slot(
         self, scope: Scope, person: Session, end: Callable[[], object], *, is_upload: bool
     ) -> Refusal | None:
-        """Count a websocket, stream or upload, until `leave`; `end` ends it for somebody else."""
+        """Count a websocket, stream or upload until `leave`; `end` is called when it is evicted."""
         return None
 
     def leave(self, scope: Scope) -> None:
-        """Give back what `take_slot` took, if it did."""
+        """Free the slot that `take_slot` took, if it took one."""
 
     def expire(self) -> None:
         """Close connections that have timed out."""
@@ -197,7 +201,7 @@ class Gateway:
 
 
 def gateway_type() -> type[Gateway]:
-    """Return the installed gateway: the one for networks if there is an extension for them."""
+    """Return the installed gateway: an extension's for networks, or else this one."""
     found = [point.load() for point in entry_points(group=GATEWAY)]
     return found[0] if found else Gateway
 

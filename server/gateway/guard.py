@@ -32,7 +32,7 @@ _UPLOADS = re.compile(r"/api/[a-z]+/[^/]+/file")
 _TOO_LARGE = Refusal(413, "size", "That is too large.")
 _TOO_MANY_S = 0.5
 VIDEO = "/video.mjpg"
-"""A request that lasts as a websocket does, and is counted as one."""
+"""Path of a stream, which stays open like a websocket and is counted as one."""
 
 
 def role_of(connection: HTTPConnection) -> Role:
@@ -47,14 +47,14 @@ def person_of(connection: HTTPConnection) -> str:
 
 
 def note_use(scope: Scope, now_s: float) -> None:
-    """Note that a websocket is in use; of two of one person the idle one goes first."""
+    """Note that a websocket is in use: of one person's websockets an idle one is evicted first."""
     if (slot := scope.get(SLOT)) is not None:
         slot.used_s = now_s
 
 
 @dataclass(frozen=True)
 class Guard:
-    """ASGI middleware around the whole application; it counts in `refused`, by reason."""
+    """ASGI middleware around the whole application; `refused` counts refusals by reason."""
 
     app: ASGIApp
     rules: AccessRules
@@ -80,7 +80,7 @@ class Guard:
             ):
                 path, why = str(scope["path"])[:80], verdict.sentence
                 log.warning("refused reason=%s path=%r why=%r", verdict.reason, path, why)
-            if verdict.status == 429:  # a client that waits for the answer asks no more meanwhile
+            if verdict.status == 429:  # a waiting client sends no further requests
                 await self.clock.pause(_TOO_MANY_S)
             await _refuse(scope, receive, send, verdict, self.gateway)
             return
@@ -93,7 +93,7 @@ class Guard:
         except asyncio.CancelledError:
             if SLOT not in scope or scope[SLOT].is_taken:
                 raise
-            await _close(scope, send)  # another needed the place more
+            await _close(scope, send)  # evicted: its slot went to another client
         finally:
             self.gateway.leave(scope)
 
@@ -103,7 +103,7 @@ class Guard:
         scheme = "https" if scope["scheme"] in ("https", "wss") else "http"
         is_lasting = scope["type"] == "websocket" or scope["path"] == VIDEO
         refusal, session = rules.check_host(headers), None
-        # An address with a key may be in a page of another site: it needs no cookie.
+        # A page of another site may use an address with a key, because it needs no cookie.
         by_address = None if refusal else gateway.session_by_address(scope)
         if isinstance(by_address, Session):
             session = by_address
@@ -114,7 +114,7 @@ class Guard:
         if refusal is not None:
             return refusal
         if scope["path"] == STOP_PATH and session is not None:
-            return session.role  # a stop passes before all limits
+            return session.role  # a stop is never limited
         person = session or gateway.anonymous(address)
         scope[_PERSON] = person.name
         refusal = too_many or self._check_limits(scope, headers, person)
@@ -163,12 +163,12 @@ class Guard:
 
         try:
             await self.app(scope, _limited(receive, self._most_bytes(scope)), send_guarded)
-        except ClientDisconnect:  # gone in the middle of its body, or that was cut off
+        except ClientDisconnect:  # it left in mid-body, or its body was too long
             await _refuse(scope, receive, send, _TOO_LARGE, self.gateway)
 
 
 def _limited(receive: Receive, most: int) -> Receive:
-    """End a body that is longer than allowed, whatever its header says."""
+    """End a body that is longer than allowed, whatever length its header claims."""
     total = 0
 
     async def receive_limited() -> Message:
@@ -183,7 +183,7 @@ def _limited(receive: Receive, most: int) -> Receive:
 
 
 def _headers(scope: Scope) -> dict[str, str]:
-    """Return the request's headers; the first of a repeated one, except that cookies are joined."""
+    """Return the request's headers. Of a repeated header the first counts; cookies are joined."""
     headers = Headers(scope=scope)
     return {**headers, "cookie": "; ".join(headers.getlist("cookie"))}
 
@@ -235,7 +235,7 @@ async def _close(scope: Scope, send: Send) -> None:
     task = asyncio.current_task()
     if task is not None:
         task.uncancel()
-    with contextlib.suppress(Exception):  # it may be closed already
+    with contextlib.suppress(Exception):  # the connection may be closed already
         if scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1013})
         else:
@@ -245,7 +245,7 @@ async def _close(scope: Scope, send: Send) -> None:
 async def _refuse(
     scope: Scope, receive: Receive, send: Send, refusal: Refusal, gateway: Gateway
 ) -> None:
-    """Answer with a status; a websocket gets a plain 403 where the server supports no other."""
+    """Answer with a status; a websocket gets a plain 403 if the server supports no other status."""
     kind = scope["type"]
     if kind == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
         await receive()

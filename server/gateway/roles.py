@@ -12,14 +12,14 @@ class Role:
     """A client's permissions.
 
     Attributes:
-        value: Its name, in messages and files.
-        may_change: It may do more than read, and more than stop the robot.
-        may_drive: It may have the wheel.
-        holds_stop: A robot that it stops is released by this role only.
-        paths: The only paths it may request besides public ones; None for no such limit.
-        start: The page that it is sent to.
-        refusal: The sentence that answers a forbidden request.
-        purpose: The purpose of a browser in it, after "to"; empty if no browser gets the role.
+        value: The role's name in messages and files.
+        may_change: The client may do more than read, and more than stop the robot.
+        may_drive: The client may have the wheel.
+        holds_stop: Only this role can release a robot that this role has stopped.
+        paths: The only paths that the client may request besides public ones; None for no such
+        limit. start: The page to which the client is redirected. refusal: The sentence in the
+        answer to a forbidden request. purpose: The purpose of a browser with this role, worded to
+        follow "to"; empty if no browser gets the role.
     """
 
     value: str
@@ -56,10 +56,10 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """A client's role, and the name that it is counted by."""
+    """A client's role, and the name by which the client is counted."""
 
     role: Role
     name: str
-    """Of a browser that has proved who it is that of its session, and else the address."""
+    """The session's name for a paired browser, otherwise the client's address."""
     is_crowd: bool = False
-    """Many people may be behind it: it is only an address."""
+    """True if the name is only an address, behind which many people may be."""

@@ -18,7 +18,7 @@ PUBLIC_PATHS = frozenset({"/healthz", "/favicon.ico", "/manifest.webmanifest"})
 """Paths that need no session and reveal nothing about the robot; extensions add theirs."""
 NOT_ADMITTED = Refusal(401, "session", "This browser is not admitted.")
 READING = ("GET", "HEAD", None)
-"""Methods that change nothing; None is a websocket's, which checks for itself."""
+"""Methods that change nothing. None stands for a websocket, which checks each message itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,14 +26,14 @@ class AccessRules:
     """The rules of one server.
 
     Args:
-        names: Names that the robot answers to; they may change while it serves.
+        names: Names that the robot answers to; they may change while the server runs.
         addresses: Returns the page's current addresses, for clients that used another name.
-        advise: Returns advice for a client that used this name or address.
-        allows_addresses: Accept any IP address as Host too: DNS rebinding needs a name.
-        origins: Other origins of its page, where a proxy serves it.
+        advise: Returns advice for a client that used the given name or address.
+        allows_addresses: Accept any IP address as Host too, because DNS rebinding needs a name.
+        origins: Other origins of the robot's page, if a proxy serves the page.
         public: Paths that need no session.
         open: Paths on which a viewer may do more than read.
-        unknown: The refusal of a client without a session.
+        unknown: The refusal that a client without a session gets.
     """
 
     names: Container[str]
@@ -46,7 +46,7 @@ class AccessRules:
     unknown: Refusal = NOT_ADMITTED
 
     def check_host(self, headers: Mapping[str, str]) -> Refusal | None:
-        """Refuse a request whose Host is another name: DNS rebinding."""
+        """Refuse a request whose Host is another name: it may be DNS rebinding."""
         host = headers.get("host", "")
         name = host_name(host)
         if name in self.names or (self.allows_addresses and as_address(name) is not None):
@@ -62,8 +62,8 @@ class AccessRules:
     ) -> Refusal | None:
         """Refuse a request that a page of another site has sent.
 
-        A page cannot forge these headers; other programs send neither of them, or
-        any text they like. `method` is the request's, None for a websocket.
+        A page cannot forge these headers. Other programs omit them or send any text. `method` is
+        the request's, None for a websocket.
         """
         origin, host = headers.get("origin"), headers.get("host", "")
         if origin is not None:
@@ -72,7 +72,7 @@ class AccessRules:
             told = f"Origin is {short(origin)}, but it was asked as {short(f'{scheme}://{host}')}"
             return _cross_site(f"{told}.{self.advise(None, short(origin))}")
         site = headers.get("sec-fetch-site", "none")
-        # A person followed a link: that may open the page, but not frame it.
+        # A link on another site may open the page, but no other site may frame the page.
         is_link = method in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate"
         if site in ("none", "same-origin") or is_link:
             return None
@@ -82,7 +82,7 @@ class AccessRules:
         self, path: str, method: str | None, headers: Mapping[str, str], session: Session | None
     ) -> Role | Refusal:
         """Return the role in which a request is admitted, or why it is not."""
-        is_public = path.partition("#")[0] in self.public  # some apps encode the mark
+        is_public = path.partition("#")[0] in self.public  # some apps encode the `#`
         role = session.role if session else Role.VIEWER
         refusal: Refusal | None = None
         if not session and not is_public:

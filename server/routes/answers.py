@@ -36,7 +36,7 @@ _WHY = {
 
 
 def media(*kinds: str) -> dict[str, Any]:
-    """Return the options of a route that answers with one of these media types, not with JSON."""
+    """Return the options of a route whose answer has one of these media types instead of JSON."""
     content: dict[str, Any] = {kind: {} for kind in kinds}
     return {"responses": {200: {"content": content}}, "response_class": Response}
 
@@ -62,15 +62,15 @@ def attachment(data: bytes, kind: str, name: str) -> Response:
 
 
 def answer(kind: type[_T], source: Any, **own: Any) -> _T:
-    """Make an answer from the given fields; an object's attributes supply the others."""
+    """Make an answer from the given fields; an object's attributes supply the other fields."""
     names = (field.name for field in fields(kind) if field.name not in own)  # type: ignore[arg-type]
     return kind(**{name: getattr(source, name) for name in names}, **own)
 
 
 class Route(APIRoute):
-    """A route whose answer's type is only for `/openapi.json`, so that a brick starts sooner.
+    """A route that uses its answer's type only for `/openapi.json`, so that a brick starts sooner.
 
-    `described` makes the route again, with it.
+    `described` returns a copy of the route that has the answer's type.
     """
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
@@ -79,7 +79,7 @@ class Route(APIRoute):
 
 
 def describe_routes(app: FastAPI, routers: Iterable[APIRouter]) -> dict[str, Any]:
-    """Return `/openapi.json`: the values, the answer and the errors of each route."""
+    """Return `/openapi.json`: the parameters, the answer and the errors of each route."""
     content = {"application/json": {"schema": {"$ref": "#/components/schemas/Refusal"}}}
     errors: Any = {code: {"description": why, "content": content} for code, why in _WHY.items()}
     twin = FastAPI(title=app.title, version=__version__)

@@ -16,7 +16,7 @@ from robot.errors import ConfigurationError, MissingExtraError, NotFoundError, R
 from server.services import services_of
 
 do = run_in_threadpool
-"""Runs a function that uses the disk in a thread."""
+"""Runs a function in a thread, because the function waits for the disk."""
 Short = Annotated[str, Field(max_length=200)]
 
 
@@ -36,7 +36,7 @@ NAMED = Named()
 
 
 async def refuse_values(request: Request, error: Exception) -> JSONResponse:
-    """Say which value is refused and what it must be: 400 in a body, 422 in an address."""
+    """Say which value is refused and what is allowed: 400 for a body, 422 for an address."""
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
     place, *loc = first["loc"]
@@ -75,7 +75,7 @@ HANDLERS: dict[Any, Any] = {
 
 
 def require_free_model(request: Request) -> None:
-    """Refuse a change of the model in use with 409 while an extension needs it unchanged."""
+    """Refuse a change of the model in use with 409 while an extension needs the model unchanged."""
     for extension in services_of(request).extensions.values():
         extension.require_free_model()
 

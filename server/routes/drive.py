@@ -39,7 +39,7 @@ class DoingAnswer:
 
 @router.get("/api/state")
 def show_doing(request: Request) -> DoingAnswer:
-    """Say what the robot does now: where something on the way blocks websockets, this passes."""
+    """Return the robot's current activity; it works even if the network blocks websockets."""
     hub = services_of(request).hub
     state = hub.robot.loop.state
     decision = state.decision

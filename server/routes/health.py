@@ -17,7 +17,8 @@ STALE_LOOP_S = 2.0
 async def healthz(request: Request) -> JSONResponse:
     """Answer 200 while the control loop runs, otherwise 503.
 
-    Anybody may ask, so it says nothing else: a fault may name a camera's host and path.
+    Anybody may send this request, so the answer contains no details: a fault may name a camera's
+    host and path.
     """
     robot = services_of(request).hub.robot
     is_alive = robot.clock.now_s() - robot.loop.state.now_s < STALE_LOOP_S

@@ -38,7 +38,7 @@ class SettingsChange(RawValue):
 
 @dataclass
 class CameraAnswer:
-    """The camera; no size before its first picture."""
+    """The camera; its size is null before its first picture."""
 
     name: str
     rate_hz: float
@@ -56,7 +56,7 @@ class Changed:
 
 @dataclass
 class ChangeAnswer(Changed):
-    """The settings after a change; `kept` is false if the next start would use the old model."""
+    """The settings after a change; `kept` is false if the next start will use the old model."""
 
     kept: bool
 
@@ -107,12 +107,12 @@ async def describe_settings(request: Request) -> SettingsAnswer:
 
 @router.put("")
 async def change_settings(request: Request, body: SettingsChange) -> ChangeAnswer:
-    """Change settings; a new `max_nodes` or `moves` starts an empty model, 409 if it drives."""
+    """Change settings; a new `max_nodes` or `moves` starts an empty model, 409 while driving."""
     services = services_of(request)
     loop = services.robot.loop
     given = {"name": body.name, "colour": body.colour}
     named = {field: value for field, value in given.items() if value is not None}
-    replace(services.identity.now, **named)  # what is refused is refused before anything changes
+    replace(services.identity.now, **named)  # validate first: a refused request must change nothing
     is_kept = True
     if body.max_nodes is not None or body.moves is not None:
         require_free_model(request)
@@ -142,9 +142,9 @@ def _choose(moves: list[str], request: Request) -> tuple[Action, ...]:
 
 @lru_cache(maxsize=8)
 def estimate_rates_hz(kind: str) -> dict[int, float]:
-    """Return the pictures per second that this machine can judge and learn, per number of images.
+    """Return the pictures per second that this machine can process, for each number of images.
 
-    Two sizes are tried, once; the cost grows with the number of images along a straight line.
+    Only two numbers are measured, once, because the cost grows linearly with the number of images.
     """
     small, large = SIZES[0], SIZES[-2]
     frames = autosize.sample_frames(4)

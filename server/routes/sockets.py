@@ -14,12 +14,12 @@ from server.gateway.guard import note_use
 from server.hosting.serving import DIRECT
 
 _LAST_S = 1.0
-"""How long messages of a client that is being disconnected are still read, in seconds."""
+"""How long messages of a client are still read while it is being disconnected, in seconds."""
 _GONE = ("ClientDisconnected", "ConnectionClosed", "ConnectionClosedOK", "ConnectionClosedError")
 
 
 def fast_path(websocket: WebSocket) -> Any:
-    """Return the way past ASGI's queues; None if no installed protocol has one."""
+    """Return the interface that bypasses ASGI's queues; None if the websocket has none."""
     return websocket.scope.get("extensions", {}).get(DIRECT)
 
 
@@ -33,11 +33,12 @@ async def converse(
     idle_s: float | None = None,
     see: Callable[[bytes], Coroutine[Any, Any, None]] | None = None,
 ) -> None:
-    """Serve a client until it disconnects, has said nothing for `idle_s`, or is shut out.
+    """Serve a client until it disconnects, is silent for `idle_s`, or has too many refusals.
 
     Messages are handled as soon as they are decoded, before any queue and while the socket closes,
-    so a STOP from a client that is being disconnected still counts. If uvicorn is too old for that,
-    they are handled in order. So are slow binary messages, which go to `see` instead of `hear`.
+    so a STOP from a client that is being disconnected still counts. If uvicorn is too old for this,
+    messages are handled in order. Slow binary messages are also handled in order; they go to `see`
+    instead of `hear`.
     """
     heard_s = clock.now_s()
 
@@ -78,7 +79,7 @@ async def converse(
 
 
 async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
-    """Run both directions of a socket; when one ends or the client disconnects, end the other."""
+    """Run both directions of a socket; when one direction or the client ends, end the other."""
     try:
         await first_of(*parts)
     except Exception as error:
@@ -87,7 +88,7 @@ async def end_with_either(*parts: Coroutine[Any, Any, None]) -> None:
 
 
 async def first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Run until the first ends; end the others and pass its error on."""
+    """Run until the first coroutine ends; cancel the others and raise the first one's error."""
     tasks = [asyncio.create_task(work) for work in works]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -52,7 +52,7 @@ async def show_last(request: Request, seconds: float = _LAST) -> LastExamples:
 
 @router.post("/undo")
 async def undo(request: Request, body: TrainingUndo) -> dict[str, int | bool]:
-    """Undo the last seconds of training; `kept` is false if the disk did not take it."""
+    """Undo the last seconds of training; `kept` is false if the model could not be saved."""
     services = services_of(request)
     gone, is_kept = await services.change_learner(lambda history: history.undo(body.seconds))
     return {"undone": len(gone), "kept": is_kept}

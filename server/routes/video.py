@@ -1,4 +1,4 @@
-"""The video, a thin shell around its hub: frames go down `/ws/video`, acknowledgements up."""
+"""`/ws/video`: sends frames and receives acknowledgements, a thin shell around the hub."""
 
 from __future__ import annotations
 
