@@ -1,14 +1,16 @@
 """Admission control: how many connections, sockets and requests each person may use.
 
 Clients are counted per session, or per address if they have none. A connection is *pending* until
-the guard has read a session on it. Pending connections time out soon and have places of their own,
-so a new connection is accepted and read even when all other places are taken: it may be a STOP.
-It takes the place of an idle one, else of one that has sent nothing, else of an old request.
+the guard has read a session on it. Pending connections time out soon and have separate slots, so a
+new connection is accepted and read even when all other slots are taken, because it may be a STOP.
+If the pending slots are full too, the new connection evicts an idle one, else one that has sent
+nothing, else one with an old request.
 
-When no place is left, the person with the most connections loses one: an idle one, or the least
-recently used. A flood therefore evicts itself. The owner, the pilot and the teacher give way only
-to each other. No answer is cut short for a request: if all connections are busy, the request is
-answered on a pending connection. Nothing here reads a clock: the time is an argument.
+When no slot is free, the person with the most connections loses one: an idle connection, or the
+least recently used. A flood therefore evicts itself. The owner, the pilot and the teacher give way
+only to each other. A request never cuts short the answer to another: if all connections are busy,
+the request is answered on a pending connection. Nothing here reads a clock: the time is an
+argument.
 """
 
 from __future__ import annotations
@@ -33,14 +35,14 @@ _READ_S = 0.25
 _ANSWER_S = 2.0
 """How long a new connection waits for a running request when no other can be evicted, in s."""
 _LOG_S = 60.0
-"""Minimum time between log lines about one person who asks too often, in seconds."""
+"""Minimum time between log lines about one person who exceeds the rate limit, in seconds."""
 _SELDOM_S = 1.0
-"""Longest usual gap between calls of `expire`, in seconds; a longer one means a busy computer."""
+"""Longest usual gap between calls of `expire`, in seconds; a longer gap means a busy computer."""
 
 
 @lru_cache(maxsize=1024)
 def address_key(address: str) -> str:
-    """Return the key that an address is counted by: for IPv6 its /64, which one host may own."""
+    """Return the key by which an address is counted: for IPv6 its /64, which one host may own."""
     ip = as_address(address.partition("%")[0])
     if isinstance(ip, ipaddress.IPv6Address):
         return str(ipaddress.IPv6Network((ip, 64), strict=False))
@@ -49,7 +51,7 @@ def address_key(address: str) -> str:
 
 @dataclass(slots=True, eq=False)
 class Slot:
-    """A place in use by a connection or a websocket."""
+    """A slot in use by a connection or a websocket."""
 
     person: str
     used_s: float
@@ -59,12 +61,12 @@ class Slot:
     """Time since which the connection is idle, in seconds; infinite if it is not idle."""
     is_taken: bool = True
     is_known: bool = False
-    """True if a pending connection's session is known: it can be evicted but does not time out."""
+    """True if a pending connection's session is known: the slot can be evicted but not time out."""
     unread: Callable[[], int] = lambda: 0
-    """Returns how many bytes were sent that the client has not read, as far as known."""
+    """Returns the number of bytes sent that the client has not read, as far as known."""
 
     def gives_way(self, before_s: float) -> bool:
-        """True if it is idle, or its request was read at `before_s` or earlier."""
+        """True if the slot is idle, or its request was read at `before_s` or earlier."""
         return self.idle_s < math.inf or self.used_s <= before_s
 
     def rank(self) -> tuple[float, ...]:
@@ -76,9 +78,9 @@ class ConnectionLimiter:
     """Limits connections of one kind, in total and per person.
 
     Args:
-        in_all: The total number of places.
-        each: The number of places that one person may have; a crowd may have all.
-        keeps: True for persons who give way only to each other.
+        in_all: The total number of slots.
+        each: The number of slots that one person may have; a crowd may have all.
+        keeps: Returns True for persons who give way only to each other.
     """
 
     def __init__(self, in_all: int, each: int, keeps: Callable[[str], bool]) -> None:
@@ -89,7 +91,7 @@ class ConnectionLimiter:
     def take(
         self, session: Session, now_s: float, close: Close, answer_s: float = 0.0
     ) -> Slot | None:
-        """Take a place; `close` is called when it is evicted. None if no place can be freed.
+        """Take a slot; `close` is called when the slot is evicted. None if no slot can be freed.
 
         A request that was read less than `answer_s` ago is not cut short for the newcomer.
         """
@@ -110,7 +112,7 @@ class ConnectionLimiter:
         return place
 
     def give_back(self, place: Slot) -> None:
-        """Free a place; idempotent."""
+        """Free a slot; idempotent."""
         own = self._of.get(place.person, [])
         if place in own:
             own.remove(place)
@@ -120,12 +122,12 @@ class ConnectionLimiter:
                 del self._of[place.person]
 
     def is_at_limit(self, session: Session) -> bool:
-        """True if a person's next connection can only take the place of one of its own."""
+        """True if a person's next connection can only evict another of the same person."""
         return not session.is_crowd and len(self._of.get(session.name, ())) >= self._each
 
     @property
     def is_full(self) -> bool:
-        """True if the next connection can only take the place of another."""
+        """True if the next connection can only evict another."""
         return self.taken >= self._in_all
 
     def has(self, person: str) -> bool:
@@ -135,13 +137,13 @@ class ConnectionLimiter:
         return (place for own in list(self._of.values()) for place in list(own))
 
     def end(self, place: Slot) -> None:
-        """Free a place and close its connection."""
+        """Free a slot and close its connection."""
         self.give_back(place)
         self.evicted += 1
         place.close()
 
     def _giving(self, newcomer: str, before_s: float) -> list[Slot]:
-        """Return the places of the person with the most, among those the newcomer may evict."""
+        """Return the slots of the person with the most, of all that the newcomer may evict."""
         own = self._of.get(newcomer, [])
         yielding = [places for person, places in self._of.items() if not self._keeps(person)]
         if self._keeps(newcomer):
@@ -151,7 +153,8 @@ class ConnectionLimiter:
         def gives(places: list[Slot]) -> bool:
             if places is own and any(one.idle_s < math.inf for one in own):
                 return True
-            # The newcomer must not have more than the other has left, or both would take turns.
+            # The other must keep at least as many slots as the newcomer gets, or the two would
+            # evict each other in turns.
             has_more = len(places) > len(own) + 1 or (places is own and len(own) == most)
             return (has_more or self._keeps(newcomer)) and any(
                 one.gives_way(before_s) for one in places
@@ -169,11 +172,11 @@ class AdmissionControl:
     def __init__(self, limits: Limits, capacity: int) -> None:
         self.limits = limits
         self.keeps: Callable[[str], bool] = lambda person: False
-        """True of the owner, the pilot and the teacher."""
+        """Returns True for the owner, the pilot and the teacher."""
         self.recognise: Callable[[bytes, str], Session | None] = lambda head, address: None
         """Returns the session of a request, from its first bytes and address; None if unknown."""
         n_pending = min(limits.pending, max(1, capacity // 2))
-        # New connections are known only by address: none has priority over another.
+        # New connections are known only by address, so no connection has priority.
         self.pending = ConnectionLimiter(
             n_pending, limits.pending_per_address, lambda address: True
         )
@@ -183,15 +186,15 @@ class AdmissionControl:
         self.sockets = ConnectionLimiter(
             limits.clients, limits.clients_each, lambda person: self.keeps(person)
         )
-        # Each takes as much memory as a model's file.
+        # Each upload takes as much memory as a model's file.
         self.uploads = ConnectionLimiter(limits.uploads, 1, lambda person: self.keeps(person))
         self.connections: dict[Peer, Slot] = {}
         self._paces = RateLimits()
         self._read_until_s = self._asked_s = self._expired_s = 0.0
 
     def has_room(self, now_s: float) -> bool:
-        """True if a new connection evicts none that has not had time to be read."""
-        # A computer that is busy has read nothing meanwhile: few of its milliseconds count.
+        """True if a new connection evicts only connections that had time to be read."""
+        # Count only a part of a long gap: a busy computer has read nothing meanwhile.
         self._read_until_s += min(now_s - self._asked_s, _READ_S / 8)
         self._asked_s = now_s
         if not self.pending.is_full:
@@ -208,10 +211,10 @@ class AdmissionControl:
     ) -> None:
         """Add a new connection as pending; `close` may be called before `left`.
 
-        `unread` returns how many bytes were sent that the client has not read, as far as known.
+        `unread` returns the number of bytes sent that the client has not read, as far as known.
         """
         self.expire(now_s)
-        if before := self.connections.get(peer):  # which has ended: its port is used again
+        if before := self.connections.get(peer):  # an ended connection whose port is reused
             self.left(peer)
             before.close()
         # No session has such a name: without pairing, sessions are named by address.
@@ -222,7 +225,7 @@ class AdmissionControl:
         self.connections[peer] = place
 
     def may_come(self, head: bytes, address: str, now_s: float) -> bool:
-        """Count a new connection by the session in its first bytes; False if it opened too many.
+        """Count a new connection by the session in its first bytes; False if over its limit.
         The listener then answers 429 at once, which costs little.
         """
         session = self.recognise(head, address)
@@ -244,8 +247,8 @@ class AdmissionControl:
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> bool:
         """Record a complete request; one of a session admits the connection. A socket `lasts`.
 
-        False if the session has all its connections busy with requests: this one is to be answered
-        429. A socket takes the place of the least recently used.
+        False if all connections of the session are busy: this request is then answered with 429. A
+        websocket instead evicts the least recently used connection.
         """
         place = self.connections.get(peer)
         if place is None:
@@ -259,24 +262,24 @@ class AdmissionControl:
             admitted = take(answer_s=self.limits.idle_s)
             if admitted is None and lasts and (is_at_limit or self.keeps(session.name)):
                 admitted = take()
-            if admitted is None and not place.is_taken:  # whose place it had
+            if admitted is None and not place.is_taken:  # its session has changed
                 place.close()
                 return True
             if admitted is not None:
                 self.pending.give_back(place)
                 admitted.unread = place.unread
                 self.connections[peer] = place = admitted
-            else:  # nobody can give way: the connection is answered all the same
+            else:  # no connection can be evicted: answer it as pending
                 place.is_known, is_refused = True, is_at_limit
                 if is_refused:
-                    place.idle_s = now_s  # it gives way before all that are to be answered
+                    place.idle_s = now_s  # evicted before connections with open requests
         place.came_s = self._read_until_s + _ANSWER_S * place.is_known
         if lasts:
             place.used_s = math.inf
         return not is_refused
 
     def may_log(self, person: str, reason: str, now_s: float) -> bool:
-        """False if this was asked of this person and reason within the last minute."""
+        """False if this was called for the same person and reason within the last minute."""
         return self._paces.allows(f"{reason} {person}", now_s, per_second=1 / _LOG_S, burst=1)
 
     def is_idle(self, peer: Peer) -> bool:
@@ -284,7 +287,7 @@ class AdmissionControl:
         return peer in self.connections and self.connections[peer].idle_s < math.inf
 
     def answered(self, peer: Peer, now_s: float) -> None:
-        """Record that a request was answered: its connection is idle and can be evicted."""
+        """Record that a request was answered, so that its connection is idle and can be evicted."""
         if peer in self.connections:
             self.connections[peer].idle_s = now_s
 
@@ -297,7 +300,7 @@ class AdmissionControl:
     def expire(self, now_s: float) -> None:
         """Close pending connections that have timed out.
 
-        Time during which the computer was held up does not count: it could not read then.
+        Time during which the computer was blocked does not count, because it could not read then.
         """
         held_up_s = max(0.0, now_s - self._expired_s - _SELDOM_S)
         self._expired_s = now_s

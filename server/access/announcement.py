@@ -16,21 +16,24 @@ from server.config import Address, as_address
 
 log = logging.getLogger(__name__)
 PROBE_MS = 700
-"""How long other machines are asked whether a name is taken, in ms; as RFC 6762 probes."""
+"""How long other machines are asked whether a name is taken, in ms: RFC 6762's probing time."""
 _HEARD_MS = 15_000.0
-"""An answer that is older tells nothing: that robot may be gone. Asked is every 10 s."""
+"""Age in milliseconds above which an answer is ignored, because its sender may be gone.
+
+Queries are sent every 10 s.
+"""
 _A, _AAAA = 1, 28
 _MOST_NAMES = 50
 
 
 class Announcement:
-    """Answers to the robot's name on the network; announced anew when addresses or the name change.
+    """Announces the robot's name on the network, again whenever addresses or name change.
 
-    Robots that share a host name would also share their addresses, so each publishes its own in a
-    property. The board of a class reads it there.
+    Robots that share a host name would also share their addresses, so each robot publishes its
+    address in a property. The board of a class reads this property.
 
-    If the network allows no multicast, or zeroconf is not installed, this is only logged and the
-    robot drives.
+    If the network allows no multicast, or zeroconf is not installed, the failure is only logged and
+    the robot drives.
     """
 
     def __init__(self, config: NetworkConfig, robot: str) -> None:
@@ -39,13 +42,13 @@ class Announcement:
         self._is_off = False
         self.hostname = config.hostname
         self._next = 2
-        """The first number that is tried for another name."""
+        """The first number that is tried when another name is needed."""
 
     def announce(self, addresses: Sequence[str]) -> str:
-        """Announce the robot at these addresses; return the name it got, without `.local`.
+        """Announce the robot at these addresses; return the name that it got, without `.local`.
 
-        If the name is the default and another machine has it, this robot takes NAME-2, or the
-        next free one.
+        If the name is the default and another machine has it, this robot takes NAME-2, or the next
+        free name.
         """
         self.close()
         try:
@@ -58,7 +61,7 @@ class Announcement:
             return self.hostname
         _be_brief(logging.getLogger("zeroconf"))
         addresses = [one for one in addresses if as_address(one) is not None]
-        if not addresses:  # it is announced as soon as there is one
+        if not addresses:  # announced later, once there is one
             log.warning("mdns off: this machine has no address in a network")
             return self.hostname
         try:
@@ -94,7 +97,7 @@ class Announcement:
         others = self.others_at(self.hostname, addresses)
         if not others:
             return self.hostname
-        if first != DEFAULT_HOSTNAME:  # somebody has chosen it
+        if first != DEFAULT_HOSTNAME:  # a chosen name is never changed
             log.warning("%s.local is also %s: choose another --hostname", first, min(others))
             return first
         for number in range(self._next, self._next + _MOST_NAMES):
@@ -106,7 +109,7 @@ class Announcement:
         """Return the addresses of other machines that answer to a name."""
         import zeroconf
 
-        if not hasattr(zeroconf, "AddressResolver"):  # before 0.133
+        if not hasattr(zeroconf, "AddressResolver"):  # zeroconf before 0.133
             return set()
         asked = zeroconf.AddressResolver(f"{name}.local.")
         asked.request(self._responder, PROBE_MS)
@@ -114,10 +117,10 @@ class Announcement:
         return {one.partition("%")[0] for one in asked.parsed_addresses()} - own
 
     def must_yield(self, addresses: Sequence[str]) -> bool:
-        """True if another robot has this name, too, and this one has to take another.
+        """True if another robot has this name too, and this robot has to take a new name.
 
-        The one with the lowest address keeps it, so that only one of them gives way. A name that
-        somebody chose is kept.
+        The robot with the lowest address keeps the name, so that only one robot gives way. A name
+        that a person chose is never changed.
         """
         if self._responder is None or self._config.hostname != DEFAULT_HOSTNAME:
             return False
@@ -134,13 +137,13 @@ class Announcement:
         for kind in (_A, _AAAA):
             question.add_question(zeroconf.DNSQuestion(name, kind, 1))
         with contextlib.suppress(OSError):
-            self._responder.send(question)  # the answers are looked at the next time
+            self._responder.send(question)  # the next call reads the answers
         before = [other for other in others if own and _lowest([other]) < _lowest(own)]
-        self._next = max(2, 1 + len(before))  # each takes a number of its own at once
+        self._next = max(2, 1 + len(before))  # so that all get different numbers at once
         return bool(before)
 
     def close(self) -> None:
-        """Take the announcement back; idempotent."""
+        """Withdraw the announcement; idempotent."""
         responder, self._responder = self._responder, None
         if responder is not None:
             with contextlib.suppress(Exception):  # the network may be gone
@@ -149,7 +152,7 @@ class Announcement:
 
 @contextlib.contextmanager
 def announced(config: NetworkConfig, robot: str) -> Iterator[None]:
-    """Answer to the robot's name on the network inside the block."""
+    """Announce the robot's name on the network inside the block."""
     announcement = Announcement(config, robot)
     announcement.announce(lan_addresses(config))
     try:
@@ -167,7 +170,7 @@ def _is_6(address: str) -> bool:
 
 
 def _one_line(record: logging.LogRecord) -> bool:
-    """Leave tracebacks of an address that is gone out of the log: the watch renews it."""
+    """Keep tracebacks about a vanished address out of the log: the watch announces again."""
     record.exc_info = None
     return True
 

@@ -1,4 +1,4 @@
-"""The text that the terminal shows: the server's addresses, and QR codes for phones."""
+"""The text for the terminal: the server's addresses, and QR codes for phones."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def greet_phones(addresses: Sequence[str], tokens: Mapping[Role, str], more: Seq
 
 
 def greet_next(address: str, role: Role, token: str) -> str:
-    """Return how to pair the next browser: a pilot by a QR code, as the first one did."""
+    """Return the text on pairing the next browser, with a QR code for a pilot."""
     there = pairing_address(address, token)
     code = "\n" + draw_qr(there) if role is Role.PILOT else ""
     return f"A browser was paired. The next one that is to {role.purpose}: {there}{code}"
 
 
 def pairing_address(address: str, token: str) -> str:
-    """Return the address that pairs; the part after the `#` stays in the browser."""
+    """Return the pairing address; browsers do not send the part after the `#`."""
     return f"{address}/pair#{token}"

@@ -1,7 +1,7 @@
 """A local certificate authority, so that a phone gets a secure context.
 
-The authority's key stays in the data folder. Name constraints limit it to private names and
-addresses: a browser that trusts it trusts it for no public site.
+The authority's key stays in the data folder. Name constraints limit the authority to private names
+and addresses, so a browser that trusts it does not trust it for any public site.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ _Authority = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
 _Extensions = list[tuple[x509.ExtensionType, bool]]
 """Certificate extensions, each with a flag that says whether it is critical."""
 _EVER = dt.datetime(2000, 1, 1, tzinfo=dt.UTC), dt.datetime(2049, 12, 31, tzinfo=dt.UTC)
-"""Validity of the authority; wide, because the robot's clock may be years off when it is made."""
+"""Validity of the authority; wide, because the robot's clock may be years off at that time."""
 _RENEWED_BEFORE = dt.timedelta(days=30)
 """A certificate is renewed when its remaining validity is less than this."""
-_A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones take no longer
+_A_DAY, _MOST = dt.timedelta(days=1), dt.timedelta(days=397)  # phones accept no more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,11 +48,11 @@ class Certificates:
 
 
 def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> Certificates:
-    """Make a server certificate, and the authority if there is none yet or it has expired.
+    """Make a server certificate, and the authority if it is missing or has expired.
 
-    It contains those of `names` that the authority's constraints permit: browsers refuse a
-    certificate with any other. ConfigurationError if the folder cannot be written or has invalid
-    files.
+    The certificate contains only those of `names` that the authority's constraints permit, because
+    browsers refuse a certificate with any other name. ConfigurationError if the folder cannot be
+    written or has invalid files.
     """
     files = Certificates(
         key=folder / "server.key", chain=folder / "server.crt", authority=folder / "ca.crt"
@@ -70,7 +70,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
             (x509.SubjectAlternativeName(_vouched_for(names, authority[0])), False),
             (issuer, False),
         ]
-        valid = now - _A_DAY, now + _MOST  # a robot's clock may be a little off
+        valid = now - _A_DAY, now + _MOST  # the robot's clock may be off
         certificate = _sign("Drivelesson", key, authority, valid, extensions)
         write_whole(files.key, _key_pem(key), mode=0o600)
         write_whole(files.chain, _pem(certificate) + _pem(authority[0]), mode=0o600)
@@ -78,9 +78,9 @@ def make_certificates(folder: Path, names: Sequence[str], now: dt.datetime) -> C
 
 
 class RenewedCertificates:
-    """A server's certificate, renewed while it serves when its names or the wall clock change.
+    """A server's certificate, renewed while the server runs if its names or the wall clock change.
 
-    New connections get the new one from the same `SSLContext`; open connections stay.
+    New connections get the new certificate from the same `SSLContext`; open connections stay.
     """
 
     def __init__(self, folder: Path, names: Sequence[str], now: dt.datetime) -> None:
@@ -90,13 +90,13 @@ class RenewedCertificates:
         self._context: ssl.SSLContext | None = None
 
     def use(self, context: ssl.SSLContext) -> None:
-        """Renew the certificate also in the context of a running server."""
+        """From now on, load renewed certificates into this context of a running server."""
         self._context = context
 
     def renew(self, names: Sequence[str], now: dt.datetime) -> str | None:
-        """Make a new certificate if needed; return the reason, or None.
+        """Make a new certificate if needed; return the reason, or None if it was not needed.
 
-        If the new one cannot be written, the previous one stays in use.
+        If the new certificate cannot be written, the previous certificate stays in use.
         """
         is_outdated = not self._made - _A_DAY < now < self._made + _MOST - _RENEWED_BEFORE
         if not is_outdated and self._names == frozenset(names):
@@ -138,7 +138,7 @@ def _sign(
     valid: tuple[dt.datetime, dt.datetime],
     extensions: _Extensions,
 ) -> x509.Certificate:
-    """Return the certificate of a key, signed by an authority or else by itself."""
+    """Return the certificate of a key, signed by an authority or else by the key itself."""
     subject = x509.Name([x509.NameAttribute(x509.oid.NameOID.COMMON_NAME, name)])
     builder = (
         x509.CertificateBuilder()
@@ -175,7 +175,7 @@ def _vouched_for(names: Sequence[str], authority: x509.Certificate) -> list[x509
     found = [_general_name(name) for name in names if name.isascii()]
     try:
         limits = authority.extensions.get_extension_for_class(x509.NameConstraints).value
-    except x509.ExtensionNotFound:  # somebody's own, put into the folder
+    except x509.ExtensionNotFound:  # an authority that a person put there
         return found
     permitted = [one.value for one in limits.permitted_subtrees or ()]
     return [name for name in found if any(_is_within(name, one) for one in permitted)]

@@ -1,4 +1,4 @@
-"""The configuration of a server that a network can reach."""
+"""The configuration of a server on a network."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class PublicAddress:
 
     scheme: str
     host: str
-    """The name, with the port unless it is the scheme's default, as browsers send it."""
+    """The host name as browsers send it: with the port, unless that is the scheme's default."""
     prefix: str = ""
     """The path, such as /robot; empty for the root."""
 
@@ -30,7 +30,7 @@ class PublicAddress:
         try:
             parts = urlsplit(text.strip())
             port, name = parts.port, (parts.hostname or "").encode("idna").decode()
-        except ValueError:  # a port or a name that is none
+        except ValueError:  # an invalid port or name
             port, name, parts = None, "", urlsplit("")
         prefix = parts.path.rstrip("/")
         is_plain = not (parts.query or parts.fragment or parts.username or parts.password)
@@ -63,7 +63,7 @@ class NetworkLimits(Limits):
 
     pairing_failures: int = 10
     """Number of wrong tokens per minute from one address before it has to wait. The right token is
-    accepted even then."""
+    accepted even during the wait."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +98,7 @@ class NetworkConfig(Config):
 
     @property
     def needs_pairing(self) -> bool:
-        """True if other machines can reach the server: then it admits only paired browsers."""
+        """True if other machines can reach the server, which then admits only paired browsers."""
         return self.lan or bool(self.public)
 
     @property

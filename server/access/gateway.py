@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 _NAME_S = 1.5
-"""How long the start waits for its name on the network, in seconds."""
+"""How long the start waits for the robot's name on the network, in seconds."""
 _UNPAIRED = Refusal(
     401,
     "unpaired",
@@ -62,11 +62,11 @@ _COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
 
 
 class NetworkGateway(Gateway):
-    """Admits only paired browsers if the network can reach the server, and limits each one's use.
+    """Admits only paired browsers if the network can reach the server, and limits everybody's use.
 
     Args:
-        pairing: The sessions of browsers; None: `open` makes it when needed.
-        surroundings: The addresses and names, if they are already known.
+        pairing: The sessions of browsers; None: `open` creates it when needed.
+        surroundings: The addresses and names; None: made from the configuration.
     """
 
     limits_type: ClassVar[type[NetworkLimits]] = NetworkLimits
@@ -166,7 +166,7 @@ class NetworkGateway(Gateway):
         self.clock.start_thread(lambda: self._tell(role, token), "next code")
 
     def _tell(self, role: Role, token: str) -> None:
-        """Draw the code for the next phone if one was drawn for the last."""
+        """Draw the code for the next phone if a code was drawn for the previous phone."""
         address = self.addresses()[0]
         print(greet_next(address, role, token), flush=True)
         if role is Role.PILOT:
@@ -190,7 +190,7 @@ class NetworkGateway(Gateway):
             self._renewed.use(context)
 
     def _follow(self, before: Place, now: Place, more: Callable[[], list[str]]) -> None:
-        """Show the new addresses with codes for them: cookies belong to the old address."""
+        """Show the new addresses with pairing codes, because cookies belong to the old address."""
         if (before.addresses, before.hostname) == (now.addresses, now.hostname):
             return
         log.warning("the robot is now at %s", " ".join(self.addresses()))
@@ -201,7 +201,7 @@ class NetworkGateway(Gateway):
             self._show(self.address_for(Role.PILOT))
 
     def _renew(self, _: Place) -> None:
-        """Renew the certificate if the clock was set, or names have changed."""
+        """Renew the certificate if the clock was set or names have changed."""
         assert self._renewed is not None
         try:
             now = dt.datetime.fromtimestamp(self.clock.wall_s(), dt.UTC)
@@ -282,7 +282,7 @@ class NetworkGateway(Gateway):
         return Session(Role.VIEWER, f"player {address}", is_crowd=True) if is_valid else _BAD_KEY
 
     def _recognise(self, head: bytes, address: str) -> Session | None:
-        """Return the session in the first bytes of a request; None if they contain none."""
+        """Return the session in the first bytes of a request; None if there is no session."""
         found = _COOKIES.search(head)
         is_proxy = self.config.public and self._proxies.is_proxy(address)
         if self.pairing is None or found is None or is_proxy:
@@ -312,7 +312,7 @@ class NetworkGateway(Gateway):
 
     def note_asked(self, scope: Scope, session: Session | None, *, lasts: bool) -> Refusal | None:
         peer, line = _peer(scope), session
-        if PEER in scope:  # a proxy's connections may each carry many people's requests
+        if PEER in scope:  # a proxy's connection may carry many people's requests
             line = Session(Role.VIEWER, f"proxy {peer[0]}", is_crowd=True)
         if self.admission.asked(peer, line, self.clock.now_s(), lasts=lasts):
             return None
@@ -345,12 +345,12 @@ class NetworkGateway(Gateway):
 
 
 def advise(name: str | None, address: str) -> str:
-    """Return advice for a client that used a name or address that is not the robot's own."""
+    """Return advice for a client that used a wrong name or address."""
     known = f" If this is its name, start it with --also-at {name}." if name is not None else ""
     return f"{known} If a proxy has passed this on, start the robot with --behind-proxy {address}"
 
 
 def _peer(scope: Scope) -> Peer:
-    """Return the peer of the connection: the client, or its proxy."""
+    """Return the peer of the connection: the client or its proxy."""
     peer: Peer = scope.get(PEER) or tuple(scope.get("client") or ("", 0))
     return peer

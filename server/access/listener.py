@@ -1,7 +1,7 @@
 """A listening socket that limits connections when they are accepted.
 
-It works below TLS and HTTP, so that unfinished handshakes are counted too. It works with every
-version of uvicorn and asyncio.
+It works below TLS and HTTP, so that unfinished handshakes are counted too, and with every version
+of uvicorn and asyncio.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from server.access.admission import AdmissionControl, Peer
 _AT_ONCE = 1024
 """Maximum number of connections taken from the kernel at once, closed ones included."""
 _HANDED_ON = 64
-"""Maximum number of connections handed on before the event loop reads from the others."""
+"""Maximum number of accepted connections before the event loop reads from all connections again."""
 _KEPT_BACK = 128
 """File descriptors reserved for files, cameras and the brick."""
 _MOST_CONNECTIONS = 1024
@@ -32,10 +32,10 @@ _HEAD = 4096
 _WINDOW_AT = 228
 """Offset of `tcpi_snd_wnd` in Linux's `struct tcp_info` (5.4 and newer), in bytes."""
 STOP = b"POST /api/stop "
-"""First bytes of a STOP that a page sends without a websocket."""
+"""First bytes of a page's STOP request without a websocket."""
 _RESET = struct.pack("ii", 1, 0)
 _UNREAD_PARTS = 16
-"""Maximum number of 4 KB parts that are read of a refused request."""
+"""Maximum number of 4 KB parts of a refused request that are read."""
 TOO_MANY_CONNECTIONS = "Too many connections; reuse them, or wait a second."
 _BODY = json.dumps({"error": "connections", "detail": TOO_MANY_CONNECTIONS}).encode()
 _TOO_MANY = (
@@ -57,7 +57,7 @@ def connection_capacity() -> int:
 
 
 class AdmissionListener(socket.socket):
-    """Accepts only connections that its `AdmissionControl` admits; it takes over `listener`."""
+    """Accepts only connections that its `AdmissionControl` admits; replaces `listener`."""
 
     def __init__(self, admission: AdmissionControl, clock: Clock, listener: socket.socket) -> None:
         super().__init__(listener.family, listener.type, listener.proto, fileno=listener.detach())
@@ -70,8 +70,8 @@ class AdmissionListener(socket.socket):
         """Accept the next connection, a waiting STOP first; see `socket.socket.accept`.
 
         Raises:
-            BlockingIOError: If none waits, or enough were accepted for now: these are read before
-                later ones can evict them.
+            BlockingIOError: If no connection waits, or enough were accepted for now: they must be
+                read before later connections can evict them.
         """
         if not self._waiting:
             self._gather()
@@ -82,7 +82,7 @@ class AdmissionListener(socket.socket):
         return connection, connection.peer
 
     def _gather(self) -> None:
-        """Take waiting connections from the kernel, but no more than its share per person."""
+        """Accept waiting connections from the kernel, but at most each person's share."""
         for _ in range(_AT_ONCE):
             now_s = self.clock.now_s()
             if len(self._waiting) >= _HANDED_ON or not self.admission.has_room(now_s):
@@ -116,8 +116,8 @@ class AdmissionListener(socket.socket):
             self._spare = None
 
     def _reject_one(self) -> None:
-        """Accept the next connection with the spare descriptor, and close it: left in the queue, it
-        would wake the event loop again and again."""
+        """Accept the next connection with the spare descriptor, and close it: in the queue, the
+        connection would wake the event loop again and again."""
         if self._spare is not None:
             os.close(self._spare)
             self._spare = None
@@ -128,7 +128,7 @@ class AdmissionListener(socket.socket):
 
 
 class _Connection(socket.socket):
-    """An accepted socket that tells the admission when it is closed."""
+    """An accepted socket that notifies the admission control when it is closed."""
 
     admission: AdmissionControl | None = None
     peer: Peer = ("", 0)
@@ -136,9 +136,9 @@ class _Connection(socket.socket):
     """The largest window that the client has offered."""
 
     def unread(self) -> int:
-        """Return the number of bytes that the client has not read; 0 on other systems than Linux.
+        """Return the number of bytes that the client has not read; always 0 except on Linux.
 
-        They are in flight, or in the client's receive buffer, by which its window has shrunk.
+        Unread bytes are in flight, or in the client's receive buffer, which shrinks its window.
         """
         try:
             import fcntl
@@ -158,14 +158,14 @@ class _Connection(socket.socket):
     def _ask_for_windows(self) -> None:
         """Have the client's system report its window each second while nothing is sent.
 
-        It does not always report by itself that the client has read more.
+        The system does not always report unasked that the client has read more.
         """
         self.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 1)
         self.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 1)
 
     def peek(self) -> bytes | None:
-        """Return the waiting bytes: empty if the client has left, None if nothing waits."""
+        """Return the waiting bytes, which stay; empty if the client has left, None if none wait."""
         try:
             return self.recv(_HEAD, socket.MSG_PEEK)
         except BlockingIOError:
@@ -181,11 +181,12 @@ class _Connection(socket.socket):
         return super().recv_into(buffer, min(size or len(buffer), _HEAD), flags)
 
     def abort(self) -> None:
-        """End the connection so that both sides notice; its owner then closes it.
+        """Abort the connection so that both sides notice; the owner then closes the socket.
 
-        It is reset, unless it is idle: then its last answer may still be on its way.
+        A busy connection is reset. An idle one is not, because its last answer may still be on the
+        way.
         """
-        admission, self.admission = self.admission, None  # its place is given back
+        admission, self.admission = self.admission, None  # frees its slot
         with contextlib.suppress(OSError):
             if admission is None or not admission.is_idle(self.peer):
                 self.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET)
@@ -194,8 +195,8 @@ class _Connection(socket.socket):
     def refuse(self) -> None:
         """Answer that this session opens too many connections, and close.
 
-        The request is read first: otherwise the system would reset the connection, and the client
-        would not see the answer.
+        The request is read first, because otherwise the system would reset the connection, and the
+        client would not see the answer.
         """
         with contextlib.suppress(BlockingIOError):
             for _ in range(_UNREAD_PARTS):

@@ -38,7 +38,7 @@ def is_for_others(address: str) -> bool:
 
 
 def own_addresses(version: int = 4) -> list[str]:
-    """Return this machine's IPv4 or IPv6 addresses, first the one that others most likely see."""
+    """Return this machine's IPv4 or IPv6 addresses, the most likely to be reachable first."""
     found: list[str] = []
     family, elsewhere = _PROBES[version == 6]
     with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as probe:
@@ -66,7 +66,7 @@ def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None
         hosts = [*own, f"{config.hostname}.local"]
     else:
         hosts = [config.host]
-    if config.tls:  # no certificate of ours is for a public address: the name comes before it
+    if config.tls:  # our certificates contain no public address, so the name is listed before it
         hosts.sort(key=lambda host: not getattr(as_address(host), "is_private", True))
     scheme = "https" if config.tls else "http"
     return public + [
@@ -75,7 +75,7 @@ def page_addresses(config: NetworkConfig, addresses: Sequence[str] | None = None
 
 
 def host_names(config: NetworkConfig) -> list[str]:
-    """Return the names that the robot answers to, without asking the resolver."""
+    """Return the names that the robot answers to, without a query to the resolver."""
     own = socket.gethostname().lower()
     names = [f"{config.hostname}.local", own, f"{own}.local"] if config.lan else []
     return list(dict.fromkeys([*loopback_names(config), *names, *config.also_at]))
@@ -84,8 +84,8 @@ def host_names(config: NetworkConfig) -> list[str]:
 def names_in_network(
     hostname: str, addresses: Iterable[str], resolver: Path = _RESOLVER
 ) -> list[str]:
-    """Return the names that the network gives this machine: its own name with each domain in which
-    this machine searches, and what the resolver answers for its addresses.
+    """Return this machine's names in the network: its host name with each search domain, and the
+    names that the resolver returns for its addresses.
 
     May wait for the resolver for many seconds.
     """
@@ -96,7 +96,7 @@ def names_in_network(
         f"{first[0]}.local",
         *(f"{name}.{end}" for end in _domains(resolver) for name in first),
     ]
-    if first[0] == "penguin":  # Linux on a Chromebook, as its browser calls it
+    if first[0] == "penguin":  # the Chromebook's browser calls its Linux by this name
         found.append("penguin.linux.test")
     for address in addresses:
         with contextlib.suppress(OSError):
@@ -107,7 +107,7 @@ def names_in_network(
 
 
 def _domains(resolver: Path) -> list[str]:
-    """Return the domains in which short names are searched; the last such line counts."""
+    """Return the search domains of short names; the last line in the file counts."""
     try:
         lines = resolver.read_text("utf-8", "replace").splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""Pairing of browsers: a one-time token is exchanged for a session, which has a role.
+"""Pairing of browsers: a browser exchanges a one-time token for a session with a role.
 
 Only hashes of sessions are stored, in memory and in one small file. Nothing here uses HTTP; the
 time is an argument.
@@ -33,7 +33,7 @@ from server.gateway.roles import Refusal, Role, Session
 log = logging.getLogger(__name__)
 
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
-"""The characters of a token, without letters and digits that look alike."""
+"""The characters of a token; letters and digits that look alike are left out."""
 TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
 _TOKEN = re.compile(rf"\b(?:[{ALPHABET}]{{{_GROUP}}}\W?){{{TOKEN_LETTERS // _GROUP}}}(?!\w)")
 ROLES = "drivelesson.roles"
@@ -41,10 +41,10 @@ ROLES = "drivelesson.roles"
 FOLDER = FolderKind(name="tls", files=("paired.json",), secrets=("paired.json", "tls/", "*.key"))
 """The files of this extension in the data folder."""
 LONGEST_TEXT = 2000
-"""Maximum length of the text read as a token, in characters; it may be a whole address."""
+"""Maximum length of the text read as a token, in characters; the text may be a whole address."""
 _SESSIONS = 192
-"""Maximum number of sessions of one kind: one role, paired by the terminal or by invitation. It
-exceeds the number of websockets, so nobody can keep all of them in use."""
+"""Maximum number of sessions of one kind (one role, paired by the terminal or by invitation). It
+exceeds the number of websockets, so nobody can keep all sessions in use."""
 INVITATION_S = 300.0
 """How long a token on a class's board is valid for any number of phones, in seconds."""
 _INVITATIONS = 16
@@ -52,12 +52,12 @@ _INVITATIONS = 16
 
 @cache
 def browser_roles() -> tuple[Role, ...]:
-    """Return the roles that a browser can get, those of extensions last."""
+    """Return the roles that a browser can get; roles of extensions are last."""
     return Role.VIEWER, Role.PILOT, *(role for p in points(ROLES) if (role := p.load()).purpose)
 
 
 class Paired(NamedTuple):
-    """A paired browser: its role, its cookie's secret, and whether it survives a restart."""
+    """A paired browser: its role, its cookie's secret, and whether it stays paired at a restart."""
 
     role: Role
     secret: str
@@ -65,7 +65,7 @@ class Paired(NamedTuple):
 
 
 class _Kind(NamedTuple):
-    """How a browser was paired."""
+    """The way in which a browser was paired."""
 
     role: Role
     invited: bool = False
@@ -79,8 +79,8 @@ Sessions = Mapping[str, _Kind]
 
 
 def cookie_name(config: NetworkConfig) -> str:
-    """Return the session cookie's name. It contains the public address, or else the port, because
-    cookies ignore ports.
+    """Return the session cookie's name. The name contains the public address or, without one, the
+    port, because cookies ignore ports.
 
     The prefix makes browsers reject a cookie that was set without TLS or for another path.
     """
@@ -95,12 +95,12 @@ class Pairing:
     """The tokens that can be redeemed now, and the sessions of paired browsers.
 
     Args:
-        failures_a_minute: Wrong tokens of one address before it has to wait.
-        file: The file with the sessions; None to lose them at a restart.
-        on_token: Called with each new token and its role, to show it on the terminal.
+        failures_a_minute: Number of wrong tokens per minute before an address has to wait.
+        file: The file with the sessions; None to lose the sessions at a restart.
+        on_token: Called with each new token and its role, to show the token on the terminal.
 
     Attributes:
-        is_in_use: Returns True if the session of that name is connected now.
+        is_in_use: Returns True if the session of the given name is connected now.
         standing_code: A printed code that pairs any number of browsers as pilots.
     """
 
@@ -119,7 +119,7 @@ class Pairing:
         self._unused = set(self._sessions)
         """Sessions not used in this run; they are evicted first."""
         self._is_saved = file is not None
-        """True if the file is up to date; otherwise the next answer tries to write it again."""
+        """True if the file is up to date; otherwise the next request tries to write it again."""
         self.is_in_use: Callable[[str], bool] = lambda name: False
         self.tokens: dict[Role, str] = {role: _new_token() for role in browser_roles()}
         self._invitations: deque[tuple[str, float]] = deque(maxlen=_INVITATIONS)
@@ -130,7 +130,7 @@ class Pairing:
     ) -> Paired | Refusal:
         """Exchange a token for a session. Each token works once and is then replaced.
 
-        A browser has one session: `secret` is that of its existing session, which is renewed.
+        A browser has one session: `secret` is the secret of its existing session, which is renewed.
         The right token is accepted even after wrong ones from the same address, so nobody can be
         locked out. 78 bits cannot be guessed at any rate that the guard allows.
         """
@@ -163,12 +163,12 @@ class Pairing:
         return token, INVITATION_S
 
     def find(self, secret: str) -> Session | None:
-        """Return the session that this is the secret of; None if there is none."""
+        """Return the session with this secret; None if there is none."""
         name = hash_of(secret)
         kind = self._sessions.get(name)
         if kind is None:
             return None
-        if name in self._unused:  # once a run: a frequent user also survives a restart
+        if name in self._unused:  # once per run, so that the order of use survives a restart
             self._unused.discard(name)
             self._sessions.move_to_end(name)
             self._save()
@@ -184,7 +184,7 @@ class Pairing:
         return ended
 
     def sign_in(self, sessions: Sessions) -> None:
-        """Let sessions that were ended go on."""
+        """Restore sessions that were ended."""
         self._sessions = OrderedDict({**sessions, **self._sessions})
         self._save()
 
@@ -234,7 +234,7 @@ class Pairing:
             require_present(self._file)
             self._file.parent.mkdir(parents=True, exist_ok=True)
             with os.fdopen(os.open(new, os.O_CREAT | os.O_WRONLY | os.O_TRUNC, 0o600), "w") as out:
-                out.write(json.dumps({"sessions": rows}))  # json.dump holds the loop up
+                out.write(json.dumps({"sessions": rows}))  # json.dump is slower
             new.replace(self._file)
         except OSError as error:
             log.warning("pairing not saved file=%s error=%r", self._file, str(error))
@@ -260,15 +260,15 @@ def _load(file: Path) -> OrderedDict[str, _Kind]:
 
 
 def hash_of(secret: str) -> str:
-    """Hash once: the secret has 256 random bits, so it cannot be guessed from its hash."""
+    """Hash only once, because a secret of 256 random bits cannot be guessed from its hash."""
     return hashlib.sha256(secret.encode("utf-8", "replace")).hexdigest()
 
 
 def token_in(text: str) -> str:
     """Return the letters of the token in a text that a person pastes or types.
 
-    The text may be the token with or without hyphens, in any case or width, the whole address, also
-    with an encoded `#`, or the terminal's line that shows it.
+    The text may be the token with or without hyphens, in any case or width, or the whole address,
+    also with an encoded `#`, or the terminal's line with the address.
 
     Example:
         >>> token_in("or open http://robot.local:8000/pair%23abcd-efgh-jkmn-pqrs")

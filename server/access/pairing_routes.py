@@ -29,7 +29,7 @@ class PairingToken(RawValue):
 
 @router.get("/pair", include_in_schema=False)
 async def pair_page(request: Request) -> Response:
-    """Return the page that redeems the token behind the `#` of its address."""
+    """Return the page that redeems the token after the `#` of its address."""
     _require_pairing(request)
     return FileResponse(services_of(request).config.web / "pair/index.html")
 
@@ -77,7 +77,7 @@ async def authority(request: Request) -> Response:
 
 
 def _end_sockets(request: Request) -> None:
-    """Close the sockets of a session that has ended: it may have been a pilot's."""
+    """Close the websockets of a session that has ended, because it may be a pilot's."""
     sockets = gateway_of(request).admission.sockets
     for place in sockets:
         if place.person == person_of(request):
@@ -100,7 +100,7 @@ def _cookie(request: Request) -> dict[str, Any]:
 
 
 def gateway_of(request: Request) -> NetworkGateway:
-    """Return the gateway of the server that a request is for."""
+    """Return the gateway of the server that got a request."""
     gateway = services_of(request).gateway
     assert isinstance(gateway, NetworkGateway)
     return gateway

@@ -1,8 +1,8 @@
 """The key in the address of a player: VLC, ffmpeg, a dashboard, an `<img>` of another site.
 
-Such a program has no cookie, so it cannot be paired. Whoever has the address may watch the video
-and do nothing else. The key is in one file, which is read each time: it can be replaced while the
-server runs.
+Such a program has no cookie, so it cannot be paired. Anybody who has the address may watch the
+video and do nothing else. The key is in one file, which is read for each request, so the key can be
+replaced while the server runs.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class PlayerKey:
         self._file = folder / NAME
 
     def read(self) -> str:
-        """Return the key; empty if there is none."""
+        """Return the key; empty if there is no key."""
         try:
             return self._file.read_text("ascii").strip()[:_MOST]
         except (OSError, ValueError):
@@ -40,7 +40,7 @@ class PlayerKey:
         """Write a new key and return it; addresses with the old key stop working.
 
         Raises:
-            OSError: If it cannot be written.
+            OSError: If the key cannot be written.
         """
         key, new = secrets.token_urlsafe(_N_BYTES), self._file.with_suffix(".new")
         self._file.parent.mkdir(parents=True, exist_ok=True)
@@ -50,6 +50,6 @@ class PlayerKey:
         return key
 
     def remove(self) -> None:
-        """Delete the key: no player can watch until there is a new one."""
+        """Delete the key; players cannot watch until there is a new key."""
         with contextlib.suppress(FileNotFoundError):
             self._file.unlink()

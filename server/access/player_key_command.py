@@ -23,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the addresses with the key in the data folder, which is made if there is none."""
+    """Print the addresses with the key of the data folder; make a key if there is none."""
     key = PlayerKey(args.data)
     with told_as(ConfigurationError, f"cannot write the player key in {args.data}"):
         if args.remove:

@@ -1,7 +1,7 @@
-"""Restores requests that came through a proxy to the form that the client sent.
+"""Restores requests that came through a proxy to the form in which the client sent them.
 
 The addresses that people open are configured (`--behind-proxy`). A proxy's headers select one of
-them and name the client. Such headers are ignored unless they come from a trusted proxy.
+these addresses and name the client. The headers are ignored unless they come from a trusted proxy.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from server.gateway.roles import Refusal
 from server.gateway.rules import host_name
 
 PEER = "drivelesson.peer"
-"""Key in a scope: address and port of the connection itself, set if a proxy made it."""
+"""Key in a scope: the peer's address and port, set if a proxy made the connection."""
 SPOKEN = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-forwarded-proto")
 _PAIR = re.compile(r'(?<![\w-])([\w-]+)\s*=\s*("(?:[^"\\]|\\.)*"|[^;,"\s]*)|(,)')
 
@@ -35,7 +35,7 @@ class _Hop(NamedTuple):
 
 
 class Proxies:
-    """The proxies in front of a server; one that `admits_all` refuses unknown proxies."""
+    """The proxies in front of a server; a server that `admits_all` refuses unknown proxies."""
 
     def __init__(
         self, public: Sequence[PublicAddress], trusted: Iterable[Network], *, admits_all: bool
@@ -70,7 +70,7 @@ class Proxies:
         return _as_sent(scope, public, hop.client, peer)
 
     def is_proxy(self, address: str) -> bool:
-        """True if the proxies connect from this address."""
+        """True if this is the address of a trusted proxy."""
         own = as_address(address)
         return own is not None and any(own in network for network in self._trusted)
 
@@ -88,7 +88,7 @@ class Proxies:
         return told
 
     def _choose(self, hop: _Hop, scope: Scope) -> PublicAddress | None:
-        """Return the address that was opened; None if the proxy names an unknown one."""
+        """Return the address that was opened; None if the proxy names an unknown address."""
         asked = hop.host or Headers(scope=scope).get("host", "")
 
         def fit(public: PublicAddress) -> tuple[bool, bool, bool]:
@@ -114,7 +114,7 @@ def _hops(said: dict[str, str]) -> list[list[_Hop]]:
     kinds = []
     if "forwarded" in said:
         elements: list[dict[str, str]] = [{}]
-        # A client's open quote hides the entry that a proxy added: then all is ignored.
+        # A client's open quote would hide the entry that a proxy added, so ignore such a header.
         is_whole = not _PAIR.sub("", said["forwarded"]).strip("; \t")
         for name, value, comma in _PAIR.findall(said["forwarded"]) if is_whole else ():
             if comma:
@@ -146,7 +146,7 @@ def _as_sent(scope: Scope, public: PublicAddress, client: str, peer: Any) -> Sco
     """Return a copy of a scope as it was before the proxy."""
     kept = [(name, value) for name, value in scope["headers"] if name.lower() != b"host"]
     path, is_socket = str(scope["path"]), scope["type"] == "websocket"
-    if path.startswith(f"{public.prefix}/"):  # a proxy may leave it out
+    if path.startswith(f"{public.prefix}/"):  # a proxy may have removed the prefix
         path = path[len(public.prefix) :]
     return {
         **scope,

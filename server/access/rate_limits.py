@@ -11,11 +11,11 @@ _NAMES = 1024
 
 
 class RateLimits:
-    """A token bucket for each of many names; the least recently used one is forgotten."""
+    """A token bucket for each of many names; the least recently used bucket is forgotten."""
 
     def __init__(self) -> None:
         self._of = lru_cache(_NAMES)(lambda _, rate, burst: RateLimit(per_second=rate, burst=burst))
 
     def allows(self, name: str, now_s: float, *, per_second: float, burst: float) -> bool:
-        """Take one of this name's tokens; False if there is none."""
+        """Take one of this name's tokens; False if no token is left."""
         return self._of(name, per_second, burst).allows(now_s)

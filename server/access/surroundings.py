@@ -1,7 +1,7 @@
 """Tracks a running server's environment: addresses, names, the wall clock.
 
-All of it can change: Wi-Fi connects late, a router assigns another address, the clock of a small
-computer leaps from 1970. One watch looks every second and notifies its listeners.
+All three can change: Wi-Fi connects late, a router assigns another address, the clock of a small
+computer leaps from 1970. One watch checks every second and notifies its listeners.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from server.access.network import host_names, lan_addresses, names_in_network, p
 
 log = logging.getLogger(__name__)
 LOOK_EVERY_S = 1.0
-"""Time between two looks, in seconds. A change is announced some three seconds after it is shown,
-because probing and announcing a name take that long."""
+"""Time between two checks, in seconds. A change is announced about three seconds after the terminal
+shows it, because probing and announcing a name take this time."""
 CLAIM_EVERY_S = 10.0
-"""How often a robot asks whether another one has its name, in seconds: robots that start at the
-same moment, as from one switch, do not hear each other when they first ask."""
+"""Interval at which a robot asks whether another robot has its name, in seconds. Robots that start
+at the same moment, for example from one switch, miss each other's first query."""
 ASK_EVERY_S = 60.0
-"""How often the resolver is asked for this machine's names, in seconds, apart from changes."""
+"""Interval at which the resolver is asked for this machine's names, besides changes, in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +42,14 @@ class Place:
 
 
 class Surroundings:
-    """The current names and addresses of one server; the guard asks `in`.
+    """The current names and addresses of one server; the guard tests names with `in`.
 
     Args:
-        config: The server's configuration; `hostname` is the name that it asks for.
+        config: The server's configuration; `hostname` is the name that the robot wants.
         addresses: Returns this machine's addresses, the best first.
         ask_names: Asks the resolver for this machine's names; may take long.
-        claim: Announces the robot at these addresses and returns the name it got.
-        is_taken: Asks whether another robot has that name, too, and may keep it.
+        claim: Announces the robot at the given addresses and returns the name that it got.
+        is_taken: Returns True if another robot has the name too and may keep it.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class Surroundings:
         self.listeners: list[Callable[[Place, Place], None]] = []
         """Called on the watch's thread with the previous and the new place."""
         self.ticks: list[Callable[[Place], None]] = []
-        """Called at every look, for anything that depends on the wall clock."""
+        """Called at every check, for parts that depend on the wall clock."""
         self._is_claimed = claim is None
         self._asked_s: float | None = None
         self._claimed_s = 0.0
@@ -77,8 +77,8 @@ class Surroundings:
     def __contains__(self, name: object) -> bool:
         """True if the robot answers to this name.
 
-        A name without a dot does not exist on the internet, so no page from there can use it. Such
-        a name is accepted because it belongs to this network.
+        A name without a dot is accepted: it belongs to this network, because no page on the
+        internet has such a name.
         """
         place = self.now
         if name in self._known or name in place.names:
@@ -92,7 +92,7 @@ class Surroundings:
 
     @property
     def config_now(self) -> NetworkConfig:
-        """The configuration with the name that the robot has now."""
+        """The configuration with the robot's current name."""
         return dataclasses.replace(self._config, hostname=self.now.hostname)
 
     @property
@@ -106,13 +106,13 @@ class Surroundings:
         return list(dict.fromkeys([*host_names(self.config_now), *place.names, *place.addresses]))
 
     def look(self, now_s: float = 0.0) -> bool:
-        """Look once; True if something has changed."""
+        """Check once; True if something has changed."""
         before = self.now
         addresses, machine = tuple(self._look(self._config)), socket.gethostname()
         is_new = addresses != before.addresses
         if is_new or machine != before.machine:
             self._asked_s = None
-        # They serve already.
+        # The server answers at the new addresses already.
         self._change(dataclasses.replace(before, addresses=addresses, machine=machine))
         is_due = bool(addresses) and now_s - self._claimed_s >= CLAIM_EVERY_S
         if is_new or not self._is_claimed or (is_due and self._is_taken(addresses)):
@@ -128,7 +128,7 @@ class Surroundings:
         return self.now != before
 
     def ask(self, now_s: float) -> None:
-        """Ask the resolver for this machine's names, if it is time to; waits for its answer."""
+        """If it is time, ask the resolver for this machine's names; waits for the answer."""
         if self._asked_s is not None and now_s - self._asked_s < ASK_EVERY_S:
             return
         self._asked_s = now_s
@@ -151,7 +151,7 @@ class Surroundings:
 
 
 class Watch:
-    """Looks at the surroundings on its own thread; a second thread waits for the resolver."""
+    """Checks the surroundings on one thread; a second thread waits for the resolver."""
 
     def __init__(self, surroundings: Surroundings, clock: Clock) -> None:
         self._surroundings, self._clock = surroundings, clock
@@ -166,7 +166,7 @@ class Watch:
         ]
 
     def wait_for_the_first(self, timeout_s: float) -> None:
-        """Wait until the name is known, or the time is up."""
+        """Wait until the name is known, but at most this time."""
         self._clock.wait(self._looked, timeout_s)
 
     def stop(self) -> None:
@@ -178,7 +178,7 @@ class Watch:
         while not self._ending.is_set():
             try:
                 self._surroundings.look(self._clock.now_s())
-            except Exception:  # the robot drives on, whatever the network does
+            except Exception:  # a network error must not stop the robot
                 log.exception("the network cannot be looked at")
             self._looked.set()
             self._clock.wait(self._ending, LOOK_EVERY_S)

@@ -1,8 +1,8 @@
 """QR codes on a terminal, readable by a phone's camera on every theme.
 
-A code is dark on light. Characters without colours take those of the theme, and on a light theme
-the code is a negative, which many readers refuse. If the terminal has colours, the code sets its
-own: black and white of the 256-colour cube, which themes do not change.
+A code must be dark on light. Characters without colours take the theme's colours, so on a light
+theme the code would be a negative, which many readers refuse. If the terminal has colours, the code
+sets black and white of the 256-colour cube, which themes do not change.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from robot.errors import install_command
 
 _COLOURS, _RESET = "\x1b[38;5;16;48;5;231m", "\x1b[0m"
 _BLOCKS = {(0, 0): " ", (1, 0): "▀", (0, 1): "▄", (1, 1): "█"}
-"""Character for two modules, one above the other; 1 is dark."""
+"""Character for two modules, one above the other; 1: dark."""
 _INVERSE = {pair: _BLOCKS[1 - pair[0], 1 - pair[1]] for pair in _BLOCKS}
 
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """The abilities of the terminal that a code is printed on.
+    """The abilities of the terminal on which a code is printed.
 
     Attributes:
         columns: The width in characters; None if the text goes to a file or another program.
-        has_colours: True if it shows the 256 colours.
-        has_blocks: True if its encoding has half blocks.
+        has_colours: True if the terminal shows the 256 colours.
+        has_blocks: True if the terminal's encoding has half blocks.
     """
 
     columns: int | None
@@ -51,16 +51,16 @@ class Terminal:
         except (OSError, ValueError):
             columns = None
         knows_colours = environment.get("TERM", "" if system == "win32" else "dumb") != "dumb"
-        if system == "win32":  # the old console shows escape sequences as text
+        if system == "win32":  # the old console prints escape sequences as text
             knows_colours = any(name in environment for name in ("WT_SESSION", "TERM", "ANSICON"))
         has_colours = knows_colours and not environment.get("NO_COLOR")
         return cls(columns, has_colours=has_colours, has_blocks=has_blocks)
 
 
 def draw_qr(text: str, terminal: Terminal | None = None) -> str:
-    """Return the lines that draw a text as a QR code, each ended.
+    """Return the lines that draw a text as a QR code, each with a line end.
 
-    If the code cannot be drawn, a sentence in its place says why.
+    If the code cannot be drawn, a sentence with the reason is returned instead.
 
     Args:
         text: The code's content, for example an address.
@@ -73,7 +73,7 @@ def draw_qr(text: str, terminal: Terminal | None = None) -> str:
         return f"(a QR code needs drivelesson[lan]: {install_command('lan')})\n"
     if not terminal.has_blocks:
         return "(no QR code: this terminal does not use UTF-8; use the address)\n"
-    # Rows of modules, 1 is dark, with the quiet zone of two that readers accept.
+    # Rows of modules (1: dark) with a quiet zone of two modules, which readers accept.
     rows = [list(row) for row in segno.make(text, error="l", micro=False).matrix_iter(border=2)]
     width = len(rows[0])
     if terminal.columns is not None and terminal.columns < width:

@@ -1,4 +1,4 @@
-"""The page for a browser that used an unknown name: it names the address to open. Pure."""
+"""The page for a browser that used an unknown name; the page shows the address to open. Pure."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _WORDS = {
 
 
 def language_of(accepted: str) -> str:
-    """Return the first language of an Accept-Language header that the page has; else English."""
+    """Return the first language of an Accept-Language header that the page supports, or English."""
     for part in accepted.split(","):
         code = part.strip()[:2].lower()
         if code in _WORDS:

@@ -193,7 +193,7 @@ def _add_routes(app: FastAPI, config: Config, board: Board, clock: Clock) -> Non
 
     @app.get("/api/robots/{number}/qr.svg")
     async def draw_code(number: int, printed: bool = False) -> Response:
-        """Draw the code that pairs the next phone with a robot; with `printed` a permanent one."""
+        """Draw the QR code that pairs a phone with a robot; with `printed` a permanent code."""
         address = board.robot(number).page_address(printed=printed)
         if address is None:
             raise HTTPException(409, "There is no code while the robot is away.")

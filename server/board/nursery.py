@@ -73,7 +73,7 @@ class Nursery:
         self._listening.start()
 
     def start(self, words: Sequence[str], log: Path) -> threading.Event | None:
-        """Fork a robot; return an event that is set when it ends, or None if it did not start."""
+        """Fork a robot; return an event that is set at its end, or None if it did not start."""
         with self._lock, contextlib.suppress(OSError):
             assert self._process.stdin is not None
             self._process.stdin.write(json.dumps({"words": list(words), "log": str(log)}) + "\n")

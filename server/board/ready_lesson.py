@@ -16,7 +16,7 @@ NAME = "left turns only"
 _STEP_S = 0.1
 """Time between two pictures, in seconds."""
 _NEAR_M, _FREE_M = 0.35, 0.5
-"""The robot turns left from the one distance to a wall on, until the other is free, in metres."""
+"""Distances to the wall ahead at which a left turn begins and at which it ends, in metres."""
 
 
 @cache

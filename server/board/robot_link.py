@@ -96,7 +96,7 @@ class RobotLink:
         }
 
     def page_address(self, *, printed: bool = False) -> str | None:
-        """The address in the robot's QR code, printed or next; None if there is none yet."""
+        """The address in the robot's QR code; None if there is no code yet."""
         if self._session.place is None or self.status is not Status.THERE:
             return None
         address = str(self._session.place.address)
@@ -186,7 +186,7 @@ class RobotLink:
                 self._note_event(message)
 
     def _note_state(self, state: dict[str, Any]) -> None:
-        is_ours = state.get("stop_held_by") == TEACHER.value  # pupils release their own
+        is_ours = state.get("stop_held_by") == TEACHER.value  # pupils' stops are not ours
         self.stop.note_state(is_stopped=is_ours and state.get("emergency") is True)
         self.state = {name: state.get(name) for name in _FIELDS}
         self._on_news(self)

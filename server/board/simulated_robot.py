@@ -63,7 +63,7 @@ class SimulatedRobot:
             IdentityFile(folder, name).change(colour=min(off, key=lambda colour: abs(off[colour])))
 
     def keep_model(self, name: str, data: bytes) -> None:
-        """Put a model into its folder, if it has none of this name, and begin with it."""
+        """Put a model into the robot's folder unless the name is taken, and begin with it."""
         models = ModelStore(Storage(self.folder))
         self.model = name if name in models.names() else models.add_file(name, data)
 

@@ -20,7 +20,7 @@ from server.board.transport import UnreachableError, within
 log = logging.getLogger(__name__)
 
 CONFIRM_S = 0.3
-"""Timeout of a stop's confirmation, in seconds; then it is reported and sent another way."""
+"""Timeout of a stop's confirmation, in seconds; after it, the stop is sent another way."""
 _STOP, _RELEASE = json.dumps({"type": "stop"}), json.dumps({"type": "release"})
 
 
@@ -46,7 +46,7 @@ class RobotStop:
         self.stage: Stopping | None = None
         self.channel: Any = None
         self._is_shown = False
-        """True if the connection has reported this stop; earlier states are older than it."""
+        """True if the connection has reported this stop; earlier states precede the stop."""
         self._is_behind = False
         """True if the connection may still report a stop that has since been released."""
         self._session, self._clock = session, clock

@@ -21,7 +21,7 @@ from server.board.transport import RobotAddress, UnreachableError, within
 AT_ONCE = 32
 """Maximum number of robots asked at the same time; the transport has threads for more."""
 FORGOTTEN_S = 180.0
-"""Time after which an unannounced robot is forgotten, in s: the network is asked each minute."""
+"""Time after which an unannounced robot is forgotten, in s; the network is queried each minute."""
 _MOST, _SHOWN = 4096, 30
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 300.0
 
@@ -38,7 +38,7 @@ class UnverifiedRobot:
 
 
 class UnverifiedRobots:
-    """All unverified robots; `welcome` gets the address of one that has proved the key."""
+    """All unverified robots; `welcome` gets the address of a robot that has proved the key."""
 
     def __init__(
         self,

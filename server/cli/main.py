@@ -28,31 +28,31 @@ from robot.errors import (
 from server.cli.parser import Parser
 
 DONE, TRY_AGAIN, CHANGE_FIRST, INTERRUPTED = 0, 1, 2, 130
-"""Exit statuses. 0: ended as asked. 1: it failed, and may succeed later as it is: a camera that is
-not there yet, a full disk, a port in use. 2: another start would fail in the same way: an option, a
-setting, a file or a missing library has to be changed first. 130: Ctrl-C."""
+"""Exit statuses. 0: success. 1: it failed, but the same command may succeed later, for example
+after a missing camera, a full disk or a port in use. 2: the same command would fail again: an
+option, a setting, a file or a missing library has to be changed first. 130: Ctrl-C."""
 _LASTING = (ConfigurationError, MissingExtraError, NotFoundError, PluginError, RecordingError)
 
 GROUP = "drivelesson.commands"
 FIRST = "serve"
 _DRIVE = ("drive", "run", "start", "teach")
-"""Words with which people ask for a robot to drive, none of which is a command."""
+"""Words that people type to drive a robot; none of the words is a command."""
 
 
 def commands() -> dict[str, str]:
-    """Return each command with one line of help, the one that is meant without a name first.
+    """Return each command with one line of help; the default command is first.
 
     A command is an entry point of `drivelesson.commands`: a module with `configure(parser)` and
-    `run(args) -> int`. Where options depend on other options, `extend(parser, words)` declares
-    those. Modules are imported only when asked for, because every import costs seconds on a slow
-    computer: the line of help is read from the source, where it stands first.
+    `run(args) -> int`. If some options depend on other options, `extend(parser, words)` declares
+    the dependent ones. Only the chosen command's module is imported, because an import takes
+    seconds on a slow computer. The line of help is therefore read from the module's source.
     """
     names = sorted(_points(), key=lambda name: (name != FIRST, name))
     return {name: _summary(name) for name in names}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit status, one of those below."""
+    """Run one command and return its exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
     if words[:1] in (["-h"], ["--help"], ["help"]):
         _print_overview()
@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         parser = make_parser(name, words)
         return int(load_command(name).run(parser.parse_args(words)))
-    except BrokenPipeError:  # the program that read our output, such as `head`, has ended
+    except BrokenPipeError:  # the reader of our output, for example `head`, has ended
         raise
     except (RobotError, OSError) as error:
         print(f"drivelesson: {error}", file=sys.stderr)
@@ -81,7 +81,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def status_of(error: RobotError | OSError) -> int:
-    """Return the exit status that tells a supervisor whether another start can help."""
+    """Return the exit status, from which a supervisor knows whether a restart can help."""
     is_lasting = isinstance(error, _LASTING) and not isinstance(error, InUseError)
     is_full = getattr(error.__cause__, "errno", None) in (errno.ENOSPC, errno.EDQUOT)
     return CHANGE_FIRST if is_lasting and not is_full else TRY_AGAIN
@@ -90,8 +90,8 @@ def status_of(error: RobotError | OSError) -> int:
 def make_parser(
     name: str, words: Sequence[str] = (), *, is_extended: bool = True
 ) -> argparse.ArgumentParser:
-    """Return the parser of one command; `words` choose the options that depend on others, which
-    are left out where it is not to be extended."""
+    """Return the parser of one command. `words` are the command line's words, which decide the
+    options that depend on others; without extension, these options are left out."""
     module = load_command(name)
     parser = Parser(prog=f"drivelesson {name}", description=module.__doc__)
     module.configure(parser)
@@ -106,7 +106,7 @@ def _points() -> dict[str, EntryPoint]:
 
 
 def load_command(name: str) -> Any:
-    """Return the module of a command; KeyError if there is none of that name."""
+    """Return the module of a command; KeyError if there is no command of this name."""
     return _points()[name].load()
 
 

@@ -1,5 +1,4 @@
-"""A parser that suggests what was meant, values that are checked where they are read, and the bar
-that shows how far a command is."""
+"""An argument parser with suggestions, readers that check values, and the progress bar."""
 
 from __future__ import annotations
 
@@ -17,7 +16,7 @@ _LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
 
 
 class Parser(argparse.ArgumentParser):
-    """Says in one sentence what is wrong, and names the nearest known option or choice."""
+    """Explains an error in one sentence, and names the nearest known option or choice."""
 
     def error(self, message: str) -> NoReturn:
         text = f"{self.prog}: {message}{self._suggestion(message)}; see {self.prog} --help\n"
@@ -37,7 +36,7 @@ class Parser(argparse.ArgumentParser):
 def number(
     *, above: float | None = None, least: float | None = None, most: float | None = None
 ) -> Callable[[str], Any]:
-    """Return argparse's reader of a number within limits: more than `above`, from `least`."""
+    """Return a reader for argparse of a number greater than `above` and at least `least`."""
     declared = raw_value.number(above=above, least=least, most=most)
     return lambda text: _read(float, declared, text)
 
@@ -45,13 +44,13 @@ def number(
 def whole(
     least: int, most: int | None = None, *, or_word: str | None = None
 ) -> Callable[[str], Any]:
-    """Return argparse's reader of a whole number within limits, or of one word."""
+    """Return a reader for argparse of a whole number within limits, or of one given word."""
     declared = raw_value.whole(least=least, most=most, or_word=or_word)
     return lambda text: text if text == or_word else _read(int, declared, text)
 
 
 def several(read: Callable[[str], Any]) -> Callable[[str], list[Any]]:
-    """Return argparse's reader of what `read` reads, with commas between."""
+    """Return a reader for argparse of a comma-separated list; `read` reads one entry."""
     return lambda text: [read(part) for part in text.split(",")]
 
 
@@ -72,7 +71,10 @@ def host_name(text: str) -> str:
 
 
 def declare(group: Any, option: Option) -> None:
-    """Turn a declared option into a flag. Values stay text: the rig parses and checks them."""
+    """Turn a declared option into a flag.
+
+    Values stay text, because the rig parses and checks them.
+    """
     shown = "" if option.default is None else f" (default: {option.default})"
     choices = "" if option.choices is None else f": {', '.join(option.choices)}"
     try:
@@ -86,6 +88,6 @@ def declare(group: Any, option: Option) -> None:
 
 
 def progress(total: int | None, unit: str, command: str, extra: str, text: str = "") -> Any:
-    """Return a bar on the standard error, to be used as a context manager, with `update()`."""
+    """Return a progress bar on standard error: a context manager with `update()`."""
     tqdm = need("tqdm", f"the command {command}", extra).tqdm
     return tqdm(total=total, unit=unit, desc=text or None, file=sys.stderr)

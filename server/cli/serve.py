@@ -72,7 +72,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
-    """Declare the options of the chosen robot and camera as well, and fill in the settings."""
+    """Declare the options of the chosen robot and camera, and take defaults from the settings."""
     first = argparse.ArgumentParser(add_help=False)
     for flag in ("--robot", "--camera", "--config"):
         first.add_argument(flag)
@@ -84,7 +84,7 @@ def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
         driver_type = load_driver(str(robot))
         camera_name = chosen.camera or settings.get("camera") or driver_type.default_camera
         kinds = [("robot", driver_type), ("camera", load_camera(str(camera_name)))]
-    declared = {action.dest for action in parser._actions}  # which some cameras take as well
+    declared = {action.dest for action in parser._actions}  # some cameras declare the same options
     for title, kind in kinds:
         group = parser.add_argument_group(f"options of the {title} {kind.name}")
         for option in options_of(kind.options_type):
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
         known = ", ".join(driver_names())
         raise ConfigurationError(f"choose a robot with --robot NAME: one of {known}")
     start_logging(verbose=args.verbose)
-    if os.name == "posix":  # a recording shows a room: no other account may read it
+    if os.name == "posix":  # recordings show rooms, so no other account may read them
         os.umask(0o077)
     config = _make_config(args)
     learner = _name_learner(args)
@@ -165,7 +165,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) -> None:
-    """Report on the page and in the log what was set aside, or that nothing can be saved."""
+    """Report on the page and in the log files that were set aside, or that nothing can be saved."""
     if moved:
         sentence = ", ".join(f"{name} -> {where}" for name, where in moved)
         log.warning("set aside in the data folder: %s", sentence)
@@ -176,7 +176,7 @@ def _report_problems(moved: list[tuple[str, str]], fault: str | None, hub: Hub) 
 
 
 def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
-    """Return the options as every saved run has them: without what is secret."""
+    """Return the options to save with each run, without secrets."""
     kinds = (rig.driver.options_type, rig.camera.options_type)
     secret = {one.name for kind in kinds for one in options_of(kind) if one.is_secret}
     return {
@@ -189,7 +189,7 @@ def _recorded(args: argparse.Namespace, rig: Rig) -> dict[str, str]:
 
 
 def _name_learner(args: argparse.Namespace) -> str:
-    """Return the learner's name; `auto` measures this machine first."""
+    """Return the learner's name; for `auto`, measure this machine first."""
     learner = args.learner or "default"
     if args.max_nodes != "auto":
         return full_name(learner, args.max_nodes, 32)
@@ -205,7 +205,7 @@ def _name_learner(args: argparse.Namespace) -> str:
 
 
 def _choose_model(autosave: Autosave, args: argparse.Namespace, learner: str) -> None:
-    """Load the requested model, or else the last good one of the requested learner."""
+    """Load the requested model, or else the last good model of the requested learner."""
     if args.model is None:
         autosave.load_last(learner if args.learner or args.max_nodes else None)
         return

@@ -25,14 +25,14 @@ _RENAMED = {
     "strangers_per_address": "pending_per_address",
     "stranger_s": "pending_s",
 }
-"""Former names of settings, which a file may still have."""
+"""Former names of settings, which a file may still contain."""
 _T = TypeVar("_T")
 _TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """The settings of file and environment: flags by name, and the file's tables."""
+    """The settings of the file and the environment: flags by name, and the file's tables."""
 
     file: Path | None = None
     flags: Mapping[str, Any] = field(default_factory=dict)
@@ -44,7 +44,7 @@ class Settings:
         return self.environ.get(PREFIX + name.upper(), self.flags.get(name, default))
 
     def place(self, name: str) -> str:
-        """Return where a flag's value stands, as a person finds it."""
+        """Return the location of a flag's value, as text for a person."""
         variable = PREFIX + name.upper()
         return variable if variable in self.environ else f"{self.file}: {name}"
 
@@ -63,7 +63,7 @@ def parse_settings(text: str) -> dict[str, Any]:
 
 
 def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
-    actions = {action.dest: action for action in parser._actions}  # there is no public list
+    actions = {action.dest: action for action in parser._actions}  # argparse has no public list
     if unknown := [name for name in settings.flags if name not in actions]:
         hint = did_you_mean(unknown[0], actions)
         raise ConfigurationError(f"{settings.file}: unknown setting {', '.join(unknown)}{hint}")
@@ -74,7 +74,7 @@ def apply_to(parser: argparse.ArgumentParser, settings: Settings) -> None:
 
 
 def _typed(action: argparse.Action, value: Any, at: str) -> Any:
-    """Read a value as if it had been typed: argparse would call it an argument."""
+    """Convert a value like a typed one, with an error that names the setting, not an argument."""
     if isinstance(action, argparse._StoreTrueAction):
         if (text := str(value).lower()) not in _TRUE + _FALSE:
             raise ConfigurationError(f"{at} must be true or false, not {value!r}")
@@ -87,7 +87,7 @@ def _typed(action: argparse.Action, value: Any, at: str) -> Any:
 
 
 def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
-    """Make a dataclass of numbers from a table of the file."""
+    """Build a dataclass of numbers from a table of the file."""
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     table = {key if key in known else _RENAMED.get(key, key): table[key] for key in table}
     for key, value in table.items():

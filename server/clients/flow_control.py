@@ -87,7 +87,7 @@ class VideoWindow:
         return is_quiet
 
     def acknowledged(self, frame_id: int, now_s: float) -> None:
-        """Record a frame and all before it as drawn; ProtocolError if it is not in flight."""
+        """Record that a frame and all earlier ones are drawn; ProtocolError if not in flight."""
         if frame_id not in self._flight:
             raise ProtocolError(ErrorCode.UNKNOWN_FRAME, f"frame {frame_id} is not in flight")
         while True:

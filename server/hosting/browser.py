@@ -1,4 +1,4 @@
-"""Opens the page for a person who starts the robot at a computer with a screen."""
+"""Opens the page if the robot is started on a computer with a screen."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from collections.abc import Mapping
 
 
 def has_screen(system: str, environment: Mapping[str, str]) -> bool:
-    """True if a browser can open a window: a text browser would take over the terminal."""
-    if "SSH_CONNECTION" in environment:  # the screen is another machine's
+    """True if a browser can open a window.
+
+    A text browser does not count, because it would take over the terminal.
+    """
+    if "SSH_CONNECTION" in environment:  # the person sits at another machine
         return False
     has_display = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     return system in ("win32", "darwin") or has_display

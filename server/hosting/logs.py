@@ -15,13 +15,13 @@ from typing import Any, TextIO
 
 _MOST, _WINDOW_S = 5, 60.0
 _KINDS = 256
-"""Number of kinds of line whose rate is remembered."""
+"""Number of kinds of log line whose rate is remembered."""
 _END_S = 1.0
-"""How long the program waits at its end for the terminal to take the last lines, in seconds."""
+"""How long the program waits at its end until the terminal has read the last lines, in seconds."""
 
 
 class OneLine(logging.Formatter):
-    """Puts each record on one line, so that text from a client cannot forge a second one."""
+    """Puts each record on one line, so that text from a client cannot forge a second line."""
 
     converter = staticmethod(time.gmtime)
     default_msec_format = "%s.%03d"
@@ -32,10 +32,10 @@ class OneLine(logging.Formatter):
 
 
 class RepeatFilter(logging.Filter):
-    """Passes a few lines of each kind per minute and reports the number left out.
+    """Passes a few lines of each kind per minute and reports the number of lines left out.
 
     A kind is a logger, a level and a message before formatting. A client without a session can
-    cause any number of lines of some kinds. They must not fill the robot's disk.
+    cause any number of lines of some kinds, and these lines must not fill the robot's disk.
     """
 
     def __init__(self) -> None:
@@ -76,7 +76,7 @@ def start_logging(*, verbose: bool) -> None:
         records.put(None)
         writer.join(_END_S)
         if writer.is_alive():
-            sys.stderr = None  # Python would wait for it
+            sys.stderr = None  # otherwise Python would wait for it at exit
 
     atexit.register(end)
     logging.basicConfig(level=logging.DEBUG if verbose else logging.INFO, handlers=[handler])
@@ -86,5 +86,5 @@ def start_logging(*, verbose: bool) -> None:
 
 def _write(records: SimpleQueue[Any], out: TextIO) -> None:
     while (record := records.get()) is not None:
-        with contextlib.suppress(OSError, ValueError):  # nobody reads it any more
+        with contextlib.suppress(OSError, ValueError):  # standard error is closed
             print(record.msg, file=out, flush=True)

@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 PROTOCOLS = "drivelesson.websockets"
 """Group of the entry points of other websocket protocols: functions that return a class or None."""
 DIRECT = "drivelesson.direct"
-"""Key in `scope["extensions"]` of a protocol that writes pictures directly, if there is one."""
+"""Key in `scope["extensions"]` of an installed protocol that writes pictures directly."""
 MAX_MESSAGE_BYTES = 65_536
 """Maximum size of a websocket message in bytes; a larger one closes the connection unread."""
 _DEAD_PEER_MS = 15_000
 _BACKLOG = 4096
-"""Length of the accept queue; a connection that finds it full retries only a second later."""
+"""Length of the accept queue; if it is full, a connection retries only a second later."""
 _END_S = 1.5
-"""How long connections may take to end by themselves, and then to be closed, in seconds."""
+"""How long connections may take to finish, and after that to close, in seconds."""
 
 
 def open_socket(host: str, port: int) -> socket.socket:
@@ -53,7 +53,7 @@ def open_socket(host: str, port: int) -> socket.socket:
             listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         listener.bind((host, port))
         listener.listen(_BACKLOG)
-    except (OSError, TypeError) as error:  # the latter where the text can be no name
+    except (OSError, TypeError) as error:  # TypeError: the text cannot be a name
         listener.close()
         why = getattr(error, "strerror", None) or "there is no such host"
         is_taken = getattr(error, "errno", None) in (errno.EADDRINUSE, errno.EADDRNOTAVAIL)
@@ -64,10 +64,10 @@ def open_socket(host: str, port: int) -> socket.socket:
 
 
 def open_sockets(host: str, port: int) -> list[socket.socket]:
-    """Listen on an address; `::` means all, by IPv6 and IPv4 on the same port.
+    """Listen on an address; `::` means all addresses, IPv6 and IPv4, on the same port.
 
-    There are two sockets, so that IPv4 addresses keep their usual form. A machine that supports
-    only one of the two protocols uses that one.
+    There are two sockets, so that IPv4 addresses keep their usual form. On a machine that supports
+    only one of the two protocols, there is one socket.
     """
     if host != "::":
         return [open_socket(host, port)]
@@ -85,7 +85,7 @@ def open_sockets(host: str, port: int) -> list[socket.socket]:
 
 
 def websocket_protocol() -> Any:
-    """Return the websocket protocol for uvicorn: an installed one if it fits, or uvicorn's own."""
+    """Return the websocket protocol for uvicorn: an installed one if it fits, or the default."""
     found = (point.load()() for point in points(PROTOCOLS))
     return next(filter(None, found), "websockets")
 
@@ -120,8 +120,8 @@ def _make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
 def leave_out_of_collections() -> None:
     """Exclude all existing objects from garbage collection.
 
-    They are most of the heap. Each full collection would block every thread, the control loop and
-    a STOP included, for 100 to 300 ms.
+    The existing objects are most of the heap. Each full collection would block every thread,
+    including the control loop and a STOP, for 100 to 300 ms.
     """
     gc.collect()
     gc.freeze()
@@ -142,15 +142,15 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
 
 
 def end_by_signals() -> None:
-    """Have SIGTERM and a closed terminal end the program as Ctrl-C does.
+    """Let SIGTERM and a closed terminal end the program as Ctrl-C does.
 
-    Newer uvicorns raise a signal again once they have shut down; by the system's own handler the
-    process would end before the motors are stopped and the model is saved.
+    Newer uvicorns raise a signal again once they have shut down. With the default handler the
+    process would then end before the motors are stopped and the model is saved.
     """
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     for name in ("SIGHUP", "SIGBREAK"):
         number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # no nohup
+        if number is not None and signal.getsignal(number) is signal.SIG_DFL:  # not under nohup
             signal.signal(number, lambda *_: signal.raise_signal(signal.SIGTERM))
 
 
@@ -163,7 +163,8 @@ def _run(served: Coroutine[Any, Any, None]) -> None:
 async def _serve(server: Server, gateway: Gateway, *listeners: socket.socket) -> None:
     """Serve until told to end; then close hanging connections, such as uploads or handshakes."""
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
-    # A signal that newer uvicorns raise again ends the loop, which would log it as an error.
+    # Newer uvicorns raise a signal again; retrieve the exception, or the loop would log it as an
+    # error.
     serving.add_done_callback(lambda done: done.cancelled() or done.exception())
     while not server.should_exit and not serving.done():
         gateway.expire()

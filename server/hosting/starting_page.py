@@ -2,7 +2,8 @@
 
 Importing, opening a camera and reading a model take seconds on a small computer. Meanwhile each
 request is answered at once with a 503 page that names the part still starting and reloads itself.
-It answers nothing else, knows nothing of the robot, and reads one piece of each request.
+This page is the only answer; it contains nothing about the robot, and only the first piece of a
+request is read.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from robot.clock import Clock, Worker
 from robot.types import StartStop
 
 _PATIENCE_S = 0.2
-"""How long a client may take to send its request, in seconds: others wait behind it."""
+"""How long a client may take to send its request, in seconds; other clients wait meanwhile."""
 _PAGE = """<!doctype html><html><head><meta charset="utf-8"><title>Drivelesson</title>
 <meta name="viewport" content="width=device-width"><meta http-equiv="refresh" content="1">
 </head><body style="font:1.2em sans-serif;margin:3em;text-align:center">
@@ -36,7 +37,7 @@ class StartingPart(Enum):
 
 
 class StartingPage(StartStop):
-    """Answers on listening sockets until it is stopped; later connections wait for the server.
+    """Answers on listening sockets until `stop`; later connections wait for the server.
 
     Attributes:
         part: The part that is still starting.
@@ -68,7 +69,7 @@ class StartingPage(StartStop):
             if self._woken in ready:
                 return
             for listener in ready:
-                with contextlib.suppress(OSError):  # it has left, or sends nothing
+                with contextlib.suppress(OSError):  # the client has left, or sends nothing
                     line, _ = listener.accept()
                     with line:
                         self._answer(line)

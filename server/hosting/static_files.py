@@ -1,4 +1,4 @@
-"""Serves the page's files compressed; those named by their content are cached indefinitely."""
+"""Serves the page's files compressed; files named by their content are cached indefinitely."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ _HASHED = re.compile(r"(?:css|js)/[0-9a-f]{10}-")
 
 
 class CompressedFiles(StaticFiles):
-    """Serves a folder as `StaticFiles` does, with text compressed."""
+    """Serves a folder like `StaticFiles`, but compresses text."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder)
-        for suffix in (".js", ".mjs"):  # Windows' registry may say that they are plain text
+        for suffix in (".js", ".mjs"):  # Windows' registry may call scripts plain text
             mimetypes.add_type("text/javascript", suffix)
         mimetypes.add_type("application/manifest+json", ".webmanifest")
 
@@ -37,16 +37,17 @@ class CompressedFiles(StaticFiles):
 
 
 class PageFiles(CompressedFiles):
-    """Serves the page: joined in a wheel (`web/bundle.py`), as it is written in a clone."""
+    """Serves the page: bundled in a wheel (`web/bundle.py`), or the sources in a clone."""
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        path = path.replace("\\", "/")  # starlette gives a path of the system's own
+        path = path.replace("\\", "/")  # starlette uses the system's separators
         path = "index.html" if path == "." else path
         response = await super().get_response(path, scope)
         if path == "index.html":
-            # Without a referrer a form has no origin, and its STOP would be refused as foreign.
+            # Without a referrer a form has no origin, so its STOP would be refused as another
+            # site's.
             response.headers["referrer-policy"] = "same-origin"
-            # Also for an answer without a body: its headers replace those in the browser's cache.
+            # Answers without a body need it too: their headers replace the cached ones.
             response.headers["content-security-policy"] = content_policy(
                 scope["scheme"], Headers(scope=scope).get("host", ""), self._inline()
             )
@@ -55,7 +56,7 @@ class PageFiles(CompressedFiles):
         return response
 
     def _inline(self) -> list[str]:
-        """Return the hashes of the script and style in the document."""
+        """Return the hashes of the inline script and style in the document."""
         html = (Path(self.directory or "") / "index.html").read_text("utf-8")
         parts = re.findall(r"<(?:script|style)>(.*?)</(?:script|style)>", html, re.DOTALL)
         hashes = [hashlib.sha256(part.encode()).digest() for part in parts]
@@ -63,7 +64,7 @@ class PageFiles(CompressedFiles):
 
 
 def _compress(response: Response, scope: Scope) -> Response:
-    """Return a text compressed if the client accepts that."""
+    """Return a text, compressed if the client accepts compression."""
     headers = response.headers
     if not headers.get("content-type", "").startswith(_TEXT):
         return response
