@@ -13,12 +13,12 @@ _ONE_THREAD = (
     "OMP_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
-"""Environment variables that limit numpy's libraries to one thread. Our matrix products are small:
-helper threads would spend 43 % of a taught robot's CPU time waiting."""
+"""Environment variables that limit numpy's libraries to one thread. Our matrix products are small,
+so helper threads would waste 43 % of a taught robot's CPU time on waiting."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line; explain the conflict where Robot Framework is installed."""
+    """Run the command line; explain the conflict if Robot Framework is installed."""
     for name in (*_ONE_THREAD, "OPENCV_FOR_THREADS_NUM"):
         os.environ.setdefault(name, "1")
     try:
@@ -37,12 +37,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     from server.cli.main import main as run
 
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # a pipe on Windows knows few letters
+        if isinstance(stream, io.TextIOWrapper):  # a pipe on Windows encodes few characters
             stream.reconfigure(errors="replace")
     try:
         status = run(argv)
         sys.stdout.flush()
-    except BrokenPipeError:  # the program that read our output, such as `head`, has ended
+    except BrokenPipeError:  # the reader of our output, for example `head`, has ended
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     return status

@@ -1,4 +1,4 @@
-"""The application: the routes, with the guard in front of them and the services behind them."""
+"""The application: the guard, the routes and the services."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def create_app(services: Services) -> FastAPI:
     """Make the application for one robot. Nothing happens at import time.
 
     The caller starts and stops robot and persistence; the application starts the other services.
-    Routes find all of them through `services_of(request)`.
+    Routes find all services through `services_of(request)`.
     """
     config = services.config
     app = FastAPI(

@@ -17,12 +17,12 @@ class Limits:
     """Limits for one client, and for all clients together."""
 
     messages_per_second: float = 60.0
-    """Messages of one client on `/ws/drive`; a page sends about twelve a second."""
+    """Messages per second of one client on `/ws/drive`; a page sends about twelve."""
     messages_burst: float = 120.0
     frames_per_second: float = 150.0
-    """Acknowledgements of one client on `/ws/video`."""
+    """Acknowledgements per second of one client on `/ws/video`."""
     refused_before_closing: int = 500
-    """Number of refused messages after which a client is disconnected; late ones do not count."""
+    """Number of refusals after which a client is disconnected; late messages do not count."""
     clients: int = 160
     """Open websockets and streams of all clients together."""
     clients_each: int = 8
@@ -30,24 +30,24 @@ class Limits:
     connections_each: int = 24
     """Connections of one person."""
     requests_per_second: float = 50.0
-    """Requests of one person, or of one address, on average."""
+    """Average number of requests per second of one person, or of one address."""
     requests_burst: float = 300.0
     body_bytes: int = 1_000_000
-    """The largest body of a request that has no limit of its own."""
+    """Maximum size of a request's body in bytes, unless the path has another limit."""
     upload_bytes: int = 64_000_000
-    """The largest model that may be uploaded."""
+    """Maximum size of an uploaded model in bytes."""
     uploads: int = 2
     """Maximum number of simultaneous uploads; one per person."""
     idle_s: float = 30.0
-    """Idle timeout: a silent client is disconnected."""
+    """Idle timeout in seconds; a silent client is disconnected."""
     pending: int = 384
     """Connections that the guard has not admitted yet, of all addresses together."""
     pending_per_address: int = 384
-    """Connections of one address that the guard has not admitted yet; for IPv6 of one /64."""
+    """Maximum number of such connections of one address; for IPv6 of one /64."""
     pending_s: float = 20.0
     """Timeout of a pending connection after its last complete request, in seconds. It is long
-    enough for a class that shakes hands over TLS with a busy laptop. A new connection that needs a
-    place does not wait for it."""
+    enough for the TLS handshakes of a class with a busy laptop. A new connection that needs a slot
+    does not wait for this timeout."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ def is_loopback(host: str) -> bool:
 
 
 def as_address(text: str) -> Address | None:
-    """Return an IP address, of IPv4 as such; None if the text is none."""
+    """Return an IP address (IPv4-mapped IPv6 as IPv4); None if the text is not an address."""
     try:
         address = ipaddress.ip_address(text)
     except ValueError:

@@ -20,9 +20,9 @@ _NAMES = (
     " Rover Scout Tango Umi Vega Wren Yuki Ziggy"
 )
 NAMES = tuple(_NAMES.split())
-"""Names from which a robot without a name gets one, which it keeps."""
+"""Names from which a robot without a name gets its permanent name."""
 COLOURS = ("grey", "green", "purple", "pink", "brown", "teal")
-"""Colours of robots; the page uses none of them elsewhere (amber pilot, blue robot, red stop)."""
+"""Colours of robots. The page uses other colours elsewhere (pilot amber, robot blue, stop red)."""
 LONGEST_NAME = 24
 
 
@@ -36,7 +36,7 @@ class Identity:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
             raise ConfigurationError("a robot's name must be text")
-        check_name(self.name)  # models are named after the robot
+        check_name(self.name)  # models get the robot's name
         if len(self.name) > LONGEST_NAME:
             raise ConfigurationError(f"a robot's name has at most {LONGEST_NAME} characters")
         if self.colour not in COLOURS:
@@ -44,7 +44,7 @@ class Identity:
 
 
 class IdentityFile:
-    """Saves the identity of one robot in `robot.json`; without a folder only in memory."""
+    """Saves the identity of one robot in `robot.json`, or without a folder only in memory."""
 
     def __init__(self, folder: Path | None, name: str | None = None) -> None:
         self._path = folder / "robot.json" if folder is not None else None
@@ -56,7 +56,7 @@ class IdentityFile:
         if self.now != saved:
             try:
                 self._write(self.now)
-            except OSError as error:  # the robot starts anyway
+            except OSError as error:  # the robot starts with an unsaved identity
                 log.warning("the robot's name was not saved: %s", error)
 
     def change(self, **fields: Any) -> Identity:
@@ -67,7 +67,7 @@ class IdentityFile:
         return changed
 
     def _read(self) -> Identity | None:
-        """Read the saved identity; a damaged file counts as none."""
+        """Read the saved identity; a damaged file counts as missing."""
         if self._path is None:
             return None
         try:

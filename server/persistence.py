@@ -1,6 +1,6 @@
-"""Saves the models of one robot; extensions save data of its runs.
+"""Saves the models of one robot; extensions save data of the robot's runs.
 
-An extension saves more by an entry point of `drivelesson.persistence`, a `PersistencePart`.
+An extension adds a `PersistencePart` by an entry point of `drivelesson.persistence`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class PersistencePart(StartStop):
     """An extension's part that saves data of a robot's runs; started last and stopped first.
 
     Attributes:
-        run: The name under which the present run is saved, None while none is.
+        run: The name under which the current run is saved; None while no run is saved.
     """
 
     run: str | None = None
@@ -43,27 +43,27 @@ class PersistencePart(StartStop):
     def __init__(self, kept: Persistence, rig: Rig) -> None: ...
 
     def refuse(self, why: str) -> None:
-        """Save nothing: the data folder cannot be used."""
+        """Stop saving, because the data folder cannot be used."""
 
     def resume(self) -> None:
-        """Save again: the data folder is back."""
+        """Resume saving, because the data folder is back."""
 
     def end_run(self) -> None:
-        """End the present run: the robot is set up otherwise from now on; on the loop's thread."""
+        """End the current run, because the robot's setup changes; on the loop's thread."""
 
     def keep_run(self) -> None:
-        """Keep the present run, even if it is empty."""
+        """Keep the current run, even if it is empty."""
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
-        """Add a result to the present run; on the loop's thread."""
+        """Add a result to the current run; on the loop's thread."""
 
 
 class Persistence(StartStop):
     """Starts and stops autosave and the extensions' parts, unless the storage has a `fault`.
 
     Args:
-        name: The robot's name; new models get it.
-        options: How the robot was started, noted with each run.
+        name: The robot's name, which new models get.
+        options: The options with which the robot was started, saved with each run.
         settings: Options of `drivelesson serve`, for the extensions' parts.
     """
 
@@ -110,30 +110,30 @@ class Persistence(StartStop):
 
     @property
     def run(self) -> str | None:
-        """The name under which the present run is saved; None while none is."""
+        """The name under which the current run is saved; None while no run is saved."""
         return next((part.run for part in self._parts.values() if part.run), None)
 
     def keep_run(self) -> None:
-        """Have every part keep the present run, even if it is empty."""
+        """Have every part keep the current run, even if it is empty."""
         for part in self._parts.values():
             part.keep_run()
 
     def note_options(self, options: Mapping[str, Any]) -> None:
-        """Note with each further run how the robot is set up now; on the loop's thread."""
+        """Save these options with each further run; on the loop's thread."""
         self.options.update({name: str(value) for name, value in options.items()})
         for part in self._parts.values():
             part.end_run()
 
     def write_result(self, of: str, fields: Mapping[str, Any]) -> None:
-        """Have every part add a result of the kind `of` to the run; on the loop's thread."""
+        """Have every part add a result of kind `of` to the current run; on the loop's thread."""
         for part in self._parts.values():
             part.write_result(of, fields)
 
     def start(self) -> None:
         """Lock the folder, recover from a power cut, and start saving.
 
-        `autosave.load_last` loads the last model. Where nothing can be saved, this only reports
-        it, and the robot drives. ConfigurationError if another program uses the folder.
+        `autosave.load_last` loads the last model. If nothing can be saved, this is only reported,
+        and the robot drives. ConfigurationError if another program uses the folder.
         """
         if self.storage.fault is not None:
             for part in self._parts.values():
@@ -145,7 +145,7 @@ class Persistence(StartStop):
             raise
         except ConfigurationError as error:
             log.warning("the data folder is not locked: %s", error)
-        with contextlib.suppress(OSError):  # a folder that takes nothing is not missed
+        with contextlib.suppress(OSError):  # a read-only folder is not watched
             self._presence = Presence(self.storage.root)
             self._presence.watch()
         self.storage.sweep()
@@ -156,21 +156,21 @@ class Persistence(StartStop):
         self.disk.start()
         try:
             self._recover()
-        except Exception as error:  # the robot starts, whatever the files contain
+        except Exception as error:  # damaged files must not prevent the start
             log.exception("nothing was recovered from the journal")
             self.announce("model_not_saved", detail=str(error))
 
     def _recover(self) -> None:
         self.models.retry_damaged()
         if self.models.set_failed_aside():
-            return  # what failed would only come back
+            return  # it would only fail again
         recovered = recover(self.storage.journal, self.models, self._loop.history.declared)
         if recovered is not None:
             try_model(recovered.model)
             self.autosave.adopt(recovered)
 
     def _watch_folder(self) -> None:
-        """Announce that the data folder is gone, or back; then the model is saved."""
+        """Announce that the data folder is gone, or that it is back: then the model is saved."""
         is_gone = self._presence is not None and not self._presence.is_there()
         if is_gone == self._is_gone:
             return
@@ -187,15 +187,15 @@ class Persistence(StartStop):
             self.autosave.save_if_changed()
 
     def _note_failure(self) -> None:
-        """Write down that the learner in use failed, so that the next start sets it aside."""
+        """Record that the learner in use failed, so that the next start sets it aside."""
         why, name = self._loop.learning.failure, self.autosave.name
         if why is not None and why != self._noted_failure and name is not None:
-            with contextlib.suppress(OSError, RobotError):  # the next turn tries again
+            with contextlib.suppress(OSError, RobotError):  # retried at the next check
                 self.models.note_failure(name, why)
                 self._noted_failure = why
 
     def stop(self) -> None:
-        """Finish what is being saved; the loop must still run. Idempotent."""
+        """Finish saving; the loop must still run. Idempotent."""
         for part in self._parts.values():
             part.stop()
         self.disk.stop()

@@ -1,7 +1,7 @@
-"""The messages between page and robot: bytes or text on the wire, dataclasses in the code. Pure.
+"""The messages between page and robot: bytes or text on the wire, dataclasses in Python. Pure.
 
-Described in docs/reference/protocol.md; `web/js/protocol.js` is its mirror, and both pass the
-messages in tests/vectors/.
+docs/reference/protocol.md describes the messages. `web/js/protocol.js` is the page's counterpart of
+this module, and tests/vectors/ tests both.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robot.types import Action, Encoding, Frame, Mode, Point
 
 PROTOCOL_VERSION = 1
 MAX_DRIVE_MESSAGE_BYTES = 4096
-"""A longer message on `/ws/drive` is refused with `too_large` and not even parsed."""
+"""Maximum bytes of a message on `/ws/drive`; a longer one is refused unparsed (`too_large`)."""
 MAX_COUNT = 2**53 - 1
 """The largest whole number that JavaScript represents exactly."""
 _MOST_ID = 2**32 - 1
@@ -31,7 +31,7 @@ _ENCODINGS = (Encoding.JPEG, Encoding.YUYV, Encoding.RGB)
 
 
 class ErrorCode(StrEnum):
-    """Why a message was refused."""
+    """The reason why a message was refused."""
 
     MALFORMED = "malformed"
     TOO_LARGE = "too_large"
@@ -47,7 +47,7 @@ class ErrorCode(StrEnum):
 
 
 class ProtocolError(ValueError):
-    """A message that is refused; `seq` is the message's own where it had one."""
+    """A message is refused; `seq` is the message's number, if it had one."""
 
     def __init__(self, code: ErrorCode, message: str, seq: int | None = None) -> None:
         super().__init__(message)
@@ -56,7 +56,7 @@ class ProtocolError(ValueError):
 
 
 def _checked(kind: type[Any], least: int, most: int, **default: Any) -> Any:
-    """Declare a message's number within limits; one with a default may be null or left out."""
+    """Declare a number field with limits; with a default, it may be null or left out."""
     declare, types = (whole, (int,)) if kind is int else (number, (int, float))
     wanted = declare(least=least, most=most).description + (", or null" if default else "")
     return field(metadata={"check": (bool(default), types, least, most, wanted)}, **default)
@@ -64,11 +64,11 @@ def _checked(kind: type[Any], least: int, most: int, **default: Any) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveMessage:
-    """The move that the pilot holds and the frame on the screen: command and heartbeat in one.
+    """The move that the pilot holds, and the frame on the screen: command and heartbeat in one.
 
-    `seq` grows. `nonce` is the newest that the page has received. `frame_age_ms` is how old that
-    frame is as the page reckons it, and `phone_ms` how much of that it has spent on the phone;
-    None if the page cannot say. `steering` and `throttle` are what the move means by degrees.
+    `seq` grows. `nonce` is the newest that the page has received. `frame_age_ms` is the page's
+    estimate of the frame's age, and `phone_ms` the part of this age spent on the phone; None if
+    unknown to the page. `steering` and `throttle` are the move by degrees.
     """
 
     held: Action | None
@@ -82,7 +82,7 @@ class DriveMessage:
 
     @property
     def point(self) -> Point | None:
-        """The steering and throttle held, if any."""
+        """The held steering and throttle; None if the message has none."""
         if self.steering is None or self.throttle is None:
             return None
         return Point(self.steering, self.throttle)
@@ -90,7 +90,7 @@ class DriveMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeMessage:
-    """Change the mode: start again after any stop, or stop."""
+    """Change the mode: start, also after a stop, or stop."""
 
     mode: Mode
     seq: int = _checked(int, 1, MAX_COUNT)
@@ -100,26 +100,26 @@ class ModeMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ping:
-    """Answered by a pong at once; `client_ms` goes back as it came."""
+    """Answered at once by a pong with the same `client_ms`."""
 
     client_ms: float = _checked(float, -MAX_COUNT, MAX_COUNT)
 
 
 class BareMessage(StrEnum):
-    """A message that is only a type."""
+    """A message that contains only its type."""
 
     STOP = "stop"
     """Emergency stop."""
     RELEASE = "release"
     """Release the emergency stop."""
     TAKE = "take"
-    """Ask for the wheel."""
+    """Request the wheel."""
     YIELD = "yield"
     """Give the wheel away."""
     IDLE = "idle"
-    """This page shows no picture: states may be few."""
+    """This page shows no picture, so few states suffice."""
     WATCH = "watch"
-    """This page shows the picture again: states ten times a second."""
+    """This page shows the picture again and needs ten states a second."""
 
 
 ClientMessage = DriveMessage | ModeMessage | BareMessage | Ping
@@ -127,10 +127,10 @@ ClientMessage = DriveMessage | ModeMessage | BareMessage | Ping
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VideoFrame(Frame):
-    """One message of `/ws/video`, as a client gets it.
+    """One message of `/ws/video` to a client.
 
-    A `quiet` frame need not be acknowledged: a later one will be, and stands for it. `nonce`
-    comes back with the next command and proves that it was sent later; 0 is none.
+    A `quiet` frame need not be acknowledged, because the acknowledgement of a later frame covers
+    it. The next command returns `nonce`, which proves that the command was sent later; 0: no nonce.
     """
 
     quiet: bool = False
@@ -140,9 +140,10 @@ class VideoFrame(Frame):
 def parse_message(
     text: str, moves: Collection[Action], *, takes_points: bool = False
 ) -> ClientMessage:
-    """Parse one message of `/ws/drive`, for a robot that has these moves, and may take points.
+    """Parse one message of `/ws/drive` for a robot with these moves, which may accept points.
 
-    What is not valid raises ProtocolError, here and below; it says which field and why.
+    An invalid message raises ProtocolError, which names the field and the reason; so do the
+    functions below.
     """
     if len(text.encode("utf-8", "replace")) > MAX_DRIVE_MESSAGE_BYTES:
         raise ProtocolError(
@@ -174,7 +175,7 @@ def parse_message(
 
 
 def is_stop(text: str) -> bool:
-    """True if this is an emergency stop, which no limit may hold up; cheap for all else."""
+    """True if this is an emergency stop, which no limit may delay; cheap for other messages."""
     if len(text) > MAX_DRIVE_MESSAGE_BYTES or '"stop"' not in text:
         return False
     try:
@@ -193,7 +194,7 @@ def parse_object(text: str) -> dict[str, Any]:
 
 
 def _refuse_constant(name: str) -> NoReturn:
-    """JSON knows neither NaN nor infinity, though Python's parser does."""
+    """Refuse NaN and infinity, which Python's parser accepts but JSON does not contain."""
     raise ValueError(name)
 
 

@@ -1,8 +1,8 @@
 """All services of one robot's server, created once and passed to the routes.
 
-An extension adds routes, options of `serve` and services of its own by an entry point of
-`drivelesson.services`. The core knows only `Extension`, so an extension can be removed without a
-trace.
+An extension adds routes, options of `serve` and services by an entry point of
+`drivelesson.services`. The core knows only the class `Extension`, so any extension can be removed
+without changes to the core.
 """
 
 from __future__ import annotations
@@ -35,8 +35,7 @@ _T = TypeVar("_T")
 class Services:
     """The parts of one server. Routes get them from `services_of(request)`.
 
-    Robot and persistence are started and stopped by the caller. Without persistence nothing is
-    saved.
+    The caller starts and stops robot and persistence. Without persistence nothing is saved.
     """
 
     config: Config
@@ -54,25 +53,25 @@ class Services:
         return cast(_E, self.extensions[kind])
 
     async def on_loop(self, call: Callable[[], _T]) -> _T:
-        """Have the control loop call something between two ticks; raises what that raises."""
+        """Call a function on the control loop's thread, between two ticks; raises its errors."""
         return await asyncio.wrap_future(self.robot.loop.submit(call))
 
     def note_carried(self) -> None:
-        """Tell the extensions that the robot was put elsewhere; on the loop's thread."""
+        """Tell the extensions that the robot was moved to another place; on the loop's thread."""
         for extension in self.extensions.values():
             extension.note_carried()
 
     def shown(self) -> dict[str, Any]:
-        """Return what the pilots of this robot chose to show outside, by name."""
+        """Return the data that this robot's pilots chose to show on the board, by name."""
         parts = self.extensions.values()
         return {name: value for part in parts for name, value in part.shown().items()}
 
     def show(self) -> None:
-        """Tell all clients what is shown now; on any thread."""
+        """Send all clients the data shown now; on any thread."""
         self.hub.announce("shown", shown=self.shown())
 
     async def change_learner(self, change: Callable[[TrainingHistory], _T]) -> tuple[_T, bool]:
-        """Have the loop make a change; return its result, and whether the change is saved.
+        """Let the loop make a change; return the result, and whether the change is saved.
 
         A saved change is in the journal and survives a kill. An unsaved change is still made: the
         answer must say that it was not saved.
@@ -96,11 +95,11 @@ class Extension(StartStop):
     open_paths: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
-        """Take what is needed of the server; `options` are those of `drivelesson serve`."""
+        """Store the needed parts of the server; `options` are those of `drivelesson serve`."""
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        """Routes; they get the extension by `services_of(request).extension(Kind)`."""
+        """Return the routes, which get the extension by `services_of(request).extension(Kind)`."""
         return ()
 
     @classmethod
@@ -108,31 +107,31 @@ class Extension(StartStop):
         """Declare options of `drivelesson serve`."""
 
     def prepare(self) -> None:
-        """Set up the robot, which runs already, before its model is chosen and it is served."""
+        """Set up the running robot before its model is chosen and the server starts."""
 
     def greet(self) -> list[str]:
         """Return lines for the person who starts the robot."""
         return []
 
     def shown(self) -> Mapping[str, Any]:
-        """Return what its pilots chose to show outside, by name; `Services.show` tells of news."""
+        """Return the data that pilots chose to show on the board; `Services.show` sends changes."""
         return {}
 
     def start(self) -> None:
-        """Begin; may wait for the loop and the disk."""
+        """Start; may wait for the loop and the disk."""
 
     def stop(self) -> None:
-        """End; may wait for the loop and the disk."""
+        """Stop; may wait for the loop and the disk."""
 
     def note_carried(self) -> None:
-        """Take note that the robot was put elsewhere; on the loop's thread."""
+        """Note that the robot was moved to another place; on the loop's thread."""
 
     def require_free_model(self) -> None:
         """Raise ConfigurationError while the model in use must not change."""
 
 
 def installed() -> list[type[Extension]]:
-    """Return the extensions that are installed, in the order of their names."""
+    """Return the installed extensions in the order of their names."""
     return [point.load() for point in points("drivelesson.services")]
 
 
@@ -164,12 +163,12 @@ def make_services(
 
 
 def keep_gateway(app: Any, gateway: Gateway) -> None:
-    """Note on an application which gateway is in front of it."""
+    """Store on an application the gateway in front of it."""
     app.state.gateway = gateway
 
 
 def gateway_of(app: Any) -> Gateway:
-    """Return the gateway that is in front of an application."""
+    """Return the gateway in front of an application."""
     gateway: Gateway = app.state.gateway
     return gateway
 
@@ -180,7 +179,7 @@ def services_of(connection: HTTPConnection) -> Services:
 
 
 def persistence_of(connection: HTTPConnection) -> Persistence:
-    """Return what saves models and runs; 503 where nothing is saved."""
+    """Return the persistence of models and runs; 503 if nothing is saved."""
     persistence = services_of(connection).persistence
     if persistence is None:
         raise HTTPException(503, "Nothing is saved here: start the server with --data FOLDER.")

@@ -245,7 +245,7 @@ class AdmissionControl:
         return False
 
     def asked(self, peer: Peer, session: Session | None, now_s: float, *, lasts: bool) -> bool:
-        """Record a complete request; one of a session admits the connection. A socket `lasts`.
+        """Record a complete request; a session admits its connection. `lasts` means a websocket.
 
         False if all connections of the session are busy: this request is then answered with 429. A
         websocket instead evicts the least recently used connection.

@@ -1,4 +1,7 @@
-"""`/api/corrections`: how body and camera are built otherwise. See docs/reference/http.md."""
+"""`/api/corrections`: corrections for a body or camera that is built differently.
+
+See docs/reference/http.md.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ router = APIRouter(prefix="/api/corrections", route_class=Route)
 
 
 class AdjustmentsExtension(Extension):
-    """Corrects one robot as its options and its data folder say, and as the page asks for."""
+    """Applies the corrections of one robot from its options, its data folder and the page."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services = services
@@ -44,7 +47,7 @@ class AdjustmentsExtension(Extension):
             declare(group, option)
 
     def prepare(self) -> None:
-        """Correct the running robot, and note for recordings how."""
+        """Correct the running robot, and note the corrections for recordings."""
         self.file.apply()
         robot, persistence = self._services.robot, self._services.persistence
         if persistence is not None:
@@ -52,9 +55,9 @@ class AdjustmentsExtension(Extension):
             robot.clock.result(robot.loop.submit(lambda: note(now)))
 
     async def change(self, given: Mapping[str, Any]) -> None:
-        """Stop the robot, and correct body and camera; None changes nothing.
+        """Stop the robot, and set the corrections of body and camera; None leaves them unchanged.
 
-        What is recorded from then on is another recording: its metadata say how it was corrected.
+        A new recording begins, whose metadata contain the corrections.
 
         Raises:
             ConfigurationError: If a correction does not apply to this body or camera.
@@ -90,7 +93,7 @@ class CorrectionsChange(RawValue):
 
 @dataclass
 class CorrectionsAnswer:
-    """The corrections, and the names of those that apply to this robot and its camera."""
+    """The corrections, and the names of the corrections that apply to this robot and its camera."""
 
     reverse: str
     swap_sides: bool
@@ -102,7 +105,7 @@ class CorrectionsAnswer:
 
 @dataclass
 class CorrectionsChanged(CorrectionsAnswer):
-    """The corrections after a change; `kept` is false if the next start would not have them."""
+    """The corrections after a change; `kept` is false if they could not be saved."""
 
     kept: bool
 
@@ -114,13 +117,13 @@ def _answer(services: Services) -> dict[str, object]:
 
 @router.get("")
 def show_corrections(request: Request) -> CorrectionsAnswer:
-    """Return how body and camera are corrected, and what can be."""
+    """Return the corrections of body and camera, and which ones apply."""
     return CorrectionsAnswer(**_answer(services_of(request)))  # type: ignore[arg-type]
 
 
 @router.put("", dependencies=[FREE_MODEL])
 async def change_corrections(request: Request, body: CorrectionsChange) -> CorrectionsChanged:
-    """Stop the robot, and correct body and camera; 409 for what does not apply to them."""
+    """Stop the robot, and correct body and camera; 409 if a correction does not apply to them."""
     services = services_of(request)
     given = {name: getattr(body, name) for name in type(body).__annotations__}
     corrections = services.extension(AdjustmentsExtension)

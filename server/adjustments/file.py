@@ -19,12 +19,12 @@ from robot.store.records import read_regular
 log = logging.getLogger(__name__)
 
 _PATIENCE_S = 40.0
-"""Time limit for a correction, in seconds: a Raspberry Pi's pins may have to be taken anew."""
+"""Time limit for a correction, in seconds: a Raspberry Pi's pins may have to be claimed again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectionOptions(Options):
-    """For a robot that is built or wired otherwise than its driver expects; kept until changed."""
+    """For a robot that differs from what its driver expects; saved until changed."""
 
     reverse: str = option("none", "the motors that turn the other way", choices=REVERSED)
     swap_sides: bool = option(False, "the motors are plugged in at each other's side")
@@ -41,9 +41,9 @@ class CorrectionOptions(Options):
 
 
 class CorrectionsFile:
-    """Saves corrections in `corrections.json`, by body and by camera; without a folder nowhere.
+    """Saves corrections in `corrections.json`, by body and by camera, if there is a folder.
 
-    `given` are options as a person has written them: they go before what was saved.
+    `given` are the options of the command line; they override saved corrections.
     """
 
     def __init__(self, folder: Path | None, rig: Rig, given: Mapping[str, Any]) -> None:
@@ -64,10 +64,10 @@ class CorrectionsFile:
         return (*self._rig.driver.possible_corrections, *of_camera)
 
     def apply(self) -> None:
-        """Correct the running robot as saved and as given, and save what was given.
+        """Correct the running robot by the saved and the given corrections; save the given ones.
 
         Raises:
-            ConfigurationError: If what was given does not apply to this body or camera.
+            ConfigurationError: If a given correction does not apply to this body or camera.
         """
         names = {*self.possible, *self._given}
         wanted = {n: value for n, value in self._wanted.described().items() if n in names}
@@ -78,14 +78,14 @@ class CorrectionsFile:
         if self._given:
             try:
                 self.save()
-            except OSError as error:  # the robot starts anyway
+            except OSError as error:  # the robot starts without saved corrections
                 log.warning("the corrections were not saved: %s", error)
 
     def save(self) -> bool:
-        """Save the robot's corrections; False where nothing is saved.
+        """Save the robot's corrections; False if nothing is saved.
 
         Raises:
-            OSError: If the disk refuses it.
+            OSError: If the file cannot be written.
         """
         if self._path is None:
             return False
@@ -100,7 +100,7 @@ class CorrectionsFile:
         return True
 
     def _of_this_robot(self) -> Corrections:
-        """Return what was saved for this body and this camera; what is damaged counts as none."""
+        """Return the corrections saved for this body and camera; a damaged file counts as empty."""
         found: dict[str, Any] = {}
         for kind, name in (("robots", self._rig.driver.name), ("cameras", self._rig.camera.name)):
             found |= _table(_table(self._saved.get(kind)).get(name))

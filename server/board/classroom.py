@@ -102,7 +102,7 @@ class Classroom:
         """Set these locks and remove all others; an error leaves the locks unchanged."""
         locks = frozenset(names)
         if not locks <= LOCKS.keys():
-            raise ConfigurationError(f"'locks' must be a list of some of {', '.join(LOCKS)}")
+            raise ConfigurationError(f"'locks' may contain only these: {', '.join(LOCKS)}")
         if self._file is not None:
             write_whole(self._file, json.dumps({"locks": sorted(locks)}).encode())
         self.locks = locks

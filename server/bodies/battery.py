@@ -1,4 +1,4 @@
-"""Tells people to check a battery that ends the program as the robot begins to drive."""
+"""Tells people to check the battery if the program ended just as the robot began to drive."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FILE = "drive-began.json"
 
 
 class BatteryExtension(Extension):
-    """Watches for such ends where the data folder can be written."""
+    """Detects such ends if the data folder can be written."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services = services

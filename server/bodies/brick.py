@@ -111,7 +111,7 @@ def _start_agent(args: argparse.Namespace) -> int:
 
 
 def _shared_secret(host: str) -> str:
-    """Return the secret that this machine shares with a brick; make one at the first time."""
+    """Return the secret that this machine shares with a brick; make a secret the first time."""
     file = secret_path(host)
     if not file.exists():
         write_whole(file, f"{secrets.token_urlsafe(16)}\n".encode(), mode=0o600)
@@ -162,7 +162,7 @@ def _build(args: argparse.Namespace, *, with_userland: bool) -> Files:
 
 
 def _make_userland(folder: Path, args: argparse.Namespace) -> bool:
-    """Build the brick's Debian unless that was done; return whether it is compiled ahead."""
+    """Build the brick's Debian unless it exists; return whether its Python files are compiled."""
     stamp, wanted = folder.with_name(folder.name + ".packages"), userland_stamp(args.release)
     if not (stamp.is_file() and stamp.read_text() == wanted):
         print("building the brick's Debian, which takes a minute ...", flush=True)
@@ -190,7 +190,7 @@ def _examine(args: argparse.Namespace) -> int:
 
 
 def examine_at(address: str, secret: str, may_turn_wheels: Callable[[], bool]) -> int:
-    """Examine the brick that listens there, and print the report; 1 if something is wrong."""
+    """Examine the brick at an address and print the report; return 1 if something is wrong."""
     print(f"examining the brick at {address.partition(':')[0]}, about half a minute ...\n")
     findings = examine(measure(BrickLink(address, secret), may_turn_wheels))
     print(write_report(findings))

@@ -1,4 +1,4 @@
-"""Measure the robot's straight speed and turning rate by driving, and keep the measures."""
+"""Measure the robot's straight speed and turning rate by driving, and save the results."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def extend(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
-    """Declare the chosen robot's options, and take the file's settings as defaults."""
+    """Declare the chosen robot's options, and use the file's settings as defaults."""
     args, _ = parser.parse_known_args(list(words))
     settings = read_settings(args.config if args.config.exists() else None, os.environ)
     options = options_of(load_driver(args.robot).options_type)
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
-    """Return the factor by which the wheels are wider than configured."""
+    """Return the factor by which the wheels are larger than configured."""
     room_cm = 100 * driver.options.forward_speed_mps * seconds
     _prompt(
         f"\nThe robot will drive straight on for about {room_cm:.0f} cm. Mark its place, and press "
@@ -93,7 +93,7 @@ def _measure_straight(driver: ChassisDriver, seconds: float) -> float:
 
 
 def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
-    """Return how far it turns relative to the expected angle; `wider` corrects the wheels."""
+    """Return the ratio of the measured turn to the expected turn; `wider` corrects the wheels."""
     angle_deg = driver.options.turn_rate_deg_s * seconds
     _prompt(
         f"\nThe robot will turn left by about {angle_deg:.0f} degrees. Mark where it looks, and "
@@ -108,7 +108,7 @@ def _measure_turn(driver: ChassisDriver, seconds: float, wider: float) -> float:
 
 
 def correction(measured: float, expected: float, unit: str) -> float:
-    """Return the ratio of the measured value to the one computed from the wheels.
+    """Return the ratio of the measured value to the value computed from the wheels.
 
     Raises:
         ConfigurationError: If the wheels' counts or the measurement are impossible.
@@ -146,10 +146,10 @@ def _prompt(question: str) -> str:
 
 
 def keep(file: Path, values: Mapping[str, float]) -> None:
-    """Set values at the head of a TOML file; all other lines, comments too, stay unchanged.
+    """Set values at the head of a TOML file; all other lines, including comments, stay unchanged.
 
     Raises:
-        ConfigurationError: If the file cannot be written, or only with other values changed.
+        ConfigurationError: If the file cannot be written, or writing would change other values.
     """
     with told_as(ConfigurationError, f"cannot write {file}", OSError, ValueError):
         text = file.read_text("utf-8-sig") if file.exists() else ""
@@ -163,7 +163,7 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
         wanted, made = {**parse_settings(text), **values}, None
         with contextlib.suppress(TOMLDecodeError):
             made = parse_settings(head + rest)
-        if made != wanted:  # a list over several lines looks like a table
+        if made != wanted:  # for example, a list over several lines looks like a table
             lines = "; ".join(f"{name} = {value}" for name, value in values.items())
             raise ValueError(f"its lines cannot be told apart; write into it yourself: {lines}")
         write_whole(file, (head + rest).encode())

@@ -1,4 +1,4 @@
-"""The phone that is the robot's eye: its messages, and its clock mapped onto the robot's. Pure.
+"""A phone as the robot's camera: its messages, and its clock converted to the robot's. Pure.
 
 The phone sends pictures as bytes (a header of 16 bytes, then the JPEG) and other messages as text.
 The robot sends acknowledgements as on `/ws/video`, and text. See docs/reference/protocol.md.
@@ -20,12 +20,12 @@ HEADER = struct.Struct("<BBHId")
 _EYE_FRAME, _COVERED = 3, 1
 _MOST_TEXT = 500
 CLOCK_SAMPLES = 8
-"""Number of round trips remembered; few, because phones' clocks drift by milliseconds a minute."""
+"""Number of remembered round trips; few, because phones' clocks drift by milliseconds a minute."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EyeFrame:
-    """One picture of the phone, with its own count and the time on its own clock."""
+    """One picture of the phone, with the phone's frame number and the time on the phone's clock."""
 
     seq: int
     taken_ms: float
@@ -34,10 +34,10 @@ class EyeFrame:
 
 
 class EyeClock:
-    """Maps the phone's clock onto the robot's, by the shortest of the last round trips.
+    """Converts the phone's clock to the robot's, from the shortest of the last round trips.
 
-    The robot sends the ping, so that no phone can claim a shorter round trip than there was. The
-    phone answered between ping and pong; the midpoint is off by half the round trip at most.
+    The robot sends the ping, so that no phone can claim a shorter round trip than the real one. The
+    phone answered between ping and pong, so the midpoint is off by half the round trip at most.
     """
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ def parse_frame(message: bytes) -> EyeFrame:
     """Parse one picture.
 
     Raises:
-        ProtocolError: If it is not valid; says why.
+        ProtocolError: If the picture is not valid; the error says why.
     """
     if len(message) <= HEADER.size:
         raise ProtocolError(ErrorCode.MALFORMED, "a picture is a header of 16 bytes, then a JPEG")
@@ -88,7 +88,7 @@ def parse_text(text: str) -> dict[str, Any]:
     """Parse one text message: `stop`, or `pong` with two finite numbers.
 
     Raises:
-        ProtocolError: If it is neither.
+        ProtocolError: If the message is neither.
     """
     message = parse_object(text if len(text) < _MOST_TEXT else "")
     kind = message.get("type")

@@ -33,21 +33,24 @@ EYE = Role(
     refusal="This phone is the robot's eye; it may see and stop, not drive.",
     purpose="be the robot's eye",
 )
-"""Role of the phone on the robot; it is unattended, so it may request little."""
+"""Role of the phone on the robot; nobody watches this phone, so it may request little."""
 STATE_EVERY_S = 0.2
 _STATE_FIELDS = ("mode", "driven_by", "action", "stop_reason", "emergency", "fault", "frame_age_ms")
 
 
 @router.get("/eye", include_in_schema=False)
 async def eye_page(request: Request) -> Response:
-    """Return the page; no other page may use a camera."""
+    """Return the phone's page, the only page that may use a camera."""
     config = services_of(request).config
     policy = {"permissions-policy": "camera=(self), microphone=(), geolocation=()"}
     return FileResponse(config.web / "eye/index.html", headers=policy)
 
 
 class _Eye:
-    """One phone's socket. The newest phone is the eye; the one before it is disconnected."""
+    """One phone's websocket.
+
+    The newest phone is the robot's camera; the phone before is disconnected.
+    """
 
     def __init__(self, websocket: WebSocket, hub: Hub, camera: PhoneCamera) -> None:
         self._websocket = websocket
@@ -61,10 +64,10 @@ class _Eye:
         self._shut_out = asyncio.Event()
 
     async def run(self) -> None:
-        """Serve the phone until it disconnects or another one takes its place."""
+        """Serve the phone until it disconnects or another phone replaces it."""
         before, self._camera.source = self._camera.source, self
         try:
-            if isinstance(before, _Eye):  # which may be gone, without its own task knowing it yet
+            if isinstance(before, _Eye):  # it may be gone before its task notices
                 await end_with_either(before._websocket.close(4001, "another phone is the eye now"))
             await converse(
                 self._websocket,
@@ -81,7 +84,7 @@ class _Eye:
                 self._camera.lose()
 
     def _hear(self, text: str | bytes) -> None:
-        assert isinstance(text, str)  # bytes go to `_see`
+        assert isinstance(text, str)  # bytes are passed to `_see`
         try:
             said = parse_text(text)
         except ProtocolError as error:
@@ -140,7 +143,7 @@ async def eye(websocket: WebSocket) -> None:
 
 
 class EyeExtension(Extension):
-    """Adds the eye's page and socket to a robot's server."""
+    """Adds the phone camera's page and websocket to a robot's server."""
 
     routers = (router,)
 

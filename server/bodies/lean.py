@@ -1,8 +1,8 @@
 """The command line without modules that a brick never needs: `python -m server.bodies.lean`.
 
-A brick has 64 MB, of which OpenSSL would take five. Its modules are replaced before anything
-imports them. https is then unavailable; `hashlib` uses Python's own code. Other modules are loaded
-only when used: numpy's random numbers take two MB.
+A brick has 64 MB of memory, and OpenSSL would use five. OpenSSL's modules are replaced before
+anything imports them. So https is unavailable, and `hashlib` uses Python's own code. Other modules
+are loaded only when they are used; numpy's random numbers, for example, need two MB.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from types import ModuleType
 from typing import Any
 
 LEFT_OUT = ("_hashlib", "_ssl")
-"""The two modules that load OpenSSL. Importing them fails, and each importer has a fallback."""
+"""The two modules that load OpenSSL. Their import fails, and each importer has a fallback."""
 
 PUT_OFF = ("logging.config", "numpy.fft", "numpy.ma", "numpy.polynomial", "numpy.random")
 """Modules that numpy and uvicorn import, and that a lesson on a brick never touches."""
 
 
 class StandIn(ModuleType):
-    """A module that has every name and does nothing, so that imports and annotations work.
+    """A module that contains every name and does nothing, so that imports and annotations work.
 
-    A name in capitals is the number 0, any other an exception class: some libraries use
-    `int(ssl.PROTOCOL_TLS_SERVER)` or `except ssl.SSLError`.
+    A name in capitals is the number 0, and any other name is an exception class, because some
+    libraries use `int(ssl.PROTOCOL_TLS_SERVER)` or `except ssl.SSLError`.
     """
 
     def __getattr__(self, name: str) -> Any:
@@ -38,12 +38,12 @@ class StandIn(ModuleType):
 
 
 class PutOff(MetaPathFinder):
-    """Finds the modules of `PUT_OFF`; the first look into one of them loads it."""
+    """Import hook for the modules of `PUT_OFF`; the first attribute access loads the module."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return how to load it later; None for other modules."""
+        """Return a spec that loads the module later; None for other modules."""
         if fullname not in PUT_OFF:
             return None
         spec = PathFinder.find_spec(fullname, path)
@@ -53,7 +53,7 @@ class PutOff(MetaPathFinder):
 
 
 def leave_out_unused() -> None:
-    """Leave out and put off; modules already loaded stay."""
+    """Leave out and put off the modules above; modules already loaded stay."""
     for name in LEFT_OUT:
         sys.modules.setdefault(name, None)  # type: ignore[arg-type]
     sys.modules.setdefault("ssl", StandIn("ssl"))

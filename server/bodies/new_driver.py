@@ -1,4 +1,4 @@
-"""Write a package of three files for a robot of your own, which passes the contract as it is."""
+"""Write a package of three files for your own robot; it passes the contract tests unchanged."""
 
 from __future__ import annotations
 

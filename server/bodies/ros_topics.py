@@ -29,7 +29,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Look, and print a table and a command."""
+    """Find the topics, and print a table and a command."""
     options = make_options(TransportOptions, {**vars(args), "transport": DDS})
     need_dds()
     from robot.bodies.ros.dds import neighbours_of
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _table(found: Iterable[Endpoint]) -> list[str]:
-    """Return a line for each topic and type: who publishes it, who subscribes to it."""
+    """Return a line for each topic and type, with its publishers and subscribers."""
     counts: dict[tuple[str, str], list[int]] = defaultdict(lambda: [0, 0])
     for each in found:
         counts[each.topic, each.kind][0 if each.publishes else 1] += 1

@@ -1,4 +1,4 @@
-"""The challenge as a part of a robot's server: `/api/challenge`. See docs/reference/http.md."""
+"""The challenge in a robot's server: `/api/challenge`. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class TryAnswer:
 
 @dataclass
 class ChallengeAnswer:
-    """Where the challenge stands; `can_measure` is false for a robot that does not know its way."""
+    """The challenge's state; `can_measure` is false for a robot that does not know its path."""
 
     can_measure: bool
     is_armed: bool
@@ -82,20 +82,20 @@ class ChallengeAnswer:
 
 
 class ChallengeShown(RawValue):
-    """Whether the pilots show their best try on the board of their class."""
+    """Whether the pilots show their best try on the class's board."""
 
     is_shown: bool = must_be("true or false")
 
 
 @router.get("")
 async def get_challenge(connection: HTTPConnection) -> ChallengeAnswer:
-    """Return where the challenge stands."""
+    """Return the state of the challenge."""
     return _answer(connection)
 
 
 @router.post("/try")
 async def post_try(connection: HTTPConnection) -> ChallengeAnswer:
-    """Have the next drive of the robot by itself count as a try."""
+    """Count the robot's next autonomous drive as a try."""
     services = services_of(connection)
     await services.on_loop(services.extension(ChallengeExtension).challenge.arm)
     return _answer(connection)
@@ -103,7 +103,7 @@ async def post_try(connection: HTTPConnection) -> ChallengeAnswer:
 
 @router.delete("/try")
 async def delete_try(connection: HTTPConnection) -> ChallengeAnswer:
-    """Give up the try; it does not count."""
+    """Cancel the try; it does not count."""
     services = services_of(connection)
     await services.on_loop(services.extension(ChallengeExtension).challenge.cancel)
     return _answer(connection)
@@ -111,7 +111,7 @@ async def delete_try(connection: HTTPConnection) -> ChallengeAnswer:
 
 @router.put("")
 async def put_challenge(connection: HTTPConnection, body: ChallengeShown) -> ChallengeAnswer:
-    """Show the best try on the board of the class, or show it no longer."""
+    """Show or hide the best try on the board of the class."""
     services = services_of(connection)
     challenge = services.extension(ChallengeExtension).challenge
 

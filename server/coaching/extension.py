@@ -1,4 +1,4 @@
-"""Coaching as a part of a robot's server: progress, readiness, the way driven and the gallery."""
+"""Coaching in a robot's server: progress, readiness, the driven path and the gallery."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from server.services import Extension, Services, services_of
 
 
 class CoachingExtension(Extension):
-    """Follows the training for the page."""
+    """Tracks the training for the page."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._loop, persistence = services.robot.loop, services.persistence
@@ -22,7 +22,7 @@ class CoachingExtension(Extension):
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        from server.coaching import (  # they ask for this extension
+        from server.coaching import (  # these modules import this one
             gallery_routes,
             routes,
             word_routes,
@@ -41,5 +41,5 @@ class CoachingExtension(Extension):
 
 
 def progress_of(connection: HTTPConnection) -> Progress:
-    """Return the training progress of the robot that a request is for."""
+    """Return the training progress of the robot that got a request."""
     return services_of(connection).extension(CoachingExtension).progress

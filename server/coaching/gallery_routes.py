@@ -1,4 +1,4 @@
-"""`/api/gallery`: the learned images. `/api/why`: what the robot's present proposal rests on."""
+"""`/api/gallery`: the learned images. `/api/why`: the reason for the robot's current proposal."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ router = APIRouter(prefix="/api", route_class=Route)
 
 
 class ImageEdit(RawValue):
-    """Relabel an image (the value is a move), pin it (true or false), or delete it."""
+    """Relabel an image (the value is a move), pin or unpin it (true or false), or delete it."""
 
     verb: Literal["relabel", "pin", "delete"] = must_be("relabel, pin or delete")
     value: StrictBool | StrictStr | None = must_be("a move, true or false", None)
@@ -31,7 +31,7 @@ class ImageEdit(RawValue):
 class ImageAnswer:
     """One learned image; `taught_at_s` and `episode` if its last example is remembered.
 
-    `angle` is how its frames were steered, on the mean, if by degrees.
+    `angle` is the mean steering of the image's frames, if steered by degrees.
     """
 
     taught_at_s: float | None
@@ -56,7 +56,7 @@ class ImageList:
 
 @dataclass
 class Why:
-    """The image that decides now beside the present view, both PNG in base64."""
+    """The image that decides now, and the current view, both PNG in base64."""
 
     frame: int
     action: str | None
@@ -77,7 +77,7 @@ async def list_images(request: Request) -> ImageList:
     images = await progress.gallery()
     return ImageList(
         moves=[move.value for move in state.moves],
-        # A learner of somebody's own may keep more images than its name says.
+        # A plug-in's learner may store more images than its name says.
         max_nodes=max(state.max_nodes, len(images)),
         images=[_describe(image, progress) for image in images],
     )
@@ -94,9 +94,9 @@ async def show_image(request: Request, node: int) -> Response:
 
 @router.post("/gallery/undo")
 async def undo_edit(request: Request) -> dict[str, bool]:
-    """Undo the last change to an image; `undone` is false if there is none to undo.
+    """Undo the last change to an image; `undone` is false if there is no change to undo.
 
-    `kept` is false if the disk did not take it.
+    `kept` is false if the model could not be saved.
     """
     services = services_of(request)
     undone, is_kept = await services.change_learner(lambda history: history.undo_edit())
@@ -106,7 +106,7 @@ async def undo_edit(request: Request) -> dict[str, bool]:
 
 @router.post("/gallery/{node}")
 async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, int | bool]:
-    """Change one image; `kept` is false if the disk did not take it."""
+    """Change one image; `kept` is false if the model could not be saved."""
     services = services_of(request)
     try:
         _, is_kept = await services.change_learner(
@@ -124,7 +124,7 @@ async def edit_image(request: Request, node: int, body: ImageEdit) -> dict[str, 
 
 @router.get("/why")
 async def show_why(request: Request) -> dict[str, Why | None]:
-    """Return the image that decides now beside the present view; null if there is none."""
+    """Return the image that decides now, and the current view; null if no image decides."""
     services = services_of(request)
     found = await services.on_loop(lambda: _explain(services.robot.loop))
     if found is None:

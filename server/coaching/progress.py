@@ -23,14 +23,14 @@ MARK_EVERY = 10
 """Examples between two points of the curve."""
 _MARKS, _POINTS = 2000, 200
 _REMEMBERED = 512
-"""Number of images cached after they were merged."""
+"""Number of cached images that the learner has merged since."""
 _REFRESH_S = 0.4
 """Minimum time between two fetches of the gallery while the robot learns, in seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """One point of the curve: agreement after `n_examples`. `at_s` is in seconds since 1970."""
+    """One point of the curve: the agreement after `n_examples`. `at_s` is in seconds since 1970."""
 
     n_examples: int
     agreement: float
@@ -39,7 +39,7 @@ class Mark:
 
 
 class Progress:
-    """Follows one robot's training; the server subscribes it to the loop's ticks."""
+    """Tracks one robot's training; the server subscribes it to the loop's ticks."""
 
     def __init__(self, loop: ControlLoop, episode: Callable[[], str | None]) -> None:
         self._loop = loop
@@ -49,7 +49,7 @@ class Progress:
         self._marks: list[Mark] = []
         self._gallery: list[LearnedImage] = []
         self._seen: dict[int, LearnedImage] = {}
-        self._newest = -1  # of the images that clients were told of
+        self._newest = -1  # the newest image in any answer so far
         self._is_stale = True
         self._fetched_s = -math.inf
 
@@ -66,7 +66,7 @@ class Progress:
         for event in tick.history_events:
             if isinstance(event, Replaced):
                 self._marks = []
-                # Its images have the same numbers as others.
+                # A new learner numbers its images from the start again.
                 self._seen, self._newest = {}, -1
             elif isinstance(event, Undone):
                 self._marks = [mark for mark in self._marks if mark.n_examples <= n_examples]
@@ -88,7 +88,7 @@ class Progress:
         return marks[::-1][::step][::-1]
 
     def mark_of(self, example: int) -> Mark | None:
-        """Return the mark that covers an example; None if an earlier run taught it."""
+        """Return the mark that covers an example; None if it was taught in an earlier run."""
         marks = self._marks
         at = bisect_left(marks, example, key=lambda mark: mark.n_examples)
         if example < 1 or at == len(marks):
@@ -110,11 +110,11 @@ class Progress:
         return self._gallery
 
     async def image(self, node: int) -> LearnedImage | None:
-        """Return a learned image; if it has been merged since, as it was last seen.
+        """Return a learned image; if it has been merged since, return its last version.
 
-        A client asks for images that it was told of a moment ago, and each example may merge
-        some: the last version is then the best answer. One that was merged before it was listed
-        is answered by the image that is used now. None for one that never was.
+        A client requests images that were listed a moment ago, and each example may merge some of
+        these images. The last version is then the best answer. If an image was merged before it was
+        listed, the image used now is returned. None if there never was such an image.
         """
         await self.gallery()
         if node not in self._seen:

@@ -1,4 +1,4 @@
-"""`/api/teaching` and `/api/path`: progress, readiness and the way driven.
+"""`/api/teaching` and `/api/path`: progress, readiness and the driven path.
 
 See docs/reference/http.md.
 """
@@ -32,7 +32,7 @@ class Teaching:
 
 @dataclass
 class GapAnswer:
-    """One thing to show the robot; `png` is the view in which, base64."""
+    """One move to teach the robot; `png` is the view in which to teach it, in base64."""
 
     kind: str
     move: str | None
@@ -59,7 +59,7 @@ class ReadinessAnswer:
 
 @dataclass
 class PathAnswer:
-    """Points of a way, as columns."""
+    """Points of a path, as columns."""
 
     first: int
     pose: list[list[float]]
@@ -70,9 +70,10 @@ class PathAnswer:
 
 @router.get("/path")
 def show_path(request: Request, since: int = 0) -> PathAnswer:
-    """Return the points of the way from the one numbered `since` on, as columns.
+    """Return the points of the path from number `since` on, as columns.
 
-    `first` is the number of the first of them: ask again with `first` and the points that came.
+    `first` is the number of the first returned point. Continue with `since` = `first` plus the
+    number of points.
     """
     first, points = progress_of(request).trail.since(since)
     return PathAnswer(
@@ -93,7 +94,7 @@ def show_path(request: Request, since: int = 0) -> PathAnswer:
 
 @router.get("/teaching")
 def describe_teaching(request: Request) -> Teaching:
-    """Return what was taught, and the curve of agreement over the examples."""
+    """Return the number of examples, and the curve of agreement over the examples."""
     state = services_of(request).robot.loop.state
     return Teaching(
         lessons=sum(state.taught.values()),
@@ -114,7 +115,7 @@ async def show_readiness(request: Request, pictures: bool = True) -> ReadinessAn
 
 
 def _describe_readiness(readiness: Readiness, has_pictures: bool) -> ReadinessAnswer:
-    """Describe it; on the loop's thread."""
+    """Describe the readiness; on the loop's thread."""
     missing = []
     for gap in readiness.missing():
         png, frame = None, gap.frame

@@ -1,4 +1,4 @@
-"""`/api/teaching/alike` and `/outdate`: what the pilot says of the lesson.
+"""`/api/teaching/alike` and `/outdate`: what the pilot states about the lesson.
 
 See docs/reference/http.md.
 """
@@ -20,14 +20,14 @@ _ONE_SIDED = 20
 
 
 class AlikeWord(RawValue):
-    """The pilot's word on symmetry."""
+    """The pilot's answer about symmetry."""
 
     alike: bool
 
 
 @dataclass
 class AlikeAnswer:
-    """Whether left and right are alike here, if that can be said, and if it is to be asked."""
+    """The setting of symmetry, whether it can be set, and whether the page should ask for it."""
 
     alike: bool
     possible: bool
@@ -43,7 +43,7 @@ class AlikeChanged(AlikeAnswer):
 
 @router.post("/teaching/outdate")
 async def outdate(request: Request) -> dict[str, int | bool]:
-    """Let new examples count more than earlier ones; `kept` is false if it could not be saved."""
+    """Let new examples count more than earlier ones; `kept` is false if that could not be saved."""
     services = services_of(request)
     try:
         _, is_kept = await services.change_learner(lambda history: history.edit("outdate"))

@@ -1,4 +1,4 @@
-"""Episodes in and out: the verbs `import` and `export` of `drivelesson episodes`."""
+"""The verbs `import` and `export` of `drivelesson episodes`."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ EXPORTS: dict[str, tuple[Callable[..., int], str, tuple[str, ...]]] = {
     "npz": (write_npz, "examples", ()),
     "film": (write_look, "pictures", ("fps",)),
 }
-"""The export formats by name: the function that writes one, the unit it counts, its options."""
+"""The export formats by name: the function that writes the file, its unit, its options."""
 FLAGS = {"fps": "--fps", "taught_only": "--all", "task": "--task", "plain": "--plain"}
 TIMED: dict[str, Callable[[EpisodeFrame], bool]] = {
     "film": lambda _: True,
     "lerobot": lambda moment: not moment.is_deleted,
     "npz": is_example,
 }
-"""Formats with repaired times, each with a test for the pictures whose times count."""
+"""Formats whose times are repaired, each with a test for the pictures whose times count."""
 
 
 def configure_export(parser: argparse.ArgumentParser) -> None:
@@ -83,7 +83,7 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
 
 
 def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Import the drives of another program, each as an episode; all of them, or none."""
+    """Import the drives of another program, each as an episode: all drives, or none."""
     reading = Reading(
         threshold=args.threshold,
         trim=args.trim,
@@ -94,7 +94,7 @@ def import_episode(args: argparse.Namespace, store: EpisodeStore, storage: Stora
     )
     if args.name:
         check_name(args.name)
-    storage.sweep()  # an import that was killed left what it had
+    storage.sweep()  # remove the remains of an import that was killed
     whole = ImportReport(is_strict=args.strict)
     made: list[Path] = []
     try:
@@ -179,7 +179,7 @@ def _export(
         for episode, _ in episodes:
             episode.on_read = bar.update
         made = write(*given, part, **options)
-        bar.update(total - bar.n)  # what was left out is done, too
+        bar.update(total - bar.n)  # pictures left out count as done
     print(f"{out}: {made} {what}")
     sizes = set[tuple[int, int]]().union(*(episode.frames.sizes for episode, _ in episodes))
     if len(sizes) > 1 and form in ("film", "lerobot"):
@@ -195,9 +195,9 @@ def _export(
 
 @contextlib.contextmanager
 def _beside(path: Path) -> Iterator[Path]:
-    """Give a path to write to; it becomes `path` at the end, or is removed after an error."""
+    """Yield a path to write to; it is renamed to `path` at the end, or removed after an error."""
     folder = path.with_name(f".part-{path.name}")
-    shutil.rmtree(folder, ignore_errors=True)  # of a run that was killed
+    shutil.rmtree(folder, ignore_errors=True)  # left by a run that was killed
     try:
         folder.mkdir(parents=True)
         yield folder / path.name

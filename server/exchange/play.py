@@ -1,4 +1,4 @@
-"""A recording replayed into the page, as if it were a robot: the verb `play` of `episodes`."""
+"""The verb `play` of `drivelesson episodes`: replays a recording into the page like a robot."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def play(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int:
-    from server.cli.main import main  # main loads this verb
+    from server.cli.main import main  # here, because main imports this module
 
     path = str(find_path(store, args.episode))
     words = ["serve", "--robot", "replay", "--episode", path, "--port", args.port]

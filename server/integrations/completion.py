@@ -1,4 +1,4 @@
-"""Print a script that completes commands, options and choices with the tab key."""
+"""Print a shell script that completes commands, options and choices with the tab key."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> int:
     for name, text in commands().items():
         try:
             parser = make_parser(name)
-        except PluginError:  # its robot needs what this system has not, such as fcntl on Windows
+        except PluginError:  # its robot does not support this system (fcntl on Windows)
             parser = make_parser(name, is_extended=False)
         subparsers.add_parser(name, help=text, parents=[parser], add_help=False)
     print(shtab.complete(whole, args.shell))

@@ -1,4 +1,4 @@
-"""For other programs: addresses for Prometheus and players, and completion for shells."""
+"""Interfaces for other programs: addresses for Prometheus and players, and shell completion."""
 
 from __future__ import annotations
 

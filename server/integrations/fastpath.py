@@ -1,7 +1,7 @@
 """A fast path through uvicorn for video: frames are written directly, without ASGI and its tasks.
 
 At 16 viewers and 30 frames a second ASGI costs two task switches and a pause of reading for each
-frame; the fast path costs neither (`drivelesson bench link`). If uvicorn is too old for sans-I/O
+frame. The fast path avoids both (`drivelesson bench link`). If uvicorn is too old for sans-I/O
 websockets, frames go through ASGI, with the same behaviour at a higher cost.
 """
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 FRAME_S, BURST_S = 0.004, 3.0
 """Rate limit of received frames: seconds per frame, and the burst allowed, in seconds. Frames
-beyond it stay unread, so that the network holds them back."""
+beyond the limit stay unread, so that the network holds them back."""
 
 
 def make_protocol() -> type[Any] | None:
-    """Return a websocket protocol class for uvicorn; None if uvicorn is too old for it."""
+    """Return a websocket protocol class for uvicorn; None if uvicorn is too old."""
     try:
         from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
     except ImportError:
@@ -37,17 +37,17 @@ def make_protocol() -> type[Any] | None:
         on_text: Callable[[str], None] | None = None
         """Called with each text as soon as it is read, also after the server's close.
 
-        There is no queue, so a burst does not delay later messages.
+        Texts bypass all queues, so a burst does not delay later messages.
         """
         _read_s = -math.inf
-        """Time at which all frames read so far would have come at one per `FRAME_S`, in seconds."""
+        """Time by which all frames read so far may arrive at one per `FRAME_S`, in seconds."""
         _is_held = False
         _written: ClassVar[tuple[bytes, bytes]] = b"", b""
-        """The last message written to any viewer, and its frame: viewers share it."""
+        """The last message written to any viewer, and its encoded frame: viewers share both."""
 
         def handle_connect(self, event: Request) -> None:
             super().handle_connect(event)
-            if hasattr(self, "scope"):  # not so when the handshake was refused
+            if hasattr(self, "scope"):  # missing if the handshake was refused
                 scope: dict[str, Any] = self.scope  # type: ignore[assignment]
                 scope["extensions"] = {**scope["extensions"], DIRECT: self}
 
@@ -65,7 +65,8 @@ def make_protocol() -> type[Any] | None:
 
         def handle_cont(self, event: Frame) -> None:
             super().handle_cont(event)
-            # Endless empty frames take no memory; older uvicorns join them by themselves.
+            # Join the frames, so that endless empty frames use no memory. Older uvicorns do this
+            # themselves.
             self.frames = [b"".join(getattr(self, "frames", ()))]
 
         def handle_events(self) -> None:
@@ -85,17 +86,17 @@ def make_protocol() -> type[Any] | None:
 
         async def receive(self) -> Any:
             message = await super().receive()
-            if self._is_held:  # whatever uvicorn says
+            if self._is_held:  # uvicorn must not resume it
                 self.transport.pause_reading()
             return message
 
         def shutdown(self) -> None:
-            # Uvicorn raises for a client that is just leaving, and the app is then not shut down.
+            # Uvicorn raises if the client is just leaving, and would then not end the application.
             if not self.transport.is_closing():
                 super().shutdown()
 
         def write_now(self, message: bytes) -> None:
-            """Write a message of bytes; nothing is written after the close."""
+            """Write a binary message; nothing is written after the close."""
             if not self.close_sent and not self.transport.is_closing():
                 before, frame = FastPathProtocol._written
                 if before is not message:

@@ -26,7 +26,7 @@ async def metrics(request: Request) -> Response:
 
 
 def render_metrics(services: Services) -> bytes:
-    """Return the measurements as text. Imports prometheus-client only when asked for."""
+    """Return the measurements as text. Imports prometheus-client only at the first call."""
     from prometheus_client import generate_latest
 
     registry: Any = SimpleNamespace(collect=lambda: _measure(services))

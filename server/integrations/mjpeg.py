@@ -1,6 +1,7 @@
 """`/video.mjpg`: the video for VLC, dashboards and an `<img>`.
 
-Such a stream cannot acknowledge, so the server checks the unread bytes of its connection.
+A viewer of such a stream cannot acknowledge frames, so the server checks the unread bytes of its
+connection.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from server.services import services_of
 
 router = APIRouter(route_class=Route)
 _LEAST_ROOM = 2048
-"""Number of unread bytes that never count, because a window is known only to the kilobyte."""
+"""Number of unread bytes that are ignored, because windows are reported in steps of kilobytes."""
 _LOOKS = 2000
 """Number of polls, 10 ms each, after which a viewer that seems not to read gets a frame."""
 _KEY_EVERY = 32
@@ -29,18 +30,19 @@ _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
 @router.get("/video.mjpg", include_in_schema=False)
 async def mjpeg(request: Request) -> StreamingResponse:
-    """Stream the newest frames until the viewer disconnects, or its key is replaced."""
+    """Stream the newest frames until the viewer disconnects or its key is replaced."""
     hub = services_of(request).hub
     frame = hub.robot.camera.latest()
     if frame is not None:
-        hub.video.encoder.encode_jpeg(frame)  # 501 where that needs OpenCV
+        hub.video.encoder.encode_jpeg(frame)  # 501 if this needs OpenCV
     gateway, looks = services_of(request).gateway, itertools.count(1)
     sent = itertools.count(1)
 
     def has_room(n_bytes: int) -> bool:
         """Return True if at most one and a half frames are unread.
 
-        Occasionally a frame is sent anyway, because a system may shrink a connection's window.
+        Occasionally a frame is sent anyway, because a system may shrink a window without unread
+        bytes.
         """
         unread = gateway.unread(request.scope)
         return unread <= max(1.5 * n_bytes, _LEAST_ROOM) or next(looks) % _LOOKS == 0
@@ -51,7 +53,7 @@ async def mjpeg(request: Request) -> StreamingResponse:
         return not (is_due and isinstance(gateway.session_by_address(request.scope), Refusal))
 
     form = _for_browsers if _is_browser(request) else _for_players
-    headers = {"x-accel-buffering": "no"}  # by a proxy: it would keep old frames
+    headers = {"x-accel-buffering": "no"}  # a buffering proxy would keep old frames
     if isinstance(gateway.session_by_address(request.scope), Session):
         headers |= {"cross-origin-resource-policy": "cross-origin"}
         headers |= {"access-control-allow-origin": "*"}
@@ -61,7 +63,7 @@ async def mjpeg(request: Request) -> StreamingResponse:
 
 
 def _is_browser(request: Request) -> bool:
-    """Browsers ask for pages or for pictures; players ask for anything."""
+    """True for a browser, which accepts pages or pictures; players accept anything."""
     accept = request.headers.get("accept", "")
     return "sec-fetch-mode" in request.headers or "image/" in accept or "text/html" in accept
 
@@ -71,7 +73,7 @@ async def _for_browsers(
 ) -> AsyncIterator[bytes]:
     """Yield frames, each followed by the next part's header.
 
-    Browsers show a part only when the header of the next one has arrived; sending it with the
+    Browsers show a part only when the next part's header has arrived. Sending this header with the
     frame saves one frame's time.
     """
     yield _BOUNDARY + _END_OF_HEADER
@@ -85,9 +87,9 @@ async def _for_browsers(
 async def _for_players(
     stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
 ) -> AsyncIterator[bytes]:
-    """Yield frames, each with its length: players show it as soon as it is complete.
+    """Yield frames, each with its length, so that players show a frame as soon as it is complete.
 
-    Without the length the FFmpeg family looks for the next part's header, and for the one after.
+    Without the length, players based on FFmpeg wait for the headers of the next two parts.
     """
     async with contextlib.aclosing(stream) as frames:
         async for jpeg in frames:

@@ -1,4 +1,4 @@
-"""Compare learners on recorded footage: trained on one drive of a place, tested on the other."""
+"""Compare learners on recorded footage: trained on one drive of a place, tested on another."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    # scikit-learn spends ten times as long on one picture when its threads outnumber the cores.
+    # scikit-learn takes ten times as long for a picture if its threads outnumber the cores.
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     learners = _learners(args.learners)
     pairs = evaluation.load_pairs(args.folder)
-    if args.json is not None:  # said now, and not after the hours that it takes
+    if args.json is not None:  # fail now, not after hours of work
         with told_as(ConfigurationError, f"cannot write {args.json}"):
             args.json.open("a").close()
     results = []
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _learners(names: str | None) -> list[str]:
-    """Return the learners that were named, or ours and the baselines that can run here."""
+    """Return the named learners, or ours and the baselines that can run here."""
     if names is not None:
         learners = list(dict.fromkeys(name.strip() for name in names.split(",") if name.strip()))
         if not learners:

@@ -1,4 +1,4 @@
-"""Repeat the paper's experiments in simulation, and those beyond the paper."""
+"""Repeat the paper's experiments in simulation, and run further experiments."""
 
 from __future__ import annotations
 
@@ -67,7 +67,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    # One thread each: sums in another order would differ in the last digit, and be no faster.
+    # One thread per process: sums in another order would differ in the last digit without being
+    # faster.
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ[variable] = "1"
     from robot.lab.report import write_html
@@ -75,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     settings = _settings(args)
     names = EXPERIMENTS if "all" in args.names else dict.fromkeys(args.names)
     planned = {name: load_experiment(name) for name in names}
-    # All before the first run: what cannot be done is said at once.
+    # Plan all before the first run, so that errors are reported at once.
     tasks = {name: list(experiment.plan(settings)) for name, experiment in planned.items()}
     made: list[tuple[Experiment, Runs]] = []
     everything = {}
@@ -100,7 +101,7 @@ def _settings(args: argparse.Namespace) -> ExperimentSettings:
     from robot.lab.ideas import make_learner, make_teacher
     from robot.types import DEFAULT_MOVES
 
-    args.learners = list(dict.fromkeys(args.learners))  # named twice, its runs would count twice
+    args.learners = list(dict.fromkeys(args.learners))  # duplicates would count twice
     args.worlds = list(dict.fromkeys(args.worlds))
     for learner in args.learners:
         make_learner(learner, DEFAULT_MOVES)

@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_out(out: str) -> None:
-    """Refuse before the learning what could not be saved after it."""
+    """Refuse, before any learning, a path to which the model could not be saved."""
     if not out.endswith(".npz"):
         check_name(out)
     elif os.path.lexists(out):
@@ -102,7 +102,7 @@ def _say(report: Report, policy: Policy, episodes: list[EditedEpisode], seconds:
 
 
 def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | None:
-    """Return what driving made with this learner; None if the recording has no such model."""
+    """Return the model that the drive made with this learner; None if it was not recorded."""
     episode, notes = last
     after = episode.model_after()
     if after is not None and after.summary.learner == policy.name and not notes.edits:
@@ -114,7 +114,7 @@ def _driven(policy: Policy, last: EditedEpisode, *, must_be: bool) -> Model | No
 
 
 def _compare(policy: Policy, driven: Model, episodes: list[EditedEpisode], goes_on: bool) -> bool:
-    """Print whether driving made the same nodes."""
+    """Print whether the drive made the same nodes."""
     is_same = same_nodes(policy.get_state(), driven.state)
     print("the same nodes as driving made" if is_same else "not the nodes that driving made")
     first = episodes[0][0]

@@ -15,6 +15,6 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path | None, plain: Any) -> None:
-    """Write what the option --json asked for, if it was given."""
+    """Write the results to the file of the option --json, if it was given."""
     if path is not None:
         write_text(path, json.dumps(plain, indent=1) + "\n")

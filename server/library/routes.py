@@ -1,4 +1,4 @@
-"""`/api/models`: a person's models: list, names, copies, files. See docs/reference/http.md."""
+"""`/api/models`: the list of models, their names, copies and files. See docs/reference/http.md."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class ModelAnswer:
 
 @dataclass
 class ModelList:
-    """All models, the one saved last first, and the name of the one in use."""
+    """All models, the last saved first, and the name of the model in use."""
 
     current: str | None
     models: list[ModelAnswer]
@@ -68,7 +68,7 @@ class ModelList:
 
 @router.get("")
 def list_models(request: Request) -> ModelList:
-    """List all models, the one saved last first."""
+    """List all models, the last saved first."""
     persistence = persistence_of(request)
     models = [_describe(saved) for saved in persistence.models.saved()]
     return ModelList(current=persistence.autosave.name, models=models)
@@ -95,7 +95,7 @@ def restore_model(request: Request, body: Key) -> dict[str, str]:
 
 @router.post("/{name}/load", dependencies=[FREE_MODEL])
 def load_model(request: Request, name: str) -> dict[str, str | bool]:
-    """Save the model in use and load this one; 409 unless the robot is stopped."""
+    """Save the model in use and load another; 409 unless the robot is stopped."""
     persistence_of(request).autosave.load(name)
     return _in_use(request, name)
 
@@ -118,7 +118,7 @@ def change_model(request: Request, name: str, body: ModelChange) -> dict[str, st
 
 @router.post("/{name}/copy", status_code=201)
 def copy_model(request: Request, name: str, body: Named = NAMED) -> dict[str, str]:
-    """Copy a model; the body names the copy."""
+    """Copy a model; the request body has the copy's name."""
     return {"name": persistence_of(request).models.copy(name, body.name)}
 
 
@@ -148,7 +148,7 @@ def download_model(request: Request, name: str) -> Response:
     openapi_extra={"requestBody": {"required": True, "content": {"application/octet-stream": {}}}},
 )
 async def upload_model(request: Request, name: str) -> dict[str, str]:
-    """Save an uploaded model under this name, or under a similar one if it is taken."""
+    """Save an uploaded model under this name, or under a similar name if it is taken."""
     persistence = persistence_of(request)
     data = await request.body()
     if not data:
@@ -157,7 +157,7 @@ async def upload_model(request: Request, name: str) -> dict[str, str]:
 
 
 def _in_use(request: Request, name: str) -> dict[str, str | bool]:
-    """Return the model in use; `kept` is false if the next start would use another one."""
+    """Return the model in use; `kept` is false if the next start would use another model."""
     return {"name": name, "kept": persistence_of(request).models.current == name}
 
 
@@ -177,6 +177,6 @@ def _describe(saved: StoredModel) -> ModelAnswer:
 
 
 class LibraryExtension(Extension):
-    """Adds the routes to a robot's server; the core saves and loads models by itself."""
+    """Adds the routes to a robot's server; saving and loading models is part of the core."""
 
     routers = (router,)

@@ -105,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _range(args: argparse.Namespace, episode: Episode) -> tuple[int, int]:
-    """Turn seconds from the start into the first and last frame between them."""
+    """Convert a range in seconds from the start to its first and last frame."""
     first_s = args.first_s if args.first_s is not None else 0.0
     last_s = args.last_s if args.last_s is not None else episode.duration_s + 1.0
     at_s = episode.frames.captured_s - episode.start_s
@@ -219,7 +219,7 @@ def edit(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> int
 
 
 def _delete(store: EpisodeStore, episode_ids: Sequence[str]) -> int:
-    """Delete several; the exit status is 1 if some were kept."""
+    """Delete episodes; the exit status is 1 if some could not be deleted."""
     chosen = {one.id: one for one in store.summaries()}
     gone = store.delete(*episode_ids)
     for episode_id, why in gone.kept.items():
@@ -261,7 +261,7 @@ def _edits(count: int) -> str:
 
 
 def restore_episode(args: argparse.Namespace, store: EpisodeStore, storage: Storage) -> None:
-    """Restore deleted episodes; without a key, those deleted last."""
+    """Restore deleted episodes; without a key, the episodes deleted last."""
     for episode_id in store.restore(args.key or max(store.trash(), default="")):
         print(f"{episode_id} is back")
 

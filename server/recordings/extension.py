@@ -1,4 +1,4 @@
-"""Recordings as a part of a robot's server: their pages, and training from them."""
+"""Recordings in a robot's server: their routes, and training from them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class RecordingsExtension(Extension):
 
     @property
     def routers(self) -> Sequence[APIRouter]:
-        from server.recordings import retraining_routes, routes  # they ask for this extension
+        from server.recordings import retraining_routes, routes  # these modules import this one
 
         return routes.router, retraining_routes.router
 
@@ -34,10 +34,10 @@ class RecordingsExtension(Extension):
 
 
 def retraining_of(connection: HTTPConnection) -> Retraining:
-    """Return the training run of the robot that a request is for."""
+    """Return the training run of the robot that got a request."""
     return services_of(connection).extension(RecordingsExtension).retraining
 
 
 def episodes_of(connection: HTTPConnection) -> EpisodeStore:
-    """Return the recordings of the robot that a request is for; 503 where nothing is saved."""
+    """Return the recordings of the robot that got a request; 503 if nothing is saved."""
     return persistence_of(connection).part(Recordings).episodes

@@ -1,4 +1,4 @@
-"""Recordings as a part of what a robot's server saves."""
+"""Recordings in the persistence of a robot's server."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Recordings(PersistencePart):
 
     @property
     def run(self) -> str | None:  # type: ignore[override]
-        """Id of the episode that is being recorded, if any is."""
+        """Id of the episode that is being recorded; None if none is."""
         return self.recorder.queue.episode_id
 
     def start(self) -> None:

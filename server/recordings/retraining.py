@@ -1,4 +1,4 @@
-"""Training again from recordings, in the background; its result is then saved or dropped."""
+"""Training again from recordings, in the background; the result is then saved or dropped."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _BREATH_S = 0.0005
 
 
 class Retraining:
-    """At most one run at a time; its result stays until it is dropped."""
+    """At most one run at a time; a run's result stays until it is dropped."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -33,7 +33,7 @@ class Retraining:
         self._run: _Run | None = None
 
     def begin(self, store: EpisodeStore, episode_ids: Sequence[str], learner: str) -> None:
-        """Train an empty learner on these, in the order of recording; one run at a time."""
+        """Train an empty learner on these episodes in the order of recording; one run at a time."""
         if not episode_ids:
             raise ConfigurationError("choose at least one recording")
         episodes = [
@@ -73,7 +73,7 @@ class _Run:
     def __init__(self, episodes: list[EditedEpisode], learner: str, clock: Clock) -> None:
         self._episodes, self._learner, self._clock = episodes, learner, clock
         unedited = [(episode, Notes()) for episode, _ in episodes]
-        self._total = count_steps(unedited) + 2 * count_steps(episodes)  # the most to learn
+        self._total = count_steps(unedited) + 2 * count_steps(episodes)  # the maximum of steps
         self._done = 0
         self._report = Report(taught=Counter())
         self._comparison: Comparison | None = None
@@ -83,7 +83,7 @@ class _Run:
         self.model: Model | None = None
 
     def work(self) -> None:
-        """Compare, then train on everything; on a thread of its own."""
+        """Compare, then train on everything; on a separate thread."""
         try:
             with reading([episode.path for episode, _ in self._episodes]):
                 self._comparison = compare(self._episodes, self._new_policy, self._step)
@@ -91,7 +91,7 @@ class _Run:
                 self._report = learn_again(policy, self._episodes, on_step=self._step)
             taught = Counter(self._report.taught)
             self.model = take_model(policy, taught, saved_at_s=self._clock.wall_s())
-        except Exception as error:  # its learner may be anybody's
+        except Exception as error:  # a plug-in's learner may raise anything
             self._error = str(error) or type(error).__name__
         finally:
             self.is_running = False
@@ -104,7 +104,7 @@ class _Run:
         self._done += 1
         self._clock.sleep(_BREATH_S)
         if self.is_dropped:
-            raise RuntimeError("dropped")  # nobody asks it for an error any more
+            raise RuntimeError("dropped")  # ends the thread; nobody reads the error
 
     def describe(self) -> dict[str, Any]:
         state = "running" if self.is_running else "failed" if self._error else "done"

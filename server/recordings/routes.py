@@ -40,7 +40,7 @@ _COLUMNS = {
     **{name: name for name in ("at_s", "label", "predicted", "confidence", "driven_by", "sent")},
     **{name: name for name in ("asks_pilot", "distance_m", "bumped", "pose")},
 }
-"""The columns of a timeline, each with the attribute of a picture that fills it."""
+"""The columns of a timeline, each with the picture's attribute that fills the column."""
 
 
 class EpisodeChange(RawValue):
@@ -97,9 +97,9 @@ class EpisodeAnswer:
 class EpisodeList:
     """All episodes, the newest first, and the state of the recording.
 
-    `offered` are those that could be deleted if they are too much for the disk. `undo` is the key
-    of the episodes deleted last, and `trash_bytes` what emptying the trash would free, which
-    happens by itself after so many `days`.
+    `offered` are the episodes that could be deleted if the disk gets full. `undo` is the key of the
+    episodes deleted last. `trash_bytes` is the space that emptying the trash would free; the trash
+    is emptied automatically after `days`.
     """
 
     recording: str | None
@@ -114,8 +114,8 @@ class EpisodeList:
 
 @dataclass
 class DeletedEpisodes:
-    """The deleted episodes, and the key that restores them together within so many `days`; and why
-    others were kept, by id."""
+    """The deleted episodes, the key that restores them together within `days`, and the reasons why
+    others were not deleted, by id."""
 
     undo: str | None
     deleted: list[str]
@@ -160,7 +160,7 @@ class EpisodeDetails(EpisodeAnswer):
 
 @dataclass
 class EpisodeTimeline:
-    """Pictures as columns for drawing: those of `_COLUMNS`."""
+    """Pictures as columns for drawing: the columns of `_COLUMNS`."""
 
     columns: dict[str, list[Any]]
     is_estimate: bool
@@ -200,7 +200,7 @@ def list_episodes(request: Request) -> Response:
         undo=max(part.episodes.trash(), default=None),
         days=TRASH_DAYS,
     )
-    # NOTE: encoded here, because FastAPI takes a second for a list of 2,000.
+    # NOTE: encoded here, because FastAPI takes a second for a list of 2,000 episodes.
     return Response(json.dumps(found, default=vars, allow_nan=False), media_type="application/json")
 
 
@@ -228,7 +228,7 @@ def download_episodes(episode: list[str] = CHOSEN, store: EpisodeStore = STORE) 
 
 
 async def _sent(paths: Sequence[Path]) -> AsyncIterator[bytes]:
-    """Yield a zip file; what is in it cannot be deleted until it is sent, or nobody waits for it.
+    """Yield a zip file; its episodes cannot be deleted until it is sent or the client has left.
 
     The disk is read on other threads.
     """
@@ -239,7 +239,7 @@ async def _sent(paths: Sequence[Path]) -> AsyncIterator[bytes]:
 
 @router.delete("/trash")
 def empty_trash(request: Request) -> dict[str, int]:
-    """Delete for good what was deleted."""
+    """Permanently delete the episodes in the trash."""
     return {"freed_bytes": persistence_of(request).storage.empty_trash()}
 
 
@@ -271,9 +271,9 @@ def show_timeline(
     last: int | None = None,
     store: EpisodeStore = STORE,
 ) -> EpisodeTimeline:
-    """Return each picture's label, prediction and driver; or of `count` at even distances.
+    """Return label, prediction and driver of each picture, or of `count` evenly spaced pictures.
 
-    With `first` and `last`, of the pictures from one to the other.
+    With `first` and `last`, only the pictures in this range.
     """
     episode, notes = store.open(episode_id), store.notes(episode_id)
     between = None if first is None or last is None else (first, last)
@@ -318,7 +318,7 @@ def change_episode(
 
 @router.post("/episodes/{episode_id}/edits", status_code=201)
 def edit_episode(episode_id: str, body: EpisodeEdit, store: EpisodeStore = STORE) -> Edits:
-    """Delete or relabel frames, or all others."""
+    """Delete or relabel frames, or all other frames."""
     between = (body.first, body.last)
     edit = edit_of(body.verb, between, store.open(episode_id), body.label)
     return _edits(store.edit(episode_id, edit))

@@ -1,4 +1,4 @@
-"""Finds episodes by a typed name, and declares the option for the data folder."""
+"""Finds episodes by a typed name, and declares the options that choose them."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def add_data(parser: argparse.ArgumentParser) -> None:
 
 
 def find_id(store: EpisodeStore, name: str) -> str:
-    """Return the id of the episode with this name, or the only one that begins with it."""
+    """Return the id of the episode with this name, or of the only episode that begins with it."""
     ids = store.ids()
     if not ids:
         raise NotFoundError("nothing is recorded yet")
     if name == "last" and name not in ids:
-        return store.summaries()[0].id  # by its time, and never by its name
+        return store.summaries()[0].id  # the newest by recording time; names may sort differently
     typed = composed(name)
     found = [i for i in ids if i == name] or [i for i in ids if composed(i).startswith(typed)]
     if len(found) != 1:
@@ -45,14 +45,14 @@ def find_id(store: EpisodeStore, name: str) -> str:
 
 
 def add_several(parser: argparse.ArgumentParser) -> None:
-    """Declare how several episodes are chosen; `find_ids` finds them."""
+    """Declare the arguments that choose several episodes; `find_ids` finds the episodes."""
     parser.add_argument("episodes", nargs="*", metavar="EPISODE", help=EPISODE_HELP)
     parser.add_argument("--search", metavar="TEXT", help="all with these words, as `list` finds")
     parser.add_argument("--all", action="store_true", help="all episodes")
 
 
 def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
-    """Return the ids of the episodes that were named, searched for, or of all."""
+    """Return the ids of the episodes that were named or searched for, or of all."""
     if sum(map(bool, (args.episodes, args.search, args.all))) > 1:
         raise ConfigurationError("give names of episodes, --search or --all, not two of them")
     if args.episodes:
@@ -67,7 +67,7 @@ def find_ids(store: EpisodeStore, args: argparse.Namespace) -> list[str]:
 
 
 def find_path(store: EpisodeStore, name: str) -> Path:
-    """Return the file of this name, or that of an episode."""
+    """Return the file of this name, or the file of the episode of this name."""
     path = Path(name)
     is_file = path.suffix == ".mcap" and path.is_file()
     return path if is_file else store.path(find_id(store, name))

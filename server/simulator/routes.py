@@ -1,4 +1,4 @@
-"""`/api/world`: the simulated world around the robot from above, and another one for it."""
+"""`/api/world`: shows the simulated world from above, and changes it."""
 
 from __future__ import annotations
 
@@ -43,22 +43,22 @@ class WorldMap:
 
 @dataclass
 class WorldAnswer:
-    """The world as it is now, in metres and radians, and where the robot can be carried; null and
-    none for a real robot."""
+    """The current world in metres and radians, and the worlds to which the robot can be carried.
+    For a real robot, null and an empty list."""
 
     world: WorldMap | None
     worlds: list[str]
 
 
 class WorldChange(RawValue):
-    """Where the robot is to be."""
+    """The world to which the robot is carried."""
 
     name: str = text()
 
 
 @router.get("/api/world")
 def show_world(request: Request) -> WorldAnswer:
-    """Return the world as it is now, in metres and radians; null for a real robot."""
+    """Return the current world, in metres and radians; null for a real robot."""
     body: object = services_of(request).robot.driver
     if not hasattr(body, "simulation"):
         return WorldAnswer(world=None, worlds=[])
@@ -74,9 +74,9 @@ def show_world(request: Request) -> WorldAnswer:
 
 @router.put("/api/world", dependencies=[FREE_MODEL])
 async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
-    """Carry a simulated robot to the start of another world, with all that it knows.
+    """Carry a simulated robot to the start of another world; it keeps its model.
 
-    409 unless it is stopped, and while the model in use must not change.
+    409 unless the robot is stopped, and while the model in use must not change.
     """
     services = services_of(request)
     driver: Any = services.robot.driver
@@ -94,6 +94,6 @@ async def change_world(request: Request, body: WorldChange) -> WorldAnswer:
 
 
 class SimulatorExtension(Extension):
-    """The world around a simulated robot, as a part of its server."""
+    """Adds the routes of the simulated world to a robot's server."""
 
     routers = (router,)

@@ -32,7 +32,8 @@ _Act = TypeVar("_Act", bound=Callable[..., Any])
 def name_of_world(body: object) -> str | None:
     """Return the world of a simulated body, None for a real one.
 
-    By attribute, not by class: a server on a brick never imports the simulation.
+    The attribute is tested instead of the class, because a server on a brick never imports the
+    simulation.
     """
     return cast(str, body.simulation.world.name) if hasattr(body, "simulation") else None
 
@@ -41,7 +42,7 @@ def check_body(body: Any, condition: Condition) -> None:
     """Raise ConfigurationError for a body in another simulated world, or one that lacks a move."""
     here, place = name_of_world(body), condition.world
     worlds: Mapping[str, str] = getattr(body, "worlds", {place: place}) if here else {}
-    file = os.path.realpath(place)  # of a world that is no more than a file
+    file = os.path.realpath(place)  # a world may be only a file
     place = next((name for name, at in worlds.items() if os.path.realpath(at) == file), place)
     if here not in (None, place):
         do = f"choose {place!r} under Settings, Place, while no session is on"
@@ -56,7 +57,7 @@ def check_body(body: Any, condition: Condition) -> None:
 
 
 def _in_turn(act: _Act) -> _Act:
-    """Run calls one after the other: two pages or two presses may call at the same time."""
+    """Run calls one after the other, because two pages or two presses may call at the same time."""
 
     @wraps(act)
     def serialized(self: Conductor, *args: Any, **named: Any) -> Any:
@@ -67,7 +68,7 @@ def _in_turn(act: _Act) -> _Act:
 
 
 class Conductor(StartStop):
-    """One session at a time. Its methods wait for loop and disk: not for an event loop's thread.
+    """Runs one session at a time. Methods wait for the disk: never call them on an event loop.
 
     Args:
         rig: The robot.
@@ -93,7 +94,7 @@ class Conductor(StartStop):
         self._unsubscribe = self._loop.subscribe(self.note)
         try:
             self._models.put_away()
-        except (RobotError, OSError, TimeoutError) as error:  # the robot starts anyway
+        except (RobotError, OSError, TimeoutError) as error:  # the robot starts without the session
             log.warning("a session's model is still in use: %s", error)
 
     def stop(self) -> None:
@@ -106,7 +107,7 @@ class Conductor(StartStop):
 
     @property
     def is_simulated(self) -> bool:
-        """True if the robot is simulated, and so knows its place."""
+        """True if the robot is simulated, and therefore knows its place."""
         return name_of_world(self._rig.driver) is not None
 
     @property
@@ -116,7 +117,7 @@ class Conductor(StartStop):
 
     @property
     def fault(self) -> str:
-        """The reason why the session's events are not on the disk; empty if they are."""
+        """The reason why the session's events are not saved; empty if they are saved."""
         return self._log.fault if self._log is not None else ""
 
     # Sessions ---------------------------------------------------------------------------------
@@ -136,11 +137,11 @@ class Conductor(StartStop):
 
     @_in_turn
     def begin(self, study: str, participant: str) -> StudySession:
-        """Begin a participant's session, or take it up again.
+        """Begin a participant's session, or resume it.
 
         Raises:
-            ConfigurationError: If another session is on, or that code or plan does not allow it.
-            NotFoundError, RecordingError: If study or log cannot be read.
+            ConfigurationError: If another session is running, or the code or the plan does not
+            allow this one. NotFoundError, RecordingError: If study or log cannot be read.
         """
         if self.session is not None:
             if self._is_on(study, participant):
@@ -192,15 +193,15 @@ class Conductor(StartStop):
 
     @_in_turn
     def drive(self, *, confirmed: bool = False, anew: bool = False) -> None:
-        """Begin the next condition with an empty model, or go on with the one that was left.
+        """Begin the next condition with an empty model, or resume the condition that was left.
 
         Args:
             confirmed: The researcher confirms that a real robot is in the condition's place.
-            anew: Begin the condition again; what was driven in it does not count.
+            anew: Begin the condition again; earlier drives in it do not count.
 
         Raises:
-            ConfigurationError: If it is not the time, or not the place, or the robot lacks a move.
-            OSError: If the disk refuses.
+            ConfigurationError: If it is the wrong time or place, or the robot lacks a move.
+            OSError: If the disk cannot be written.
         """
         session = self._session()
         if session.step is not SessionStep.DRIVE:
@@ -228,7 +229,7 @@ class Conductor(StartStop):
 
     @_in_turn
     def answer(self, answers: Mapping[str, Any], *, is_done: bool) -> None:
-        """Take answers by question; with `is_done` all must be there, or ConfigurationError."""
+        """Save answers by question; with `is_done`, ConfigurationError if an answer is missing."""
         session = self._session()
         session.require(SessionStep.QUESTIONS)
         questions = {question.name: question for question in session.questions}
@@ -253,9 +254,9 @@ class Conductor(StartStop):
 
     @_in_turn
     def leave(self) -> None:
-        """End the session wherever it is; `begin` takes it up again. Idempotent.
+        """End the session at any stage; `begin` resumes it. Idempotent.
 
-        OSError if its events cannot be written: then the session goes on.
+        OSError if the events cannot be written; then the session continues.
         """
         self._flush()
         self._end("left")
@@ -292,12 +293,12 @@ class Conductor(StartStop):
         episode = self._kept.run
         if episode is not None and episode != self._episode:
             self._episode = episode
-            self._kept.keep_run()  # though nothing is taught in it
+            self._kept.keep_run()  # even if nothing is taught in it
             events.append(session.make("recording", wall_s, value=episode))
         events += session.note(tick, wall_s, self._measure)
         event_log.note(events)
         if any(event.event == "phase_ended" for event in events):
-            self._episode = None  # each phase names its recordings
+            self._episode = None  # each phase lists its recordings
             self._loop.set_mode(Mode.STOPPED)
             self._tell()
 
@@ -316,15 +317,15 @@ class Conductor(StartStop):
         return self.session
 
     def _tell(self) -> None:
-        """Have every page reload the session's state."""
+        """Let every page reload the session's state."""
         self._announce("session", step=self.session.step.value if self.session else None)
 
     def _happen(self, event: str, **fields: Any) -> None:
-        """Have an event happen on the loop's thread, between two ticks, and in the log as well."""
+        """Apply an event on the loop's thread, between two ticks, and write it to the log."""
         session, event_log = self._session(), self._log
         assert event_log is not None
         wall_s = self._clock.wall_s()
-        # Also there: the event is not lost if the wait for a stalled loop times out.
+        # Log it there too, so that no event is lost if the wait for a stalled loop times out.
         making = self._loop.submit(lambda: event_log.note([session.make(event, wall_s, **fields)]))
         self._clock.result(making, PATIENCE_S)
 

@@ -10,11 +10,11 @@ from robot.store.folder import Storage, composed
 
 
 def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
-    """Permanently delete everything with one of these names, its copies, and some more files.
+    """Permanently delete everything with one of these names, all copies, and the given files.
 
-    The names are those of models, recordings and exports, without endings, also in the trash.
-    The files are deleted last, so that an interrupted deletion can be repeated. Returns the deleted
-    paths within the data folder; raises OSError if the disk refuses.
+    The names are names of models, recordings and exports without file extensions; the trash is
+    included. The given files are deleted last, so that an interrupted deletion can be repeated.
+    Returns the deleted paths within the data folder; raises OSError if a deletion fails.
     """
     folders = (folder for folder in (*storage.kept(), *storage.trash.iterdir()) if folder.is_dir())
     entries = [path for folder in folders for path in folder.iterdir()]
@@ -28,6 +28,6 @@ def erase(storage: Storage, names: Collection[str], *paths: Path) -> list[str]:
 
 
 def _is_called(entry: str, names: Collection[str]) -> bool:
-    """True for a name with any ending, also of a part (`-2`) or of a copy (` (2)`)."""
+    """True for a name with any file extension, also of a part (`-2`) or a copy (` (2)`)."""
     entry, names = composed(entry), [composed(name) for name in names]
     return any(entry == n or (entry.startswith(n) and entry[len(n)] in ".- (") for n in names)

@@ -1,4 +1,4 @@
-"""Writes a session's events to disk on a disk thread: the control loop never waits for it."""
+"""Writes a session's events to disk on a separate thread; the control loop never waits for it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ log = logging.getLogger(__name__)
 
 
 class EventLog(DiskThread):
-    """Appends events to one file; events that the disk refuses are retried every second."""
+    """Appends events to one file; a failed write is retried every second."""
 
     def __init__(self, path: Path, clock: Clock) -> None:
         super().__init__(clock, every_s=1.0)
@@ -42,14 +42,14 @@ class EventLog(DiskThread):
         self._waiting.extend(events)
 
     def flush(self) -> None:
-        """Write all events to disk; if it refuses (OSError) they stay queued."""
+        """Write all events to disk; after an OSError they stay queued."""
         with self._lock:
             events = self._waiting[:]
             if not events:
                 return
             size = min(self._size, self._path.stat().st_size)
             with self._path.open("ab") as file:
-                file.truncate(size)  # what it took of them before it refused the last time
+                file.truncate(size)  # cut off the part that a failed write left
                 size += file.write(write_events(events).encode())
                 file.flush()
                 os.fsync(file.fileno())

@@ -46,14 +46,14 @@ class Consent(RawValue):
 
 
 class Going(RawValue):
-    """Whether the place is the right one, and whether a condition begins anew."""
+    """Whether the robot is in the right place, and whether a condition begins again."""
 
     confirmed: bool = must_be("true or false", False)
     anew: bool = must_be("true or false", False)
 
 
 class Answers(RawValue):
-    """Answers by question; with `done` all must be there."""
+    """Answers by question; with `done`, no answer may be missing."""
 
     answers: dict[str, Any] = must_be("an object of answers by question", {})
     done: bool = must_be("true or false", False)
@@ -76,7 +76,7 @@ def describe_study(folder: StudyFolder, name: str) -> dict[str, Any]:
 
 
 def describe_place(conductor: Conductor) -> dict[str, Any] | None:
-    """Return the state of the current session, as much as a viewer gets; None without one."""
+    """Return a viewer's part of the current session's state; None if there is no session."""
     session = conductor.session
     if session is None:
         return None
@@ -92,7 +92,7 @@ def describe_place(conductor: Conductor) -> dict[str, Any] | None:
 
 
 def describe_session(conductor: Conductor) -> dict[str, Any] | None:
-    """Return all of the current session, for its conductor; None without one."""
+    """Return the whole state of the current session; None if there is no session."""
     session, place = conductor.session, describe_place(conductor)
     if session is None or place is None:
         return None
@@ -139,7 +139,7 @@ PILOT = Depends(_require_pilot)
 
 
 def _conductor(request: Request) -> Conductor:
-    persistence_of(request)  # 503 where nothing is saved
+    persistence_of(request)  # 503 if nothing is saved
     conductor = services_of(request).extension(StudyExtension).conductor
     assert conductor is not None
     return conductor
@@ -153,7 +153,7 @@ def list_studies(request: Request) -> dict[str, Any]:
 
 @router.post("/studies", dependencies=[PILOT], status_code=201)
 def create_study(request: Request, body: NewStudy) -> dict[str, str]:
-    """Make a study of a plan, or of the paper's."""
+    """Create a study from a plan, or from a plan of the paper."""
     plan = body.plan if body.trial is None else paper_plan(body.trial)
     if plan is None:
         raise ConfigurationError("send 'plan', a TOML text, or 'trial', 1, 2 or 3")
@@ -162,13 +162,13 @@ def create_study(request: Request, body: NewStudy) -> dict[str, str]:
 
 @router.get("/studies/{name}", dependencies=[PILOT])
 def show_study(request: Request, name: str) -> dict[str, Any]:
-    """Return a study, its sessions, and the order that the next participant gets."""
+    """Return a study, its sessions, and the next participant's order of conditions."""
     return describe_study(_conductor(request).folder, name)
 
 
 @router.get("/studies/{name}/zip", dependencies=[PILOT], **media("application/zip"))
 def download_study(request: Request, name: str) -> Response:
-    """Return everything of a study: plan, event logs, tables, figures."""
+    """Return all files of a study: plan, event logs, tables, figures."""
     return attachment(_conductor(request).folder.zip(name), "application/zip", f"{name}.zip")
 
 
@@ -180,7 +180,7 @@ def show_outcomes(request: Request, name: str, participant: str) -> dict[str, An
 
 @router.delete("/studies/{name}/sessions/{participant}", dependencies=[PILOT])
 def withdraw_participant(request: Request, name: str, participant: str) -> dict[str, Any]:
-    """Delete all that is kept of a participant for good; 409 while that session is on."""
+    """Permanently delete all data of a participant; 409 while that session is running."""
     return {"deleted": _conductor(request).withdraw(name, participant)}
 
 
@@ -194,7 +194,7 @@ def show_session(request: Request) -> dict[str, Any]:
 
 @router.post("/session", dependencies=[PILOT], status_code=201)
 def begin_session(request: Request, body: NewSession) -> dict[str, Any]:
-    """Begin a session, or take it up again, or begin a trial of the paper."""
+    """Begin or resume a session, or begin a trial of the paper."""
     conductor = _conductor(request)
     if body.trial is not None:
         conductor.begin_trial(body.trial, body.teach_s or 0)
@@ -219,14 +219,14 @@ def give_consent(request: Request, body: Consent) -> dict[str, Any]:
 
 @router.post("/session/drive", dependencies=[PILOT])
 def drive_condition(request: Request, body: Going = _GO_ON) -> dict[str, Any]:
-    """Begin the next condition, or go on; 409 in the wrong world."""
+    """Begin or resume the next condition; 409 in the wrong world."""
     _conductor(request).drive(confirmed=body.confirmed, anew=body.anew)
     return show_session(request)
 
 
 @router.post("/session/answers", dependencies=[PILOT])
 def answer_questions(request: Request, body: Answers) -> dict[str, Any]:
-    """Take answers."""
+    """Save answers."""
     _conductor(request).answer(body.answers, is_done=body.done)
     return show_session(request)
 
@@ -255,6 +255,6 @@ class StudyExtension(Extension):
             self.conductor.stop()
 
     def require_free_model(self) -> None:
-        """Raise ConfigurationError while a participant's session is on."""
+        """Raise ConfigurationError while a participant's session is running."""
         if self.conductor is not None and self.conductor.session is not None:
             raise ConfigurationError("A participant's session is on: leave it first.")

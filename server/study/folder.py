@@ -29,7 +29,7 @@ _PLANS, _SESSIONS = 16, 2**14
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionSummary:
-    """One session in a list, with a `fault` if its log cannot be read."""
+    """One session in a list; `fault` is set if its log cannot be read."""
 
     participant: str
     slot: int = -1
@@ -42,7 +42,7 @@ class SessionSummary:
 
 
 class SessionModel(RawValue):
-    """The model of the session that is driven now, and the model in use before it."""
+    """The model of the session that is being driven, and the model in use before."""
 
     study: str = text()
     participant: str = text()
@@ -68,7 +68,7 @@ class StudyFolder:
         return [path.name for path in paths_in(self.root) if (path / _PLAN).is_file()]
 
     def create(self, name: str, plan_text: str) -> str:
-        """Keep a plan under a name; return the name in the form in which it is kept.
+        """Save a plan under a name; return the name as it was saved.
 
         Raises:
             ConfigurationError: If the name is taken or invalid, or the plan is invalid.
@@ -90,7 +90,7 @@ class StudyFolder:
             return (self.root / name / _PLAN).read_text("utf-8")
 
     def plan(self, name: str) -> StudyPlan:
-        """Return a study's plan; raises RobotError if there is none that can be read."""
+        """Return a study's plan; raises RobotError if it cannot be read."""
         return self._parse(self.plan_text(name), f"{name}/{_PLAN}")
 
     def zip(self, name: str) -> bytes:
@@ -105,7 +105,7 @@ class StudyFolder:
         return sorted(stem for stem in stems if CODE.fullmatch(stem))
 
     def log_path(self, name: str, code: str) -> Path:
-        """Return where a session's event log is; ConfigurationError if that is no code."""
+        """Return the path of a session's event log; ConfigurationError if the code is invalid."""
         if not CODE.fullmatch(code):
             raise ConfigurationError(
                 f"{code[:40]!r} is no code: one to three capital letters and one to four digits, "
@@ -118,7 +118,7 @@ class StudyFolder:
         return self.root / name / "models" / f"{code}-{position}.npz"
 
     def events(self, name: str, code: str) -> list[StudyEvent]:
-        """Read a session's event log, [] if there is none; RecordingError if it is damaged."""
+        """Read a session's event log ([] if there is none); RecordingError if it is damaged."""
         if code not in self.codes(name):
             return []
         events = read_events(self.log(name, code), f"{name}/{code}.csv")
@@ -126,7 +126,7 @@ class StudyFolder:
         return events
 
     def log(self, name: str, code: str) -> bytes:
-        """Return a session's event log as it is on the disk; NotFoundError if there is none."""
+        """Return the bytes of a session's event log; NotFoundError if there is none."""
         path = self.log_path(name, code)
         if name not in self.names() or not path.is_file():
             raise NotFoundError(f"there is no session of {code[:40]!r} in {name[:80]!r}")
@@ -134,17 +134,17 @@ class StudyFolder:
             return path.read_bytes()
 
     def summaries(self, name: str) -> list[SessionSummary]:
-        """Summarize each session; one that cannot be read says why."""
+        """Summarize each session; a session that cannot be read has a `fault`."""
         plan_text, found = self.plan_text(name), []
         for code in self.codes(name):
-            with contextlib.suppress(FileNotFoundError):  # withdrawn just now
+            with contextlib.suppress(FileNotFoundError):  # just withdrawn
                 log = self.log_path(name, code).stat()
                 state = log.st_size, log.st_mtime_ns
                 found.append(self._summary(name, code, plan_text, *state))
         return found
 
     def free_slots(self, name: str, plan: StudyPlan) -> list[int]:
-        """List the places of the plan that no participant has, in order."""
+        """List the slots of the plan that no participant has, in order."""
         return sorted(set(range(plan.participants)) - {s.slot for s in self.summaries(name)})
 
     def _summarize(self, name: str, code: str, plan_text: str, *_state: int) -> SessionSummary:
@@ -169,10 +169,10 @@ class StudyFolder:
         return [outcome(log) for log in condition_logs(self.plan(name), code, self.log(name, code))]
 
     def withdraw(self, name: str, code: str, recording: str | None) -> list[str]:
-        """Delete all of a participant for good: log, models, recordings, also from the trash.
+        """Permanently delete all data of a participant: log, models, recordings, also in the trash.
 
-        Returns what was deleted, by paths within the data folder. ConfigurationError while it is
-        still being recorded: `recording` is what is recorded just now.
+        Returns the deleted paths within the data folder. ConfigurationError if one of the
+        recordings is still being made: `recording` is the current one.
         """
         recordings = recordings_in(self.log(name, code))
         if recording in recordings:
@@ -185,10 +185,10 @@ class StudyFolder:
 
     @property
     def active(self) -> SessionModel | None:
-        """The session's model that is in use, also after a power cut."""
+        """The session's model that is in use; still known after a power cut."""
         try:
             model = read(SessionModel, json.loads((self.root / _ACTIVE).read_bytes()))
-            list(map(Action, model.moves_before))  # refuses what is no move
+            list(map(Action, model.moves_before))  # raises if it is not a move
         except (OSError, ValueError, RecursionError):
             return None
         is_known = model.study in self.names() and CODE.fullmatch(model.participant)

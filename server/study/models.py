@@ -1,8 +1,8 @@
-"""The model of the session that is driven: in use while it is, then beside the session's log.
+"""The model of a session: in use while the session is driven, then stored beside its log.
 
-A participant's model is among the robot's own models only while it is driven. Then it is put away,
-and the previous model is in use again. `StudyFolder.active` records this on disk, so that a start
-after a power cut can do the same.
+A participant's model is among the robot's models only while the session is driven. Then the model
+is put away, and the previous model is in use again. `StudyFolder.active` records on disk which
+model is in use, so that a start after a power cut can put it away.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class SessionModels:
     ) -> bool:
         """Use the participant's model of this condition, or an empty one.
 
-        Returns whether it is empty: as it has to be `anew`, or nothing was kept. ConfigurationError
-        or OSError if it cannot be: the model before then stays in use.
+        Returns True if the model is empty, because of `anew` or because none was saved. After a
+        ConfigurationError or OSError the previous model stays in use.
         """
         path = self._folder.model_path(study, participant, position)
         kept = path.read_bytes() if not anew and path.is_file() else None
@@ -79,7 +79,7 @@ class SessionModels:
             if model.before is not None and model.before in autosave.store.names():
                 autosave.load(model.before)
             else:
-                # Empty and without a name, as it was.
+                # The previous model was empty and without a name.
                 moves = tuple(map(Action, model.moves_before))
                 autosave.delete(autosave.begin(None, model.learner_before, None, moves))
         if model.own in autosave.store.names():

@@ -1,8 +1,8 @@
-"""A class that reads while one of it drives: what greedy viewers cost the loop.
+"""Measures how much greedy viewers in a class slow down the control loop while a pilot drives.
 
-Eight paired viewers, each a process of its own, read every address as fast as they are answered;
-they are held (SIGSTOP) and let go in turns of one run, so that whatever else the machine does falls
-upon both sides alike. A pilot drives throughout.
+Eight paired viewers, each a separate process, request every address as fast as the server answers.
+The run has turns with and without these viewers (SIGSTOP holds them), so that other load on the
+machine affects both sides alike. A pilot drives throughout.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from server.lab.bench.report import add_usual, percentiles, report
 from server.lab.bench.subject import ServerUnderTest
 
 _TURNS = 4
-"""Number of turns with greedy viewers, and as many without."""
+"""Number of turns with greedy viewers, and number of turns without."""
 _ASKED_RATIO = 1.5
 
 
@@ -60,7 +60,7 @@ async def _measure_greedy(count: int, seconds: float, rate_hz: float) -> dict[st
         async with _held_forward(subject, subject.pair("pilot")):
             viewers = [subprocess.Popen([*words, subject.pair("viewer")]) for _ in range(count)]
             try:
-                await asyncio.sleep(5.0)  # what is read first is computed and imported first
+                await asyncio.sleep(5.0)  # the first requests import and compute once
                 for turn in range(2 * _TURNS):
                     reads = turn % 2
                     for viewer in viewers:
@@ -101,7 +101,7 @@ async def _measure_watched(count: int, seconds: float, rate_hz: float) -> dict[s
 
 @contextlib.asynccontextmanager
 async def _held_forward(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[None]:
-    """Drive forward inside the block, as a finger on the pad does."""
+    """Drive forward inside the block, like a finger on the pad."""
     async with link.driving(subject, cookie) as send:
 
         async def hold() -> None:

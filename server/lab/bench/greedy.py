@@ -1,4 +1,4 @@
-"""A viewer that reads all it may, as fast as it is answered: `greedy PORT COOKIE`, a process."""
+"""A process that requests everything a viewer may, as fast as it can: `greedy PORT COOKIE`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ENDLESS = "/video.mjpg"
 
 
 def readable(description: bytes, models: bytes) -> list[str]:
-    """Return every address that a viewer can read, by the server's own description of itself."""
+    """Return every address that a viewer can read, from the server's `/openapi.json`."""
     paths = json.loads(description)["paths"]
     found = [path for path, ways in paths.items() if "get" in ways and path != _ENDLESS]
     names = [quote(one["name"], safe="") for one in json.loads(models).get("models", [])]
@@ -24,7 +24,7 @@ def readable(description: bytes, models: bytes) -> list[str]:
 
 
 def main(port: int, cookie: str) -> None:
-    """Read until killed."""
+    """Send requests until killed."""
     line = http.client.HTTPConnection("127.0.0.1", port)
 
     def read(path: str) -> bytes:
@@ -36,7 +36,7 @@ def main(port: int, cookie: str) -> None:
         try:
             read(path)
         except (OSError, http.client.HTTPException):
-            line.close()  # thrown out; the next request connects again
+            line.close()  # evicted; the next request connects again
 
 
 if __name__ == "__main__":

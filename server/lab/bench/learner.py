@@ -1,4 +1,4 @@
-"""Learn and predict times by number of nodes, and the frame rate that each allows."""
+"""Times to learn and to predict by number of nodes, and the frame rate that each number allows."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _as_dict(cost: autosize.Cost) -> dict[str, float]:
 
 
 def _cluster(max_nodes: int) -> dict[str, float]:
-    """Time training steps, lookups and bare products in turn, so that all meet the same machine."""
+    """Time training steps, look-ups and plain matrix products in turn, under the same load."""
     frames = _frames(600 if max_nodes < 512 else 300)
     learner = BSOC(max_nodes)
     rng = np.random.default_rng(1)
@@ -74,7 +74,7 @@ def _cluster(max_nodes: int) -> dict[str, float]:
 
 
 def _frames(count: int) -> list[NDArray[np.uint8]]:
-    """Return vectors of bytes around forty scenes, as a drive through one place gives them."""
+    """Return vectors of bytes around forty scenes, like those of a drive through one place."""
     rng = np.random.default_rng(0)
     scenes = rng.integers(0, 256, (40, N_BYTES))
     noise = rng.integers(-30, 31, (count, N_BYTES))

@@ -46,9 +46,9 @@ def run(args: argparse.Namespace) -> int:
 async def _compare(
     count: int, size: int, turns: int, seconds: float, rate_hz: float
 ) -> dict[str, Any]:
-    """Measure the serving thread's CPU time for a viewer and frame beside that of a plain server.
+    """Measure the serving thread's CPU time per viewer and frame, and a plain server's.
 
-    Viewers leave one before they come to the other, so that one at a time has work.
+    Viewers leave one server before they join the other, so that only one server at a time has work.
     """
     spent_us: list[list[float]] = [[], []]
     with (
@@ -85,7 +85,7 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
             ages_s = [age for viewer in viewers for age in ages_since(busy["start_s"], viewer)]
         await asyncio.sleep(_SETTLE_S)
         idle_after = await subject.watch(min(seconds, 2.0))
-    n_frames = len(ages_s) or math.nan  # a machine that was too busy to show a single picture
+    n_frames = len(ages_s) or math.nan  # NaN: too busy to show a single picture
     shares = [spent["serving_s"] / spent["lasted_s"] for spent in (idle, busy, idle_after)]
     framed_s = busy["serving_s"] - min(shares[0], shares[2]) * busy["lasted_s"]
     return {
@@ -104,7 +104,7 @@ async def _measure_viewers(count: int, seconds: float, rate_hz: float) -> dict[s
 
 
 async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
-    """Time each change of what is held from the wire to the body."""
+    """Time each change of the held move, from the wire to the body."""
     with ServerUnderTest("drivelesson", rate_hz) as subject:
         async with watching(subject, count), driving(subject) as send:
             sent: list[tuple[float, str]] = []
@@ -127,7 +127,7 @@ async def _measure_commands(count: int, rate_hz: float) -> dict[str, Any]:
 def _pair_up(
     sent: Sequence[tuple[float, str]], changes: Sequence[tuple[float, str]]
 ) -> list[float]:
-    """Return how long each command took to its change; none for one that a later one overtook."""
+    """Return the time from each command to its change, without commands that were overtaken."""
     took_s = []
     until_s = [at_s for at_s, _ in sent[1:]] + [sent[-1][0] + 1.0]
     for (at_s, held), next_s in zip(sent, until_s, strict=True):
@@ -137,12 +137,12 @@ def _pair_up(
 
 
 Send = Callable[..., Awaitable[None]]
-"""Sends a message with what it must carry back."""
+"""Sends a message with the newest nonce."""
 
 
 @contextlib.asynccontextmanager
 async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[Send]:
-    """Have the wheel of a robot that may move, inside the block."""
+    """Have the wheel inside the block, of a robot that may move."""
     from websockets.asyncio.client import connect
 
     url, headers = f"ws://127.0.0.1:{subject.port}/ws/drive", {"Cookie": cookie}
@@ -155,7 +155,7 @@ async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[S
 
         reading = asyncio.create_task(_read_all(pilot, seen))
         await asyncio.sleep(_SETTLE_S)
-        while subject.ask()["mode"] != "train":  # a start on an old picture is refused
+        while subject.ask()["mode"] != "train":  # the robot refuses to start on an old picture
             await send(type="mode", mode="train")
             await asyncio.sleep(0.1)
         yield send
@@ -163,7 +163,7 @@ async def driving(subject: ServerUnderTest, cookie: str = "") -> AsyncIterator[S
 
 
 async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
-    """Read all messages; keep in `seen` what a command must carry back."""
+    """Read all messages; store in `seen` what the next command must contain."""
     async for text in pilot:
         message = json.loads(text)
         if message["type"] == "state" and message["frame"] is not None:
@@ -171,7 +171,7 @@ async def _read_all(pilot: Any, seen: dict[str, int]) -> None:
 
 
 Watched = list[tuple[float, float]]
-"""When each frame came to a viewer, and how old it then was, in seconds."""
+"""The time at which each frame reached a viewer, and the frame's age then, in seconds."""
 
 
 def ages_since(start_s: float, watched: Watched) -> list[float]:
@@ -179,11 +179,11 @@ def ages_since(start_s: float, watched: Watched) -> list[float]:
 
 
 async def _watch(port: int, watched: Watched) -> None:
-    """Take frames and acknowledge them until cancelled."""
+    """Receive frames and acknowledge them until cancelled."""
     from websockets.asyncio.client import connect
 
     url = f"ws://127.0.0.1:{port}/ws/video"
-    # Browsers always offer to compress; whether they are taken up on it is the server's choice.
+    # Browsers always offer compression; the server decides.
     async with connect(url, compression="deflate", max_size=None, ping_interval=None) as socket:
         async for message in socket:
             assert isinstance(message, bytes)
@@ -195,7 +195,7 @@ async def _watch(port: int, watched: Watched) -> None:
 
 @contextlib.asynccontextmanager
 async def watching(subject: ServerUnderTest, count: int) -> AsyncIterator[list[Watched]]:
-    """Have `count` viewers watch inside the block; yield the frames that each saw."""
+    """Have `count` viewers watch inside the block; yield the frames that each viewer got."""
     viewers: list[Watched] = [[] for _ in range(count)]
     tasks = [asyncio.create_task(_watch(subject.port, viewer)) for viewer in viewers]
     try:

@@ -1,7 +1,7 @@
-"""How soon a phone can use the page, and how busy it keeps it: main thread, pictures, examples.
+"""Measures how soon a phone can use the page, and the load: main thread, pictures, examples.
 
-A Chromium shows the page of a server in a process of its own and holds Forward with one finger;
-for a slow phone its main thread is slowed. A first visit has a profile of its own and a slow link.
+A Chromium shows the page of a server in a separate process and holds Forward with one finger. For a
+slow phone, Chromium slows down its main thread. A first visit has a new profile and a slow link.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
         page.goto(f"http://127.0.0.1:{subject.port}/")
         page.wait_for_selector("video-view[data-frames]")
         tools = page.context.new_cdp_session(page)
-        # CPU time: what else the machine does is not in it.
+        # CPU time excludes other load on the machine.
         tools.send("Performance.enable", {"timeDomain": "threadTicks"})
         rows = [_measure(page, tools, rate, args.seconds) for rate in args.throttle]
     with ServerUnderTest("drivelesson", args.rate) as subject:
@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _visit(subject: ServerUnderTest, link: str) -> tuple[float, float]:
-    """Return after how many seconds a new browser shows a picture, and lets a person teach."""
+    """Return the seconds until a new browser shows a picture, and until it lets a person teach."""
     with _phone() as page:
         tools = page.context.new_cdp_session(page)
         tools.send("Network.enable")
@@ -106,7 +106,7 @@ def _visit(subject: ServerUnderTest, link: str) -> tuple[float, float]:
 
 @contextlib.contextmanager
 def _phone() -> Iterator[Any]:
-    """Run a Chromium while the block runs; yields its page."""
+    """Run a Chromium inside the block; yield its page."""
     playwright = need("playwright.sync_api", "the benchmark of the page", "dev")
     path = os.environ.get("CHROMIUM") or next(filter(None, map(shutil.which, _BROWSERS)), None)
     if path is None:
@@ -177,7 +177,7 @@ def _metrics(tools: Any) -> dict[str, float]:
 
 
 def _progress(page: Any) -> tuple[float, float]:
-    """Return how many examples were learned and how many pictures painted."""
+    """Return the number of examples learned and the number of pictures painted."""
     learned = page.evaluate(f"{_STATE}.robot.lessons")
     painted = page.evaluate("document.querySelector('video-view').frames")
     return float(learned), float(painted)

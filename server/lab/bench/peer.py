@@ -1,7 +1,7 @@
-"""The peer that the link is compared with: uvicorn's plain websocket, pushing ready bytes.
+"""The comparison for the link benchmark: uvicorn's plain websocket, which pushes ready bytes.
 
-It makes no picture, reads no acknowledgement and limits nobody. It runs in a process of its own
-of the same tree, and in turns with the product.
+It makes no pictures, reads no acknowledgements and has no limits. It runs in a separate process, in
+turns with the product.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 
 class PlainVideo:
-    """An ASGI application: each client gets each message, whether it keeps up or not."""
+    """An ASGI application that sends every message to every client, even to a slow one."""
 
     def __init__(self, size: int, rate_hz: float) -> None:
         self._picture, self._period_s = b"\0" * size, 1.0 / rate_hz
@@ -58,12 +58,12 @@ class PlainVideo:
             )
             message = {"type": "websocket.send", "bytes": encode_picture(frame, is_quiet=True)}
             for send in list(self._clients):
-                with contextlib.suppress(Exception):  # it has just left
+                with contextlib.suppress(Exception):  # the client has just left
                     await send(message)
 
 
 def serve_plain(line: Connection, size: int, rate_hz: float) -> None:
-    """Send the port, then answer each word until the line is closed."""
+    """Send the port, then answer each command until the pipe is closed."""
     import uvicorn
 
     listener, app = open_socket("127.0.0.1", 0), PlainVideo(size, rate_hz)

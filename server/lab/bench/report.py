@@ -19,7 +19,7 @@ from server.lab.output import write_json
 
 
 def add_usual(parser: argparse.ArgumentParser, seconds: float) -> None:
-    """Declare for how long each is measured, and at which rate."""
+    """Declare the options for the time of each measurement and for the rate."""
     positive = number(above=0)
     parser.add_argument("--seconds", type=positive, default=seconds, help="for each (%(default)s)")
     parser.add_argument(
@@ -49,17 +49,17 @@ def report(args: argparse.Namespace, figures: Any, *tables: Table) -> int:
 
 
 def percentiles(seconds: Sequence[float]) -> dict[str, float]:
-    """Return the times, in milliseconds, that 50, 95 and 99 percent of some do not exceed."""
-    known = seconds or [math.nan]  # a machine that was too busy to show a single picture
+    """Return the 50th, 95th and 99th percentiles of times, in milliseconds."""
+    known = seconds or [math.nan]  # NaN: too busy to show a single picture
     found = 1000 * np.percentile(known, (50, 95, 99), method="inverted_cdf")
     return dict(zip(("p50", "p95", "p99"), found.round(2).tolist(), strict=True))
 
 
 def in_turns(own: Sequence[float], peer: Sequence[float]) -> dict[str, Any]:
-    """Compare what was measured in turns: the medians, and the median of the turns' ratios.
+    """Compare measurements made in turns: the medians, and the median of the turns' ratios.
 
-    The ratio is None where the turns' ratios are further apart than it is large: then the machine
-    was too busy to say anything.
+    The ratio is None if the turns' ratios differ by more than the ratio itself, because then the
+    machine was too busy for a comparison.
     """
     ratios = [one / other for one, other in zip(own, peer, strict=True)]
     ratio, spread = statistics.median(ratios), max(ratios) - min(ratios)

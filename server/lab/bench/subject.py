@@ -1,4 +1,4 @@
-"""A server to be measured, in a process of its own."""
+"""A server to be measured, in a separate process."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _COUNTED = ("serving_s", "process_s", "frames", "late_cycles", "stops")
 class ServerUnderTest:
     """A server of the kind `drivelesson`, or `paired`: with pairing, its limits and a folder.
 
-    With a size in bytes it is the plain server of `peer.py`, whose pictures have that size.
+    If the kind is a size in bytes, it is the plain server of `peer.py` with pictures of this size.
     """
 
     def __init__(self, kind: str | int, rate_hz: float) -> None:
@@ -55,14 +55,14 @@ class ServerUnderTest:
         return self._process.pid
 
     def ask(self, word: str = "") -> Any:
-        """Return the CPU time that the process and its serving thread have used, and what loop and
-        body have noted; after the word `forget` also the memory in use, of which lessons and notes
-        of before are no part any more."""
+        """Return the CPU time of the process and of its serving thread, and the notes of loop and
+        body. After the command `forget`, which drops earlier lessons and notes, return also the
+        memory in use."""
         self._line.send(word)
         return self._read()
 
     async def watch(self, seconds: float) -> dict[str, Any]:
-        """Let it serve for `seconds`; return its use and notes of that time, and the start."""
+        """Let the server run for `seconds`; return its CPU use, its notes and the start time."""
         before, start_s = self.ask(), time.monotonic()
         await asyncio.sleep(seconds)
         after, lasted_s = self.ask(), time.monotonic() - start_s
@@ -96,7 +96,7 @@ class ServerUnderTest:
 
 
 def _serve(line: Connection, kind: str, rate_hz: float) -> None:
-    """Send the port, then answer each word until the line is closed."""
+    """Send the port, then answer each command until the pipe is closed."""
     config = Config(port=0, limits=Limits(requests_burst=1e9))
     driver, camera = FakeDriver(), FakeCamera(RealClock(), rate_hz)
     rig = Rig(driver, camera, make_policy(), camera.clock)
@@ -150,19 +150,19 @@ def _serve(line: Connection, kind: str, rate_hz: float) -> None:
 
 
 def _serving_cpu_s() -> float:
-    """CPU time of the thread that serves: camera, control loop and learner are others'."""
+    """Return the serving thread's CPU time, without camera, control loop and learner."""
     thread = next(thread for thread in threading.enumerate() if thread.name == "server")
     return time.clock_gettime(time.pthread_getcpuclockid(thread.ident or 0))
 
 
 def _memory() -> dict[str, int]:
-    """Return the blocks of Python's objects, and the resident bytes once free ones are given back.
+    """Return the blocks of Python's objects, and the resident bytes after free memory is returned.
 
-    How much the allocator keeps for later is left to chance.
+    The amount of free memory that the allocator retains is random.
     """
     gc.collect()
     blocks = sys.getallocatedblocks()
-    with contextlib.suppress(AttributeError):  # the C library of some systems has it not
+    with contextlib.suppress(AttributeError):  # missing in the C library of some systems
         ctypes.CDLL(None).malloc_trim(0)
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return {"blocks": blocks, "resident_bytes": pages * os.sysconf("SC_PAGE_SIZE")}
