@@ -41,7 +41,7 @@ class Limits:
     idle_s: float = 30.0
     """Idle timeout in seconds; a silent client is disconnected."""
     pending: int = 384
-    """Connections that the guard has not admitted yet, of all addresses together."""
+    """Maximum number of connections, of all addresses, that the guard has not admitted yet."""
     pending_per_address: int = 384
     """Maximum number of such connections of one address; for IPv6 of one /64."""
     pending_s: float = 20.0

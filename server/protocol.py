@@ -206,7 +206,7 @@ _Check = tuple[str, bool, tuple[type, ...], float, float, str]
 
 
 def _numbers_of(kind: type[Any]) -> list[_Check]:
-    """Return the checks of a message's numbers: there are ten messages a second of each pilot."""
+    """Return the checks of a message's numbers; computed once, because messages are frequent."""
     return [(one.name, *one.metadata["check"]) for one in fields(kind) if one.metadata]
 
 
