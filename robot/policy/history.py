@@ -1,9 +1,9 @@
 """Event-sourced training history with snapshots, so that recent training can be undone exactly.
 
-Merging loses detail, so an example cannot be removed from a learner. Instead the log keeps the last
-minute's events and snapshots of the learner: undo goes back to a snapshot and learns all examples
-again except those to be removed. Afterwards the learner is bit for bit as if
-the undone examples had never been.
+Merging loses detail, so an example cannot be removed from a learner. Instead the log stores the
+last minute's events and snapshots of the learner. Undo restores a snapshot and learns all later
+examples again except the undone examples. Afterwards the learner is bit for bit as if the undone
+examples had never been taught.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from robot.policy.policy import Policy
 from robot.types import Action, Example
 
 SNAPSHOT_EVERY_S = 10.0
-"""Teaching time between snapshots, in seconds: an undo relearns at most this much extra."""
+"""Teaching time between snapshots, in seconds: the most extra teaching that an undo relearns."""
 UNDO_HORIZON_S = 35.0
-"""Teaching time that is kept for undoing."""
+"""Teaching time that can be undone, in seconds."""
 _LONGEST_STEP_S = 0.5
 """Longest gap between two examples that counts as teaching, in seconds; a longer one is a pause."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Taught:
-    """One example with the vector that was learned and the teaching time at which it was."""
+    """One example, with its vector and its teaching time."""
 
     example: Example
     x: Vector
@@ -38,8 +38,8 @@ class Taught:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Edited:
-    """One change that a person made: `relabel`, `delete` or `pin` of a learned image; or with node
-    0 `outdate` of all that was taught before, or `alike`: left and right are alike here."""
+    """One change that a person made: `relabel`, `delete` or `pin` of a learned image. With node 0
+    it is `outdate` of all earlier examples, or `alike`: left and right are alike here."""
 
     verb: str
     node_id: int
@@ -49,33 +49,33 @@ class Edited:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Undone:
-    """Examples that were taken back, or with no frame ids the last edit."""
+    """Examples that were undone; without frame ids: the last edit was undone."""
 
     frame_ids: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replaced:
-    """Another policy replaced the one before: a loaded model, another size."""
+    """The policy was replaced: by a loaded model, or by a policy of another size."""
 
     policy_name: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveBegun:
-    """The policy was reset between two examples: some learners look for their place then."""
+    """The policy was reset between two examples; some learners then localise themselves again."""
 
     at_s: float
 
 
 LogEvent = Taught | Edited | DriveBegun
-"""Events that make up a learner: replaying them in order gives the same one, bit for bit."""
+"""Events that change a learner: replaying them in order yields the same learner, bit for bit."""
 HistoryEvent = Taught | Edited | Undone | Replaced
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Snapshot:
-    """The policy's state at a teaching time, and what was made until the next snapshot."""
+    """The policy's state at a teaching time, and the events until the next snapshot."""
 
     at_s: float
     state: State
@@ -83,12 +83,12 @@ class _Snapshot:
 
 
 class TrainingHistory:
-    """Teaches a policy, and can take the last examples back.
+    """Teaches a policy, and can undo the last examples.
 
     Args:
         policy: The policy that learns. From now on only the history may change it.
-        on_event: Called with everything that changes the learner, in order, to be written down.
-        declared: The body's descriptions of its moves, which each policy here gets.
+        on_event: Called with every event that changes the learner, in order, to record the event.
+        declared: The body's descriptions of its moves, which are passed to each policy.
     """
 
     def __init__(
@@ -100,10 +100,10 @@ class TrainingHistory:
         self.declared = declared
         self._on_event = on_event or (lambda event: None)
         self.changes = 0
-        """How often the learner was changed, in any way; it only grows. Any thread may read it:
-        when a request that changes the learner has returned, the change is counted."""
+        """Number of changes of the learner, of any kind; it never decreases. Any thread may read
+        it: a change is counted before the request that makes it returns."""
         self.drives = 0
-        """How often a drive was begun after something was taught; it only grows."""
+        """Number of drives begun after an example was taught; it never decreases."""
         self._begin(policy, Counter())
 
     def _begin(self, policy: Policy, taught: Counter[Action]) -> None:
@@ -115,23 +115,24 @@ class TrainingHistory:
         self.taught = taught
         self._is_drive_new = True
         self.teaching_s = 0.0
-        """Teaching time of the last example: pauses longer than half a second count as that."""
+        """Teaching time of the last example; a pause longer than half a second counts as half a
+        second."""
         self._last_example_s: float | None = None
         self._snapshots = [_Snapshot(at_s=0.0, state=policy.get_state())]
 
     @property
     def _events(self) -> list[LogEvent]:
-        """The events that can be undone, as a log."""
+        """The events that can be undone, oldest first."""
         return [event for snapshot in self._snapshots for event in snapshot.events]
 
     @property
     def n_examples(self) -> int:
-        """Number of examples that the learner holds."""
+        """Number of examples that the learner has learned."""
         return self.taught.total()
 
     def teach(self, example: Example, x: Vector, captured_s: float) -> None:
-        """Have the policy learn one labelled frame that was taken at `captured_s`; one that it
-        refuses, whatever a plugin raises, leaves no trace."""
+        """Teach the policy one labelled frame that was taken at `captured_s`. If the policy or a
+        plug-in raises an error, nothing changes."""
         step_s = captured_s - self._last_example_s if self._last_example_s is not None else 0.0
         teaching_s = self.teaching_s + min(max(step_s, 0.0), _LONGEST_STEP_S)
         event = Taught(example=example, x=x, at_s=teaching_s)
@@ -144,7 +145,7 @@ class TrainingHistory:
             self._take_snapshot()
 
     def begin_drive(self) -> None:
-        """Reset the policy, because a drive ends here and another will begin."""
+        """Reset the policy, because one drive ends here and the next will begin."""
         self.policy.reset()
         if not self._is_drive_new:
             self._snapshots[-1].events.append(DriveBegun(at_s=self.teaching_s))
@@ -152,8 +153,8 @@ class TrainingHistory:
             self.drives += 1
 
     def edit(self, verb: str, node_id: int = 0, value: Any = None) -> None:
-        """Relabel (`value`: an Action), delete, or pin (`value`: a bool) one learned image, or
-        outdate all that was taught before; or say whether left and right are `alike` (a bool).
+        """Relabel (`value`: an Action), delete or pin (`value`: a bool) one learned image, outdate
+        all earlier examples, or set whether left and right are `alike` (`value`: a bool).
 
         Raises:
             LookupError: If there is no such image.
@@ -165,15 +166,15 @@ class TrainingHistory:
         self._record(event)
 
     def last_examples(self, seconds: float) -> list[Taught]:
-        """Return the examples of the last `seconds` of teaching, oldest first: what undo drops."""
+        """Return the examples of the last `seconds` of teaching, which undo drops, oldest first."""
         since_s = self.teaching_s - seconds
         return [e for e in self._events if isinstance(e, Taught) and e.at_s > since_s]
 
     def undo(self, seconds: float) -> list[Example]:
-        """Un-learn the last `seconds` of teaching (35 at most); return the examples that are gone.
+        """Undo the last `seconds` of teaching (35 at most); return the undone examples.
 
-        Edits made in that time stay, unless the image they were made to is no longer there. Where a
-        plugin refuses to learn the others again nothing is undone, and its error is raised.
+        Edits made in this time stay, unless their image no longer exists. If a plug-in refuses to
+        learn the other examples again, nothing is undone and the plug-in's error is raised.
         """
         gone = self.last_examples(seconds)
         if gone:
@@ -185,7 +186,7 @@ class TrainingHistory:
         return [taught.example for taught in gone]
 
     def undo_edit(self) -> bool:
-        """Take the last edit back, keeping every example; False if there is none to take back."""
+        """Undo the last edit, but no examples; return False if there is no edit to undo."""
         edits = [event for event in self._events if isinstance(event, Edited)]
         if edits:
             self._rebuild_without(edits[-1:])
@@ -193,14 +194,16 @@ class TrainingHistory:
         return bool(edits)
 
     def replace_policy(self, policy: Policy, taught: Counter[Action] | None = None) -> None:
-        """Go on with another policy; what was taught to the one before cannot be undone here."""
+        """Continue with another policy; examples taught to the old policy can no longer be
+        undone."""
         self._begin(policy, Counter(taught or {}))
         self._tell(Replaced(policy_name=policy.name))
 
     @contextlib.contextmanager
     def _as_before_if_refused(self) -> Iterator[None]:
-        """Undo what a plugin did before it refused the rest. Ours refuse before they do anything,
-        and a copy takes as long as an example."""
+        """Restore the state if a plug-in changes it and then raises an error. The built-in learners
+        raise errors before any change, so no copy is made of them: it takes as long as an example.
+        """
         before = None if self._is_ours else self.policy.get_state()
         try:
             yield
@@ -219,7 +222,8 @@ class TrainingHistory:
         self._on_event(event)
 
     def _rebuild_without(self, dropped: list[Taught] | list[Edited]) -> None:
-        """Go back to a snapshot before the first dropped event, and learn the others again."""
+        """Restore a snapshot from before the first dropped event, and learn the later events that
+        are not dropped."""
         first = next(i for i, s in enumerate(self._snapshots) if dropped[0] in s.events)
         since, gone = self._snapshots[first:], {id(event) for event in dropped}
         again = [event for s in since for event in s.events if id(event) not in gone]
@@ -229,7 +233,7 @@ class TrainingHistory:
         self._snapshots[first:] = [replace(since[0], events=again)]
 
     def _take_snapshot(self) -> None:
-        """Remember the learner as it is, and forget what no undo can reach any more."""
+        """Take a snapshot of the learner, and drop the snapshots that no undo needs any more."""
         self._snapshots.append(_Snapshot(at_s=self.teaching_s, state=self.policy.get_state()))
         while self._snapshots[1].at_s <= self.teaching_s - UNDO_HORIZON_S:
             self._snapshots.pop(0)
@@ -240,13 +244,13 @@ def replay(
     events: Iterable[LogEvent],
     on_refused: Callable[[LogEvent, Exception], None] | None = None,
 ) -> None:
-    """Make these changes again, in order: undo, recovery and training from recordings all do.
+    """Repeat these changes, in order. Undo, recovery and training from recordings use this.
 
     Args:
         policy: The policy that learns.
-        events: The changes. An example of no known teaching time has a negative one.
-        on_refused: Called for a change that cannot be made here; None: edits are left out. An
-            edit's image may never have come to be, or be pinned, where other examples are missing.
+        events: The changes. An example of unknown teaching time has a negative time.
+        on_refused: Called for a change that fails; None: edits that fail are left out. If other
+            examples are missing, the image of an edit may not exist, or may be pinned.
     """
     for event in events:
         try:

@@ -1,4 +1,4 @@
-"""Frames to arrays: whatever a camera gives, as colour or grey pixels."""
+"""Converts frames of all encodings to arrays of colour or grey pixels."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def to_rgb(frame: Frame) -> Pixels:
 
     Raises:
         CameraError: If the bytes are not an image of the frame's size.
-        MissingExtraError: If a JPEG is to be read and OpenCV is not installed.
+        MissingExtraError: If the frame is a JPEG and OpenCV is not installed.
     """
     if frame.encoding is Encoding.JPEG:
         return swap_red_and_blue(_decode_jpeg(frame, colour=True))
@@ -40,7 +40,7 @@ def to_grey(frame: Frame) -> Pixels:
 def to_small_grey(frame: Frame, width: int, height: int) -> Pixels:
     """Return the brightness of the frame's areas, shape (height, width); raises as `to_rgb`.
 
-    Colours are averaged before they become grey, as the measured figures of the recordings do.
+    Colours are averaged before they are converted to grey, as in the recordings' measured figures.
     """
     if frame.encoding is Encoding.YUYV:
         return shrink(to_grey(frame), width, height)
@@ -49,7 +49,7 @@ def to_small_grey(frame: Frame, width: int, height: int) -> Pixels:
 
 def rgb_to_grey(rgb: Pixels) -> Pixels:
     """Return the brightness of pixels, shape (height, width)."""
-    # ITU-R BT.601 in 16 fractional bits: whole numbers only, for machines without an FPU.
+    # ITU-R BT.601 with 16 fractional bits: integers only, for machines without an FPU.
     sums = np.full(rgb.shape[:2], 32768, np.uint32)
     part = np.empty_like(sums)
     for channel, weight in enumerate((19595, 38470, 7471)):
@@ -61,7 +61,7 @@ def rgb_to_grey(rgb: Pixels) -> Pixels:
 def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
     """Return the mean of each of `height` x `width` areas, rounded to nearest.
 
-    A picture that is smaller than that is enlarged before.
+    A picture with fewer pixels is enlarged first.
     """
     pixels = enlarge(pixels, width, height)
     rows, columns = pixels.shape[:2]
@@ -74,13 +74,13 @@ def shrink(pixels: Pixels, width: int, height: int) -> Pixels:
     areas = np.outer(np.diff(top, append=rows), np.diff(left, append=columns))
     areas = areas.reshape(areas.shape + (1,) * (pixels.ndim - 2))
     means, rests = np.divmod(2 * sums + areas, 2 * areas)
-    means -= (rests == 0) & (means % 2 == 1)  # halves go to the even neighbour
+    means -= (rests == 0) & (means % 2 == 1)  # round half to even
     small: Pixels = means.astype(np.uint8)
     return small
 
 
 def enlarge(pixels: Pixels, width: int, height: int) -> Pixels:
-    """Return the picture with each side that is shorter than this made as long, smoothly."""
+    """Return the picture, interpolated to at least this width and height."""
     for axis, length in ((0, height), (1, width)):
         if pixels.shape[axis] < length:
             pixels = _stretched(pixels, axis, length)
@@ -88,7 +88,8 @@ def enlarge(pixels: Pixels, width: int, height: int) -> Pixels:
 
 
 def at_common_scale(pixels: Pixels, width: int, height: int) -> Pixels:
-    """Return a picture of one to two times these sides: its details have one size."""
+    """Return the picture at one to two times this width and height, so that details of pictures
+    from different cameras have similar sizes."""
     pixels = enlarge(pixels, width, height)
     rows, columns = (
         side if length >= 2 * side else length
@@ -98,7 +99,7 @@ def at_common_scale(pixels: Pixels, width: int, height: int) -> Pixels:
 
 
 def _stretched(pixels: Pixels, axis: int, length: int) -> Pixels:
-    """Interpolate between the pixels' middles, in whole numbers."""
+    """Interpolate between the centres of pixels, in integers."""
     old = pixels.shape[axis]
     places = (2 * np.arange(length) + 1) * old * 128 // length - 128  # in 1/256 pixels
     places = places.clip(0, (old - 1) * 256)
@@ -113,9 +114,9 @@ def _stretched(pixels: Pixels, axis: int, length: int) -> Pixels:
 
 
 def _shrink_by_halves(pixels: Pixels, halvings: int) -> Pixels:
-    """`shrink` by 2 or 4, six times as fast: slices instead of short sums.
+    """`shrink` by 2 or 4, six times as fast, because it adds slices instead of short sums.
 
-    Rows come first: they lie together in memory, whatever the number of channels.
+    Rows are added first, because they are contiguous in memory for any number of channels.
     """
     step = 1 << halvings
     blocks = pixels.reshape(-1, step, *pixels.shape[1:])
@@ -123,8 +124,7 @@ def _shrink_by_halves(pixels: Pixels, halvings: int) -> Pixels:
     sums = lines[:, 0::step] + lines[:, 1::step]
     for column in range(2, step):
         sums += lines[:, column::step]
-    # Adding just less than a half, and 1 where the quotient is odd, rounds halves to the even
-    # neighbour.
+    # Adding just less than a half, and 1 if the quotient is odd, rounds half to even.
     bits = 2 * halvings
     sums += (1 << bits - 1) - 1 + (sums >> bits & 1)
     small: Pixels = (sums >> bits).astype(np.uint8)
@@ -171,10 +171,10 @@ def decode(data: bytes, *, colour: bool = True, is_reduced: bool = False) -> Pix
 
 
 def jpeg_encoder(quality: int, feature: str = "JPEG from a camera of another format") -> Encode:
-    """Return what makes a JPEG of pixels, shape (height, width, 3), red first.
+    """Return a function that encodes pixels, shape (height, width, 3), red first, as JPEG.
 
-    Its tables are the standard ones: tables of its own would save 12 % of the bytes and take as
-    long again as the whole encoding.
+    The function uses the standard Huffman tables: optimised tables would save 12 % of the bytes but
+    double the time.
 
     Raises:
         MissingExtraError: If OpenCV is not installed.
@@ -190,7 +190,7 @@ def jpeg_encoder(quality: int, feature: str = "JPEG from a camera of another for
 
 
 def swap_red_and_blue(pixels: Pixels) -> Pixels:
-    """Return a copy with red and blue changed over; OpenCV wants blue first."""
+    """Return a copy with red and blue swapped, because OpenCV expects blue first."""
     cv2 = need("cv2", "reading pictures", "camera")
     swapped: Pixels = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR)
     return swapped

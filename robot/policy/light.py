@@ -1,7 +1,7 @@
-"""Another light than the lesson's: shows the learner each view in the light that it was taught in.
+"""Compensates for changed light: scales each view to the brightness of the lesson.
 
-Directions of gradients hardly change with the light, grey values do. A room gets darker as a whole
-and for long, so the mean brightness of some seconds of driving tells; a dark corner does not.
+Directions of gradients hardly change with the light, but grey values do. When a room gets darker,
+the mean brightness of some seconds of driving falls; a dark corner hardly changes this mean.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from robot.learner.values import number
 from robot.policy.part import PolicyPart, Seen, TaughtExample
 
 ANOTHER_LIGHT = 1.5
-"""Factor of brightness, up or down, from which the light has changed; less is another view."""
+"""Factor of brightness, up or down, from which the light counts as changed. Smaller differences
+come from the view."""
 SECONDS = 3.0
 """Driving time over which the brightness is averaged, in seconds."""
 EXAMPLES = 600.0
@@ -26,10 +27,10 @@ EXAMPLES = 600.0
 
 
 class LightAdaptation(PolicyPart):
-    """Compares the brightness of a drive with that of the examples. Constant time a frame.
+    """Compares a drive's brightness with that of the examples, in constant time per frame.
 
     Args:
-        brighten: Returns a view with its grey values multiplied.
+        brighten: Returns a view with its grey values multiplied by a factor.
     """
 
     fields = (Value("taught", number(0.0, 255.0)), Value("examples", number(0.0, EXAMPLES)))

@@ -1,15 +1,15 @@
-"""Which examples are learned, and in which contexts: while the robot drives straight, or turns.
+"""Decides which examples are learned, and in which contexts: driving straight, or turning.
 
-Frames closer together show almost nothing new. Each tenth of a second has room for one example, and
-one that comes a little early takes it. So an unsteady camera teaches as much as a steady one,
-and one with eleven frames a second as much as one with thirty.
+Frames less than a tenth of a second apart show almost the same picture. So one example is learned
+per tenth of a second; it may come a little early. So a camera with an unsteady frame rate teaches
+as much as a steady camera, and eleven frames a second teach as much as thirty.
 
-An example counts in the context of its own move. The first half second of a move counts in that of
-the move before, too: this is what ends a move. After a pause nothing tells what went before, so the
-first examples count in both.
+An example counts in the context of its own move. The first half second of a move also counts in the
+context of the previous move, so that the robot learns when to end that move. After a pause the
+previous move is unknown, so the first examples count in both contexts.
 
-Learned only from the labels and their teaching time, so that learning the same examples again
-after an undo gives the same contexts.
+The contexts depend only on the labels and their teaching time, so learning the same examples again
+after an undo yields the same contexts.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ from robot.policy.pilot_pace import PAUSE_S
 from robot.types import Action
 
 ROOM_S = 0.1
-"""Time per example of the same label, in seconds: others in it are only counted."""
+"""Time per example of the same label, in seconds; further examples within it are only counted."""
 EARLY_S = 0.03
-"""Time by which an example may come early, in seconds: less than a frame at thirty a second, so
-that every third frame is learned there."""
+"""Time by which an example may come early, in seconds. It is shorter than a frame at thirty frames
+a second, so that every third frame is learned then."""
 
 
 class ExampleRate(PolicyPart):
-    """Follows the examples of one label; with another label it begins anew.
+    """Limits the rate of learned examples with the same label.
 
-    The first example of another label is always learned, and one without a time.
+    The first example after a change of label is always learned, and so is an example without a
+    time.
     """
 
     fields = (Value("last_learned", optional(row(number(), name))),)
 
     def __init__(self) -> None:
-        self._last_learned: tuple[float, str] | None = None  # since when there was room for it
+        self._last_learned: tuple[float, str] | None = None  # earliest time for it, its label
 
     def on_example(self, lesson: TaughtExample) -> None:
         at_s, label = lesson.at_s, str(lesson.label)
@@ -57,11 +58,12 @@ class ExampleRate(PolicyPart):
 STRAIGHT, TURNING = 0, 1
 BOTH = (STRAIGHT, TURNING)
 ONSET_S = 0.5
-"""Time after a change of move, in seconds, in which an example also counts in the old context."""
+"""Time after a change of move in which an example also counts in the old context, in seconds."""
 
 
 class MoveContext(PolicyPart):
-    """Follows what is being taught; where no move is known to turn, all contexts are one."""
+    """Determines the contexts of examples; if no move is known to turn, there is only one
+    context."""
 
     fields = (
         Value("move", optional(name)),

@@ -1,4 +1,4 @@
-"""Which moves are turns, and which drive straight: from what they do, never from their names."""
+"""Classifies moves as turns or straight moves, by their steering and throttle and not by name."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from robot.types import Action
 
 
 class MoveKinds(Stateful):
-    """The moves of a body by what they do; a move that nobody described is of no kind.
+    """The moves of a body, grouped by effect; a move without a description has no kind.
 
-    The parts of a policy share one of these, so that all know it when the body's moves are
-    described.
+    The parts of a policy share one instance, so all parts know the kinds as soon as the body's
+    moves are described.
 
     Args:
-        moves: The moves. The classic ones are known by name.
+        moves: The moves. The kinds of the classic moves are known from their names.
 
     Attributes:
-        turns: The moves that steer to one side, and which: -1 for left, 1 for right.
+        turns: The moves that steer to one side, with the side: -1 for left, 1 for right.
         straight: The moves that drive ahead or back without steering.
-        others: The moves of which nobody knows what they do; never STOP.
-        measured: The moves by which the usual change of the picture is measured: the straight ones,
-            or the others where none is known to be straight.
-        points: Steering and throttle of the moves that have them; told by the body, never kept.
+        others: The moves whose effect is unknown; never STOP.
+        measured: The moves by which the usual change of the picture is measured: the straight
+            moves, or the others if no move is known to be straight.
+        points: Steering and throttle of the moves that declare them; set by the body, never saved.
     """
 
     fields = tuple(Value(kind, many(name)) for kind in ("left", "right", "straight"))
@@ -47,7 +47,7 @@ class MoveKinds(Stateful):
         self.restored()
 
     def mirrored(self) -> dict[Action, Action]:
-        """Return of each turn the one that is as hard to the other side, where there is one."""
+        """Map each turn to the equally sharp turn to the other side, if there is one."""
         points = {(point.steering, point.throttle): Action(n) for n, point in self.points.items()}
         pairs = {
             points[point]: points.get((-point[0], point[1]), points[point]) for point in points

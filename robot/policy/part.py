@@ -1,6 +1,6 @@
 """The frames and examples that pass through the parts of a policy, one part after another.
 
-Each part reads what the parts before it found, and adds what it knows.
+Each part reads the results of the earlier parts, and adds its own.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from robot.learner.part import Stateful
 from robot.types import Action, Point
 
 USUAL_STEP_S = 0.1
-"""Time between two frames where nothing tells it."""
+"""Assumed time between two frames if it is unknown, in seconds."""
 _NOTHING = Evidence(label="", probabilities={}, confidence=0.0)
 
 
 @dataclass(slots=True, kw_only=True)
 class Seen:
-    """A frame on its way: what `Policy.propose` is told of it, and what the parts make of it.
+    """A frame that passes through the parts: the arguments of `Policy.propose`, and the results.
 
     Attributes:
-        number: Which frame of the policy it is.
-        x: Its vector, as the learner is shown it.
-        picture: Its grey values, as they were taken.
-        step_s: How long it was taken after the one before.
-        in_context: Votes are for what follows the move under way.
-        context: Which context that move makes; None: any.
+        number: The frame's number within the policy.
+        x: The vector that is shown to the learner.
+        picture: The grey values as they were taken.
+        step_s: Time since the previous frame was taken, in seconds.
+        in_context: True if the votes depend on the current move.
+        context: The context that the current move belongs to; None: any.
         evidence: The learner's prediction.
-        shares: The votes for each move; the filter makes them steady.
-        action: The move to make.
-        kept: How much of the average before it is left in that of the votes.
+        shares: The votes for each move; the filter smooths them.
+        action: The proposed move.
+        kept: Share of the old average that is left in the average of the votes.
         point: The action by degrees, if the pilot taught by degrees.
-        spread: By how much its steering is off.
+        spread: Standard deviation of the steering of `point`.
     """
 
     number: int
@@ -61,13 +61,13 @@ class Seen:
 
 @dataclass(slots=True, kw_only=True)
 class TaughtExample:
-    """An example on its way: what `Policy.learn` is told of it, and how it is learned.
+    """An example that passes through the parts: the arguments of `Policy.learn`, and the results.
 
     Attributes:
-        number: Which example of the policy it is.
+        number: The example's number within the policy.
         picture: The frame's grey values.
-        is_learned: False for one that is only counted (`move_context.py`, `repeats.py`).
-        contexts: In which contexts it counts, if a part knows.
+        is_learned: False if the example is only counted (`move_context.py`, `repeats.py`).
+        contexts: The contexts in which the example counts, if a part sets them.
     """
 
     number: int
@@ -84,10 +84,10 @@ class PolicyPart(Stateful):
     """Base of a policy's parts."""
 
     def on_frame(self, seen: Seen) -> None:
-        """Add to what is known of a frame."""
+        """Process one frame, and add this part's results to `seen`."""
 
     def on_example(self, lesson: TaughtExample) -> None:
-        """Learn one example, or say how the parts after this one do."""
+        """Learn one example, or set how the later parts learn it."""
 
     def reset(self) -> None:
-        """Forget what belongs to one drive: a new drive begins."""
+        """Forget the state of the last drive, because a new drive begins."""

@@ -1,7 +1,7 @@
-"""How long the pilot turns, pushes and keeps to a move: it sets how long the robot may.
+"""Measures how long the pilot turns, pushes and holds a move, to set the same limits for the robot.
 
-Learned only from the labelled frames and their teaching time, so that learning the same examples
-again after an undo gives the same values.
+The values are learned only from the labelled frames and their teaching time, so learning the same
+examples again after an undo yields the same values.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robot.policy.part import PolicyPart, TaughtExample
 from robot.types import Action, Point
 
 STUCK_S = 0.5
-"""Time without effect after which a move is given up, in seconds, if the pilot never pushed on
+"""Time after which a move without effect is given up, in seconds, if the pilot never pushed on
 purpose."""
 STEP_S = 0.1
 _STILL_SHARE = 0.25
@@ -28,13 +28,14 @@ MEMORY, _FEWEST_CHANGES = 100, 5
 
 
 class ChangeMeter:
-    """How much the picture changes within a tenth of a second, and usually, driving straight.
+    """Measures the change of the picture within a tenth of a second, and its usual value while
+    driving straight.
 
-    Turns say nothing of the latter: where a turn is quick or the place is wide, driving straight
-    would look still beside it.
+    Turns are not measured: compared with a quick turn, or in a wide room, driving straight would
+    look like standing still.
 
     Attributes:
-        changes: The latest changes of a straight drive; their median is the usual one.
+        changes: The latest changes while driving straight; their median is the usual change.
     """
 
     def __init__(self) -> None:
@@ -43,7 +44,7 @@ class ChangeMeter:
         self.before_s = 0.0
 
     def note(self, picture: NDArray[np.uint8], at_s: float) -> float | None:
-        """Return the change within a tenth of a second; None: that is not over yet."""
+        """Return the change within a tenth of a second; None: the tenth is not over yet."""
         before, step_s = self.before, at_s - self.before_s
         if before is not None and 0.0 <= step_s < 0.9 * STEP_S:
             return None
@@ -63,11 +64,11 @@ class ChangeMeter:
 
     @property
     def is_known(self) -> bool:
-        """True as soon as it has seen enough of a straight drive."""
+        """True as soon as enough changes of a straight drive were measured."""
         return len(self._changes) >= _FEWEST_CHANGES
 
     def is_still(self, change: float) -> bool:
-        """Tell whether a change is so small that the body stands; False before it has driven."""
+        """Return whether a change is so small that the body stands; False before `is_known`."""
         if self._usual is None and self.is_known:
             self._usual = statistics.median(self._changes)
         return self.is_known and change < _STILL_SHARE * (self._usual or 0.0)
@@ -79,37 +80,37 @@ class ChangeMeter:
             self._usual = None
 
     def reset(self) -> None:
-        """Compare the next picture with none."""
+        """Forget the last picture, so that the next picture is not compared."""
         self.before = None
 
 
 def difference(picture: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
-    """Return by how much two pictures of one shape differ, in grey levels a pixel."""
+    """Return the mean difference of two pictures of the same shape, in grey levels per pixel."""
     apart = np.maximum(picture, other) - np.minimum(picture, other)
-    return float(apart.sum()) / max(apart.size, 1)  # mean() takes twice as long
+    return float(apart.sum()) / max(apart.size, 1)  # faster: mean() takes twice as long
 
 
 PAYS_BACK = 4.0
 """Seconds of turning that one second of driving straight pays back."""
 EFFECT_S = 0.2
-"""Time after which a straight move pays back, in seconds: before, its effect cannot be seen."""
+"""Time after which a straight move pays back, in seconds; before that its effect is not visible."""
 STRAIGHT_S = 0.3
 """Time of driving straight before turns are paid back, in seconds."""
 _LONGEST_STEP_S = 0.25
 
 
 class Headway:
-    """The debt of turns and pushes that a body, taught or driven, has run up since it last got on.
+    """Measures progress, of the pilot or of the robot, as a debt of turning and pushing in seconds.
 
-    Turning either way, and pushing without effect, add to a debt in seconds; driving straight with
-    effect takes four times as much off; it is never below 0. A curve by degrees gets on by what it
-    lacks to full lock, and pays for as much turning. Changes from one side to the other count until
-    the debt is paid.
+    Turning to either side, and pushing without effect, increase the debt by their duration. Driving
+    straight with effect reduces it by four times its duration, but not below 0. A curve by degrees
+    counts partly as turning and partly, by the share that it lacks to full lock, as driving
+    straight. Changes from one side to the other count until the debt is paid.
 
     Attributes:
-        debt_s: The debt.
-        side: The side that it turned to last; None since the debt was paid.
-        sides_s: When it changed sides, the last two times.
+        debt_s: The debt, in seconds.
+        side: The side of the last turn; None since the debt was paid.
+        sides_s: The times of the last two changes of side.
     """
 
     def __init__(self, kinds: MoveKinds) -> None:
@@ -117,7 +118,7 @@ class Headway:
         self.reset()
 
     def reset(self) -> None:
-        """Begin anew."""
+        """Reset to no debt and no turns."""
         self.debt_s = self._straight_s = 0.0
         self._last_s: float | None = None
         self._free()
@@ -129,13 +130,13 @@ class Headway:
     def note(
         self, action: Action, at_s: float, point: Point | None = None, *, is_stalled: bool = False
     ) -> None:
-        """Update the debt by the move that has been under way since the last call.
+        """Update the debt by the move that was made since the last call.
 
         Args:
             action: The move; STOP changes nothing.
-            at_s: Now, in seconds.
-            point: The move by degrees, if it was driven so.
-            is_stalled: True if it has no effect.
+            at_s: The current time, in seconds.
+            point: The point, if the move was driven by degrees.
+            is_stalled: True if the move has no effect.
         """
         last_s, self._last_s = self._last_s, at_s
         step_s = 0.0 if last_s is None else min(max(at_s - last_s, 0.0), _LONGEST_STEP_S)
@@ -151,7 +152,7 @@ class Headway:
             self._free()
 
     def turn(self, action: Action, at_s: float) -> None:
-        """Take note of a move, and of when it changed sides."""
+        """Record the move's side, and the time if the side changed."""
         side = self._kinds.turns.get(action)
         if side is not None:
             if self.side == -side:
@@ -160,7 +161,7 @@ class Headway:
 
     @property
     def clock(self) -> tuple[float, float, float | None]:
-        """Debt, time straight with effect, and the time of the last call."""
+        """The debt, the time driven straight with effect, and the time of the last call."""
         return self.debt_s, self._straight_s, self._last_s
 
     @clock.setter
@@ -169,30 +170,31 @@ class Headway:
 
 
 SHORTEST_DEBT_S, LONGEST_DEBT_S = 1.5, 8.0
-"""Bounds of the debt (`Headway`) that a pilot is taken to allow himself, in seconds.
+"""Bounds of the learned limit of the debt (`Headway`), in seconds.
 
-The longest is less than half a turn about one wheel takes: a pilot who alternates between left and
-right for longer shows no way out."""
+The upper bound is less than the time of half a turn about one wheel. A pilot who alternates between
+left and right for longer is not showing a way out."""
 _MEANT = 3
-"""Number of equally long pushes after which the pilot is taken to push on purpose: one may be a
-slip."""
+"""Number of equally long pushes that count as pushing on purpose, because a single push may be a
+mistake."""
 _PATIENCE, _LONGEST_PATIENCE_S = 1.5, 5.0
 _RUNS, _FEWEST_RUNS = 64, 8
 TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
-"""Two changes of side within this time count as alternating: in seconds, and for a quick pilot as a
-share of the time for which he usually keeps to a move."""
+"""Two changes of side within this time count as alternating. The first limit is in seconds. The
+second is for quick pilots, as a share of the time for which the pilot usually holds a move."""
 PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
 
 
 class PilotPace(PolicyPart):
-    """How long a pilot's manoeuvres take.
+    """Learns how long a pilot's manoeuvres take.
 
     Attributes:
-        longest_debt_s: Largest debt (`Headway`) of the pilot's own driving, within bounds.
-        usual_run_s: How long he usually keeps to a move; None before he changed it often enough.
-        scale: How much the picture changes as he drives straight (`MoveKinds.measured`).
-        stands: The moves by which he stood on purpose, among those that nobody knows.
+        longest_debt_s: Largest debt (`Headway`) of the pilot's driving, within bounds.
+        usual_run_s: Time for which the pilot usually holds a move; None before the pilot changed
+            the move often enough.
+        scale: Change of the picture while the pilot drives straight (`MoveKinds.measured`).
+        stands: The moves of unknown effect with which the pilot stood still on purpose.
     """
 
     fields = (
@@ -228,7 +230,8 @@ class PilotPace(PolicyPart):
 
     @property
     def patience_s(self) -> float:
-        """How long the robot may push: 1.5 times as long as the pilot did at least three times."""
+        """Time for which the robot may push: 1.5 times as long as the pilot pushed at least three
+        times."""
         return min(max(STUCK_S, _PATIENCE * min(self._pushes_s)), _LONGEST_PATIENCE_S)
 
     @property
@@ -252,7 +255,7 @@ class PilotPace(PolicyPart):
         is_still = None if change is None else self.scale.is_still(change)
         if label not in self.kinds.straight or is_still is False:
             self._end_push()
-        elif is_still or self._push_s > 0.0:  # None: too soon to tell
+        elif is_still or self._push_s > 0.0:  # None: not known yet
             self._push_s += step_s
         if change is not None and label in self.kinds.measured:
             self.scale.add(change)

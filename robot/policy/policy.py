@@ -1,4 +1,4 @@
-"""The robot's policy: features, learner and action filter joined into one."""
+"""The robot's policy, which combines features, learner and action filter."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ from robot.policy.repeats import Repeats
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _DOUBT = 0.5
-"""How fast confidence falls with novelty beyond 1: at 3 half of it is left."""
+"""Rate at which confidence falls with novelty above 1: at novelty 3 half of it is left."""
 
 
 class Policy(Stateful):
     """Proposes an action for each frame, and learns from examples.
 
-    It is a list of parts (`part.py`): each frame and each example passes through all of them, in
-    one order, and what a part declares is saved, loaded and checked.
+    A policy is a list of parts (`part.py`). Each frame and each example passes through all parts in
+    a fixed order, and the declared state of each part is saved, loaded and checked.
 
-    Not thread-safe: only the control loop's thread may use it.
+    Not thread-safe: only the control loop's thread may use a policy.
 
     Args:
-        name: Its name, such as `default-32`.
-        max_nodes: How many images its learner keeps at most.
-        learner: Learns and recognises.
-        features: From frame to vector.
-        moves: The moves that it may propose.
-        action_filter: Makes what makes a steady drive of the votes on single frames.
-        thins: Learn at most ten examples a second of one label (`move_context.py`).
-        brighten: Returns a view with its grey values multiplied; with it the learner is shown each
-            view in the light that it was taught in (`light.py`).
-        knows_repeats: Learn a view that was taught already only if its label is new (`repeats.py`).
+        name: The policy's name, such as `default-32`.
+        max_nodes: Maximum number of images of the learner.
+        learner: Learns and recognises views.
+        features: Converts a frame to a vector.
+        moves: The moves that the policy may propose.
+        action_filter: Makes the filter that turns votes on single frames into steady driving.
+        thins: Learn at most ten examples of the same label per second (`move_context.py`).
+        brighten: Returns a view with its grey values multiplied by a factor. If given, views are
+            scaled to the brightness of the lesson (`light.py`).
+        knows_repeats: Learn a view that was taught before only if its label is new (`repeats.py`).
 
     Attributes:
-        kinds: Which of the moves are turns, and which drive straight: `describe` tells it what a
-            body says of its own.
-        n_seen: How many examples were learned.
-        alike: The pilot says that left and right are alike here: what is right on one side is so in
-            the mirror. The linear part learns it so, the images do not.
-        recognition: Knows when each learned image was met last.
+        kinds: The kinds of the moves (turns and straight moves); `describe` sets the kinds of a
+            body's declared moves.
+        n_seen: Number of learned examples.
+        alike: The pilot says that left and right are alike here, so each example is also right in
+            the mirror. The linear part learns mirrored examples; the images do not.
+        recognition: Records when each learned image was matched last.
     """
 
     fields = (
@@ -105,11 +105,12 @@ class Policy(Stateful):
 
     @property
     def n_nodes(self) -> int:
-        """How many learned images there are; 0 for learners that keep none."""
+        """Number of learned images; 0 for learners without images."""
         return self.learner.n_nodes_
 
     def usual_point(self, move: Action) -> Point | None:
-        """Return what a move means by degrees, whatever the view; None before any such lesson."""
+        """Return a move's usual point, independent of the view; None before the first lesson by
+        degrees."""
         return self._degrees.usual(move)
 
     def extract(self, frame: Frame) -> Vector:
@@ -126,17 +127,18 @@ class Policy(Stateful):
         bumped: bool = False,
         by_degrees: bool = True,
     ) -> Prediction:
-        """Return what to do on this frame. Call it once for each frame, in order.
+        """Return the prediction for this frame. Call this method once for each frame, in order.
 
         Before the first example the action is None and there are no probabilities.
 
         Args:
-            frame_id: The frame.
-            x: Its vector.
+            frame_id: The frame's id.
+            x: The frame's vector.
             under_way: The move that the robot is making by its own choice, if it drives.
-            at_s: When the frame was taken; None: a tenth of a second after the one before.
+            at_s: The time at which the frame was taken; None: a tenth of a second after the
+                previous frame.
             bumped: True if a bumper is pressed.
-            by_degrees: True if the body can be driven so; False: no point is proposed.
+            by_degrees: True if the body can be driven by degrees; False: no point is proposed.
 
         Raises:
             Exception: If the learner fails; the next frame may succeed.
@@ -184,21 +186,22 @@ class Policy(Stateful):
     ) -> None:
         """Learn one example.
 
-        Given times, at most ten examples a second are learned while the label stays the same; the
-        others are counted (`move_context.py`).
+        If times are given, at most ten examples per second are learned while the label stays the
+        same; the others are only counted (`move_context.py`).
 
         Args:
             x: The frame's vector.
             label: The move.
-            at_s: The frame's teaching time; None: it stands for itself.
-            point: The move by degrees, if the pilot meant it so.
+            at_s: The frame's teaching time in seconds. None: unknown; the example is learned
+                independently of those before it.
+            point: The point, if the pilot steered by degrees.
 
         Raises:
-            ValueError: If the label is none of `moves`, a share of the point is not from -1 to 1,
-                or `x` cannot be learned; nothing changes.
+            ValueError: If `label` is not one of `moves`, a value of `point` is not from -1 to 1, or
+                `x` cannot be learned; nothing changes.
         """
         self._check_move(label)
-        if len(x) != self._n_values:  # before any part follows it
+        if len(x) != self._n_values:  # check before any part changes
             checked_vector(x, self._n_values)
         if point is not None and not all(-1.0 <= share <= 1.0 for share in point):
             raise ValueError(f"steering and throttle are from -1 to 1, not {tuple(point)}")
@@ -219,7 +222,7 @@ class Policy(Stateful):
             raise ValueError(f"{label!r} is not one of the moves {', '.join(self.moves)}")
 
     def reset(self) -> None:
-        """Forget what belongs to one drive: a new drive begins."""
+        """Forget the state of the last drive, because a new drive begins."""
         for _, part in self._parts:
             part.reset()
         self._last_s = None
@@ -228,7 +231,7 @@ class Policy(Stateful):
         return [("kinds", self.kinds), *self._parts]
 
     def get_state(self) -> State:
-        """Return a copy of all that was learned, without what belongs to one drive."""
+        """Return a copy of the learned state, without the state of the current drive."""
         state, (params, arrays) = self.learner.get_state(), self.save()
         return State(
             kind=f"policy:{state.kind}",
@@ -241,18 +244,18 @@ class Policy(Stateful):
         """Restore `state`, at the beginning of a drive.
 
         Raises:
-            ValueError: If it is of another kind.
+            ValueError: If `state` comes from another kind of policy.
         """
         self.restore(state)
         self.learner.reset()
 
     def restore(self, state: State) -> None:
-        """Restore `state` in the middle of a drive: the same predictions and future learning.
+        """Restore `state` in the middle of a drive, with the same predictions and future learning.
 
         Raises:
-            ValueError: If it is of another kind.
+            ValueError: If `state` comes from another kind of policy.
         """
-        params = {**self._begun, **state.params}  # what older models lack is as at the beginning
+        params = {**self._begun, **state.params}  # older models lack some: use initial values
         kind, own = state.kind.removeprefix("policy:"), self.array_names() & state.arrays.keys()
         theirs = {key: array for key, array in state.arrays.items() if key not in own}
         self.learner.set_state(
@@ -277,14 +280,15 @@ class Policy(Stateful):
 
     @property
     def can_be_alike(self) -> bool:
-        """True if it can be told that left and right are alike: a turn has its counterpart."""
+        """True if `set_alike` is supported: the learner and the features can mirror, and there is a
+        turn with a counterpart."""
         return self._mirror() is not None
 
     def set_alike(self, alike: bool) -> None:
-        """Learn all that was and will be taught in a mirror, too; or no longer.
+        """Also learn all past and future examples mirrored, or no longer.
 
         Raises:
-            ValueError: If its learner, features or moves have no mirror image.
+            ValueError: If the learner, features or moves cannot be mirrored.
         """
         mirror = self._mirror()
         if mirror is None:
@@ -303,11 +307,11 @@ class Policy(Stateful):
         return Mirror(places(), {str(move): str(other) for move, other in pairs.items()})
 
     def relabel_node(self, node_id: int, label: Action) -> None:
-        """Let one learned image vote only for `label`.
+        """Make one learned image vote only for `label`.
 
         Raises:
             LookupError: If there is no such node.
-            ValueError: If `label` is none of `moves`.
+            ValueError: If `label` is not one of `moves`.
         """
         self._check_move(label)
         usual = self.usual_point(label) if self.learner.abilities.angles else None
@@ -315,7 +319,8 @@ class Policy(Stateful):
         self.learner.relabel_node(node_id, Action(label), *steered)
 
     def _chance(self, shares: Mapping[Action, float], action: Action, novelty: float) -> float:
-        """Return how likely the action is right; near a guess on an unknown view."""
+        """Return the probability that the action is right; on an unknown view it is close to that
+        of a guess."""
         listed, sharpness = list(shares.values()), self.learner.sharpness
         chance = votes.chance(listed, list(shares).index(action), sharpness)
         if novelty <= 1.0:

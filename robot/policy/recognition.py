@@ -1,12 +1,12 @@
-"""Asks the learner about a frame: votes for the moves, and how far to steer with a move.
+"""Gets the learner's votes for the moves on a frame, and computes the steering of a move.
 
-A learned angle is a mean. Where a thing can be passed on either side, the mean leads into the
-thing: so the move gives the side, and the angle only how hard to steer. A pilot who steers all or
-nothing never steers by the mean: so the angle stays within `BAND` standard deviations of the mean
-that was taught with the chosen move. For a pilot who steers all or nothing this band has no width;
-for one who steers by degrees it is wide.
+A learned angle is a mean. If an obstacle can be passed on either side, the mean leads into the
+obstacle. So the move determines the side, and the angle only the amount of steering. A pilot who
+steers all or nothing never steers at the mean. So the angle stays within `BAND` standard deviations
+of the mean that was taught with the chosen move. For a pilot who steers all or nothing this band
+has no width; for a pilot who steers by degrees it is wide.
 
-Before the first point is taught nothing is kept and nothing is answered.
+Before the first point is taught no steering is stored and no point is proposed.
 """
 
 from __future__ import annotations
@@ -28,25 +28,26 @@ from robot.policy.part import PolicyPart, Seen, TaughtExample
 from robot.types import Action, Point
 
 BAND = 2.5
-"""Half the width of the band about a move's mean angle, in standard deviations. From 1 to 4 it
-makes no difference on recorded drives. A narrow band cuts off the end of a curve, which would stay
-as hard as most of it was."""
+"""Half the width of the band around a move's mean angle, in standard deviations. Values from 1 to 4
+make no difference on recorded drives. A narrow band changes the end of a curve, which would stay as
+sharp as most of the curve."""
 _LEAST = 1e-6
-"""Votes for a move that was taught: more than for one that never was."""
+"""Least votes for a move that was taught, so that it has more votes than a move that never was."""
 _FEW = 64
 
 
 def _node_id(plain: Any, names: Names) -> int:
-    digits = str(plain)  # a table in JSON has texts for keys
+    digits = str(plain)  # the keys of a JSON object are strings
     demand(digits.isascii() and digits.isdecimal())
     return int(digits[:17])
 
 
 class Degrees(PolicyPart):
-    """Follows how each move was steered. Where the learner learns no angles each means its mean.
+    """Records how each move was steered. If the learner learns no angles, each move is steered at
+    its mean.
 
     Attributes:
-        angle: Running mean of the learner's angles, whatever the move; rivals drive by it.
+        angle: Running mean of the learner's angles over all moves; some baselines drive by it.
     """
 
     fields = (Array("sums", np.float64, ("n_moves", 4), -MOST_FRAMES, MOST_FRAMES, may_miss=True),)
@@ -56,12 +57,12 @@ class Degrees(PolicyPart):
         self._moves = moves
         self._kinds = kinds
         self.n_moves = len(moves)
-        self._sums: NDArray[np.float64] | None = None  # examples, steering, its square, throttle
+        self._sums: NDArray[np.float64] | None = None  # examples, steering, squared, throttle
         self.angle: float | None = None
         self._steering: float | None = None  # the running average
 
     def angle_of(self, lesson: TaughtExample) -> float | None:
-        """Return the angle that the learner is to learn with an example; None if it learns none."""
+        """Return the angle to learn with an example; None if the learner learns no angles."""
         if not self._is_angular or (self._sums is None and lesson.point is None):
             return None
         points = self._kinds.points
@@ -70,7 +71,7 @@ class Degrees(PolicyPart):
         return (lesson.point or points.get(lesson.label, Point(0.0, 0.0))).steering
 
     def note(self, lesson: TaughtExample) -> None:
-        """Take note of how an example was steered that the learner has learned."""
+        """Record the steering of an example that was learned."""
         if lesson.point is not None:
             if self._sums is None:
                 self._sums = np.zeros((self.n_moves, 4))
@@ -93,15 +94,15 @@ class Degrees(PolicyPart):
                 angle += seen.kept * (self._steering - angle)
             width = BAND * self._deviation(seen.action)
             steering = self._steering = min(max(angle, steering - width), steering + width)
-            if seen.bumped and side:  # a curve that leads into something: turn as the body can
+            if seen.bumped and side:  # the curve hits an obstacle: turn fully
                 steering = float(side)
         seen.point = Point(min(max(steering, -1.0), 1.0), usual.throttle)
         seen.spread = seen.evidence.spread
 
     def usual(self, move: Action) -> Point | None:
-        """Return the mean of what was taught with a move, else what the body says of it.
+        """Return the mean point taught with a move, else the body's declared point.
 
-        None before anything was taught by degrees, and if nobody knows.
+        None if no example was taught by degrees, or if the body declares no point.
         """
         if self._sums is None:
             return None
@@ -125,8 +126,8 @@ class Recognition(PolicyPart):
     """The learner among the parts of a policy.
 
     Attributes:
-        used: Which proposal matched an image last, by the image's id.
-        taught: The same of examples.
+        used: The number of the last proposal that matched an image, by the image's id.
+        taught: The number of the last example that matched an image, by the image's id.
     """
 
     fields = (Value("last_taught", table(_node_id, count()), "taught"),)
@@ -167,7 +168,7 @@ class Recognition(PolicyPart):
             return
         when[node_id] = now
         if len(when) > _FEW and len(when) > 4 * self._learner.n_nodes_ + _FEW:
-            alive = {node.id for node in self._learner.nodes()}  # most of these nodes are gone
+            alive = {node.id for node in self._learner.nodes()}  # drop merged and deleted nodes
             for gone in [node for node in when if node not in alive]:
                 del when[gone]
 

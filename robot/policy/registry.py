@@ -1,6 +1,6 @@
-"""Learners by name, each with its features and its action filter: `default-32`, `published-64`.
+"""Makes learners by name, each with features and an action filter: `default-32`, `published-64`.
 
-A kind of learner is an entry point of `drivelesson.learners`: a `Maker`.
+A kind of learner is an entry point in the group `drivelesson.learners`; it is a `Maker`.
 """
 
 from __future__ import annotations
@@ -24,15 +24,17 @@ from robot.types import DEFAULT_MOVES, Action
 
 LEARNERS = "drivelesson.learners"
 VARIANTS = "drivelesson.variants"
-"""The default with one thing changed, for experiments: no list of learners shows them."""
+"""Entry points of the default learner's variants, each with one change, for experiments. They do
+not appear in lists of learners."""
 DEFAULT_NODES = 32
 MOST_NODES = 1024
-"""A learner of more images is refused: its table of distances grows with their square."""
+"""Maximum number of images of a learner, because its table of distances grows with the square."""
 
 Maker = Callable[[int, str, tuple[Action, ...], bool], Policy]
-"""Makes a policy of a number of nodes, a name and the moves; True: only in whole numbers."""
+"""Makes a policy from a number of nodes, a name, the moves, and True to compute in integers
+only."""
 BALANCE = 0.2
-"""By how much a rare label weighs more: few examples of a turn are enough to see it."""
+"""Extra weight of rare labels, so that few examples of a turn are enough to learn it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,15 +45,15 @@ class Design:
     action_filter: Callable[[MoveKinds], ActionFilter] = ActionFilter
     is_linear: bool = True
     is_smooth: bool = True
-    """The linear part expects alike weights in cells beside each other (`GradientFeatures`)."""
+    """The linear part expects similar weights in adjacent cells (`GradientFeatures`)."""
     is_contextual: bool = True
-    """The linear part knows what is under way; else the move under way has inertia."""
+    """The linear part takes the current move as input; otherwise the current move has inertia."""
     linear_share: float = LINEAR_SHARE
     group_cost: float = GROUP_COST
     n_voters: int = N_VOTERS
     balance: float = BALANCE
     is_integer: bool = False
-    """It computes only in whole numbers, on any machine."""
+    """The learner computes in integers only, on any machine."""
     forgets: bool = True
     thins: bool = True
     knows_repeats: bool = True
@@ -61,7 +63,7 @@ class Design:
     def make(self, number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
         """Return the policy; a `Maker`."""
         features, is_whole = self.features(), integer or self.is_integer
-        # The linear part costs a floating-point step over all pairs of gradients an example.
+        # For each example the linear part needs floating-point steps over all pairs of gradients.
         ridge = ContextRidge if self.is_contextual else RecursiveRidge
         is_linear = self.is_linear and not is_whole
         alike = GradientFeatures.alike() if self.is_smooth else None
@@ -95,7 +97,7 @@ make_default = Design().make
 
 
 def make_published(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the learner of the paper, as it was published; a `Maker`."""
+    """Return the paper's learner, as published; a `Maker`."""
     learner = BSOCClassifier.published(number, integer=integer)
     return Policy(
         name, number, learner, GreyFeatures(), moves=moves, action_filter=ActionFilter.none
@@ -108,7 +110,7 @@ def _points() -> dict[str, EntryPoint]:
 
 
 def learner_kinds() -> list[str]:
-    """Return the kinds of learners that are installed, sorted, without the variants."""
+    """Return the installed kinds of learners, sorted, without the variants."""
     return sorted(point.name for point in _points().values() if point.group == LEARNERS)
 
 
@@ -120,16 +122,16 @@ def is_learner_kind(kind: str) -> bool:
 def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MOVES) -> Policy:
     """Return a policy by its name, KIND-NUMBER: `default-32`, `published-64`, `knn-9`.
 
-    On a machine without a floating-point unit it compares pixels in whole numbers.
+    On a machine without a floating-point unit the policy compares pixels in integers.
 
     Args:
         name: The kind of learner, and its number of nodes (or of neighbours).
-        moves: The moves that it may propose.
+        moves: The moves that the policy may propose.
 
     Raises:
         ConfigurationError: If there is no such learner.
-        MissingExtraError: If a library that it needs is not installed.
-        PluginError: If its package cannot be loaded.
+        MissingExtraError: If a library that the learner needs is not installed.
+        PluginError: If the learner's package cannot be loaded.
     """
     kind, number = split_name(name)
     if kind not in _points():
@@ -148,10 +150,10 @@ def make_policy(name: str = "default-32", moves: tuple[Action, ...] = DEFAULT_MO
 
 
 def split_name(name: str) -> tuple[str, int]:
-    """Return kind and number of a learner's name.
+    """Return the kind and the number in a learner's name.
 
     Raises:
-        ConfigurationError: If it is not KIND-NUMBER with a number of at least 1.
+        ConfigurationError: If the name is not KIND-NUMBER with a number of at least 1.
     """
     match = re.fullmatch(r"(.+)-([1-9][0-9]{0,5})", name)
     if match is None or int(match[2]) > MOST_NODES:
@@ -164,7 +166,8 @@ def split_name(name: str) -> tuple[str, int]:
 
 
 def full_name(learner: str, number: object, default: object) -> str:
-    """Return KIND-NUMBER of a kind or a name: the number asked for, its own, or the default."""
+    """Return KIND-NUMBER for a kind or a name: with `number`, else the name's number, else the
+    default."""
     kind, _, own = learner.rpartition("-")
     if not own.isdecimal():
         kind, own = learner, ""

@@ -1,11 +1,11 @@
 """Recognises repeated views: the same lap taught sixteen times does not count as sixteen laps.
 
-A linear part that counts each of them in full loses its penalty and learns the noise of one lap by
-heart; images that each stand for sixteen times as many frames no longer follow what is new. So a
-view that comes again with the label that it had last is counted, and not learned again. A view that
-is new is learned in full, and so is one with another label than the last time.
+If a linear part learned every lap in full, its penalty would lose its effect and it would learn the
+noise of one lap by heart. Images averaged over sixteen times as many frames would adapt too slowly
+to new views. So a view that comes again with its last label is counted, but not learned again. A
+new view is learned in full, and so is a view with another label than the last time.
 
-A view is known by a sketch: which of two values is larger, for 128 fixed pairs of them (binary
+A view is recognised by a sketch: 128 comparisons between fixed pairs of feature values (binary
 features, as in BRIEF; Calonder et al. 2010), hashed to 64 bits.
 """
 
@@ -22,12 +22,12 @@ from robot.policy.part import PolicyPart, TaughtExample
 from robot.types import Action
 
 _BITS, _SETS, _WAYS = 128, 4096, 4
-"""Pairs of a sketch; 16,384 sketches are remembered, in sets of four: at ten lessons a second a lap
-of 27 minutes."""
+"""Number of pairs of a sketch; number and size of the sets in which sketches are stored. 16,384
+sketches are enough for a lap of 27 minutes at ten examples a second."""
 
 
 class Repeats(PolicyPart):
-    """Remembers the latest views, each with its label. Constant time and memory.
+    """Stores the latest views, each with its label, in constant time and memory.
 
     Args:
         moves: The labels.
@@ -42,7 +42,7 @@ class Repeats(PolicyPart):
         self._moves = moves
         self._pairs = np.zeros((2, 0), np.intp)
         self._sketches = np.zeros((_SETS, _WAYS), np.uint64)
-        self._labels = np.zeros((_SETS, _WAYS), np.int16)  # 0: this place is empty
+        self._labels = np.zeros((_SETS, _WAYS), np.int16)  # 0: empty slot
 
     def on_example(self, lesson: TaughtExample) -> None:
         if not lesson.is_learned:
