@@ -202,7 +202,7 @@ class TrainingHistory:
     @contextlib.contextmanager
     def _as_before_if_refused(self) -> Iterator[None]:
         """Restore the state if a plug-in changes it and then raises an error. The built-in learners
-        raise errors before any change, so no copy is made of them: it takes as long as an example.
+        raise errors before any change, so they are not copied: a copy takes as long as an example.
         """
         before = None if self._is_ours else self.policy.get_state()
         try:

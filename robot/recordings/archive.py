@@ -1,4 +1,4 @@
-"""Many recordings as one zip file, made while it is sent: a block of one file is in memory."""
+"""Creates a zip file of many recordings while it is sent; only one block is in memory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _BLOCK_BYTES = 1 << 20
 
 
 class _Sink(io.RawIOBase):
-    """Takes what `ZipFile` writes until it is fetched; it cannot be read or sought."""
+    """Buffers the bytes that `ZipFile` writes until `fetch`; not readable or seekable."""
 
     def __init__(self) -> None:
         self._waiting = bytearray()
@@ -34,9 +34,9 @@ class _Sink(io.RawIOBase):
 def zip_recordings(paths: Sequence[Path]) -> Iterator[bytes]:
     """Yield a zip file of recordings with their edits, block by block.
 
-    They are stored as they are, since pictures and chunks are compressed already. One that is being
-    recorded is there up to its present end. OSError if one cannot be read: the file is then cut
-    short, which whoever receives it sees.
+    Recordings are stored uncompressed, since their pictures are already compressed. A file that
+    is being recorded is included up to its current end. Raises OSError if a recording cannot be
+    read; the zip file is then truncated, which its receiver can detect.
     """
     sink = _Sink()
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_STORED) as archive:

@@ -1,4 +1,4 @@
-"""The tables of an open recording in memory: some fifty bytes per picture, in shared arrays."""
+"""The tables of an open recording in memory: about fifty bytes per picture, in shared arrays."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _FRAME = np.dtype(
     ]
 )
 _NOT_PLAIN = 255
-"""Marks, in place of a label's number, an event that is not just an example of a recorded picture.
+"""Replaces a label's number if the event is not a plain example of a recorded picture.
 """
 _NO_VECTOR, _NO_POINT = np.zeros(0), Point(nan, nan)
 
@@ -47,7 +47,7 @@ class FrameTable(Mapping[int, FrameEntry]):
         self._table: NDArray[np.void] | None = None
         self._ids = np.zeros(0, np.uint32)
         self.is_ordered = True
-        """True if the file has the pictures in the order of their ids, each once."""
+        """True if the file contains each picture once, in the order of their ids."""
 
     def add(self, block: Block) -> None:
         rows = block.of(Topic.CAMERA)
@@ -66,11 +66,11 @@ class FrameTable(Mapping[int, FrameEntry]):
         self._table = None
 
     def dump(self) -> tuple[bytes, list[MessageChannel]]:
-        """Return the rows in the order of the file, and the channels that they number."""
+        """Return the rows in the order of the file, and the channels that the rows refer to."""
         return b"".join(part.tobytes() for part in self._parts), self._channels
 
     def load(self, data: bytes, channels: Sequence[MessageChannel]) -> None:
-        """Add the rows of a `dump`; one of `UNREADABLE` if they cannot be."""
+        """Add the rows of a `dump`; raises one of `UNREADABLE` if the rows are invalid."""
         table = np.frombuffer(data, _FRAME).copy()
         self._channels += [channel for channel in channels if channel not in self._channels]
         numbers = np.array([self._channels.index(channel) for channel in channels], "<u2")
@@ -104,16 +104,16 @@ class FrameTable(Mapping[int, FrameEntry]):
 
     @property
     def captured_s(self) -> NDArray[np.float64]:
-        """When each picture was taken, in seconds of the run's clock."""
+        """The time at which each picture was taken, in seconds of the run's clock."""
         return self.captured_s_of(slice(None))
 
     def captured_s_of(self, ranks: NDArray[np.int64] | slice) -> NDArray[np.float64]:
-        """Return when some pictures were taken."""
+        """Return the times at which these pictures were taken."""
         times_s: NDArray[np.float64] = (self.table["log_ns"][ranks] - self.origin_ns) / 1e9
         return times_s
 
     def at(self, index: int) -> FrameEntry:
-        """Return the entry of the picture of this rank."""
+        """Return the entry of the picture with this rank."""
         frame_id, log_ns, chunk, start, stop, number = self.table[index].item()
         channel = self._channels[number]
         return FrameEntry(
@@ -126,11 +126,11 @@ class FrameTable(Mapping[int, FrameEntry]):
 
     @property
     def sizes(self) -> set[tuple[int, int]]:
-        """Width and height of the pictures, in pixels, as the channels say."""
+        """The widths and heights of the pictures, in pixels, from the channels."""
         return {_size(self._channels[n]) for n in np.unique(self.table["channel"]).tolist()}
 
     def rank(self, frame_id: int) -> int | None:
-        """Return the index of the picture in the recording, from 0; None if it has none."""
+        """Return the index of the picture in the recording, from 0; None if it is missing."""
         ids = self.ids
         if not 0 <= frame_id < 2**32:
             return None
@@ -160,7 +160,7 @@ def _size(channel: MessageChannel) -> tuple[int, int]:
 
 
 class LessonTable(Sequence[tuple[float, HistoryEvent]]):
-    """The teaching and undo events, each with its time, in the order of the file."""
+    """The teaching and undo events with their times, in the order of the file."""
 
     def __init__(self) -> None:
         self._now_s = array("d")
@@ -173,7 +173,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._others: dict[int, HistoryEvent] = {}
 
     def add(self, times_s: Sequence[float], texts: Sequence[bytes]) -> None:
-        """Add messages; RecordingError, or another of `UNREADABLE`, if one is damaged."""
+        """Add messages; raises RecordingError, or another of `UNREADABLE`, if one is damaged."""
         try:
             plain: list[Any] = json.loads(b"[" + b",".join(texts) + b"]")
             is_whole = len(plain) == len(texts)
@@ -185,7 +185,7 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
             self._add(now_s, json.loads(text))
 
     def _add_plain(self, times_s: Sequence[float], plain: Sequence[Fields]) -> bool:
-        """Add examples in the common form; if one has another, add none and return False."""
+        """Add examples of the common form. If any has another form, add none and return False."""
         try:
             frames = [fields["frame"] for fields in plain]
             labels = [fields["label"] for fields in plain]
@@ -239,17 +239,17 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
         self._throttle.append(point.throttle)
 
     def dump(self) -> tuple[bytes, Fields]:
-        """Return the columns, and what describes them."""
+        """Return the columns and their description."""
         others = {str(i): describe_event(event) for i, event in self._others.items()}
         about: Fields = {"count": len(self), "labels": self._labels, "others": others}
         return b"".join(column.tobytes() for column in self._columns), about
 
     def load(self, data: bytes, about: Fields) -> None:
-        """Add the events of a `dump`; one of `UNREADABLE` if they cannot be."""
+        """Add the events of a `dump`; raises one of `UNREADABLE` if the events are invalid."""
         count, before = int(about["count"]), len(self)
         sizes = [count * column.itemsize for column in self._columns]
         if sum(sizes) != len(data):
-            raise RecordingError("the columns have another length than they say")
+            raise RecordingError("the columns differ in length from their description")
         numbers = [self._number(label) for label in about["labels"]]
         if _NOT_PLAIN in numbers:
             raise RecordingError("there are too many labels")
@@ -339,16 +339,16 @@ class LessonTable(Sequence[tuple[float, HistoryEvent]]):
 
     @property
     def frames(self) -> NDArray[np.int64]:
-        """The picture that each event teaches; -1 if it teaches none."""
+        """The picture that each event teaches; -1: the event teaches no picture."""
         return np.array(self._frame, np.int64)
 
     def rows_of(self, kind: type[Undone] | type[Edited]) -> list[int]:
-        """Return the indices of the events of a kind, in order."""
+        """Return the indices of the events of one kind, in order."""
         return [index for index, event in self._others.items() if isinstance(event, kind)]
 
 
 class Labels(Mapping[int, Example]):
-    """The examples of a recording that were not undone, by picture: the last one of each."""
+    """Maps each picture to its last example that was not undone."""
 
     def __init__(self, lessons: LessonTable) -> None:
         self._lessons = lessons
@@ -403,11 +403,11 @@ class Span:
 
     @property
     def ends(self) -> dict[str, tuple[int, int]]:
-        """The first and last time of each topic."""
+        """The times of the first and the last message of each topic."""
         return self._ends
 
     def load(self, ends: Mapping[str, Sequence[int]]) -> None:
-        """Add later `ends`."""
+        """Add the `ends` of a later part of the recording."""
         for topic, (first, last) in ends.items():
             self._ends[topic] = self._ends.get(topic, (int(first), 0))[0], int(last)
 
@@ -417,7 +417,7 @@ class Span:
 
 
 def read_fields(texts: Sequence[bytes]) -> list[Fields]:
-    """Read messages in JSON; RecordingError if one is not an object."""
+    """Read messages in JSON; raises RecordingError if one is not an object."""
     found = json.loads(b"[" + b",".join(texts) + b"]")
     if len(found) != len(texts) or not all(isinstance(fields, dict) for fields in found):
         raise RecordingError("a message has an unknown form")

@@ -1,8 +1,8 @@
-"""Compares two learners: one trained on the recordings as driven, one on the edited recordings.
+"""Compares a learner trained on the recordings as driven with one trained on the edited recordings.
 
 Both are evaluated on held-out frames: each recording is split into fifty stretches, and every fifth
-is held out. One learner is trained on the others with the original labels, one with the edited
-labels. The edited labels are the ground truth.
+stretch is held out. On the other stretches one learner is trained with the original labels and one
+with the edited labels. The edited labels are the ground truth.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from robot.types import Action, Example
 _STRETCHES = 50
 _HELD_OUT = range(2, _STRETCHES, 5)
 FEWEST_FRAMES = 50
-"""Least number of labelled frames for a comparison: with fewer, the result would mean little."""
+"""Least number of labelled frames for a comparison; with fewer the result would mean little."""
 _SHOWN = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JudgedFrame:
-    """A held-out frame on which the two learners differ."""
+    """A held-out frame on which the two learners predict different moves."""
 
     episode_id: str
     frame_id: int
@@ -38,7 +38,7 @@ class JudgedFrame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """Accuracy of each learner on held-out frames, and up to ten of those where they differ."""
+    """Accuracy of each learner on held-out frames, and up to ten frames on which they differ."""
 
     frames: int
     before: float
@@ -52,7 +52,7 @@ def compare(
     new_policy: Callable[[], Policy],
     on_step: Callable[[], None] = lambda: None,
 ) -> Comparison | None:
-    """Train two learners, without and with the edits, and compare them; None: too few frames."""
+    """Train one learner without and one with the edits, and compare them; None: too few frames."""
     asked = _held_out(episodes)
     if asked is None:
         return None

@@ -1,4 +1,4 @@
-"""A recording as people see it: with its labels, and with the edits applied."""
+"""The recording that people see: its pictures with labels, after the edits are applied."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from robot.store.models.events import describe_event, read_point
 from robot.types import Action, Point
 
 _SOON_S = 0.5
-"""Time after a picture, in seconds, after which a message does not belong to it: the robot stood in
-between."""
+"""Longest time from a picture to a message that belongs to it, in seconds. After a longer time the
+robot stood in between."""
 _LATE_S = 2.0
-"""Longest delay of a proposal on a slow computer after its picture, in seconds."""
+"""Longest delay from a picture to its proposal, on a slow computer, in seconds."""
 _MOST_WAITING = 20_000
 _ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 
@@ -38,7 +38,7 @@ _ABOUT = Topic.DECISION, Topic.SENSORS, Topic.PREDICTION
 class EpisodeFrame:
     """One picture with its data. `at_s` counts from the recording's beginning.
 
-    The points are set if the pilot taught, or the robot drove, by degrees.
+    The points are set if the pilot taught by degrees or the robot drove by degrees.
     """
 
     frame_id: int
@@ -58,7 +58,7 @@ class EpisodeFrame:
     distance_m: float | None = None
     bumped: bool = False
     pose: tuple[float, float, float] | None = None
-    """x and y in metres, heading in radians."""
+    """x and y in metres, and the heading in radians."""
     is_pose_estimate: bool = False
     """True if the pose was estimated from the wheels; in simulation it is exact."""
 
@@ -66,7 +66,7 @@ class EpisodeFrame:
 def moments(episode: Episode, notes: Notes) -> Iterator[EpisodeFrame]:
     """Yield the recording's pictures in order, each with label, prediction and driver.
 
-    The recording is read chunk by chunk; two or three are in memory.
+    The recording is read chunk by chunk; two or three chunks are in memory.
     """
     table, labels = episode.frames, taught_frames(episode)
     in_file = _told(episode, notes, labels, episode.blocks(), range(len(table)))
@@ -82,7 +82,7 @@ def sample(
     between: Range | None = None,
 ) -> list[EpisodeFrame]:
     """Return at most `count` evenly spaced moments, of all pictures or of a range of frames. Only
-    their chunks are read."""
+    the chunks that contain them are read."""
     table, labels = episode.frames, taught_frames(episode)
     ranks = range(len(table))
     if between is not None:
@@ -97,14 +97,14 @@ def sample(
 
 
 def even(total: int, count: int) -> list[int]:
-    """Choose at most `count` evenly spaced numbers of 0 to `total` - 1."""
+    """Return at most `count` evenly spaced numbers from 0 to `total` - 1."""
     if total <= count:
         return list(range(total))
     return [round(i * (total - 1) / max(count - 1, 1)) for i in range(count)]
 
 
 def labels(episode: Episode, notes: Notes) -> Iterator[Action]:
-    """Yield the label of each picture that has one and is not deleted."""
+    """Yield the labels of the pictures that have a label and are not deleted."""
     taught, ids = taught_frames(episode), episode.frames.ids
     for frame_id in ids[~notes.deleted(ids)].tolist():
         if label := notes.relabel(frame_id):
@@ -114,7 +114,7 @@ def labels(episode: Episode, notes: Notes) -> Iterator[Action]:
 
 
 class _Said:
-    """Messages of one topic about the pictures being read; each is parsed when needed."""
+    """Messages of one topic about the pictures being read, parsed when needed."""
 
     def __init__(self) -> None:
         self._times_s: list[float] = []
@@ -126,14 +126,15 @@ class _Said:
         self._messages += block.texts(rows)
 
     def first(self, at_s: float) -> Fields:
-        """Return the first message that is not older; an empty one if none follows soon."""
+        """Return the first message that is not older than `at_s`; empty if none follows soon."""
         index = bisect_left(self._times_s, at_s)
         if index == len(self._times_s) or self._times_s[index] - at_s >= _SOON_S:
             return {}
         return self._at(index)
 
     def about(self, frame_id: int, at_s: float) -> Fields:
-        """Return the first message that names this picture, taken at `at_s`; or an empty one."""
+        """Return the first message that names this picture, taken at `at_s`; empty if there is
+        none."""
         times_s = self._times_s
         for index in range(bisect_left(times_s, at_s), len(times_s)):
             if times_s[index] - at_s >= _LATE_S:
@@ -154,7 +155,7 @@ class _Said:
 
 
 def _fields_in(message: bytes) -> Fields:
-    """Read a message; a damaged one is empty."""
+    """Read a message; return empty fields if it is damaged."""
     try:
         fields = json.loads(message)
     except UNREADABLE:
@@ -169,7 +170,7 @@ def _told(
     blocks: Iterable[Block],
     ranks: Sequence[int],
 ) -> Iterator[EpisodeFrame]:
-    """Yield the pictures of these ranks as their chunks come by."""
+    """Yield the pictures with these ranks while their chunks are read."""
     table, origin_ns = episode.frames.table, episode.origin_ns
     said = _Said(), _Said(), _Said()
     chosen = np.asarray(ranks, np.int64)
@@ -242,7 +243,8 @@ def _tell(
 
 
 def edit_of(verb: str, between: Range, episode: Episode, label: str | None = None) -> Edit:
-    """Return the edit of a range of frames that a person asked for; `trim` keeps only these."""
+    """Return the edit of a range of frames that a person requested; `trim` keeps only this
+    range."""
     if verb == "trim":
         return trim(episode.frames, *between)
     move = None
@@ -259,7 +261,8 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 
     Undone examples and deleted frames are left out; relabelled frames have their new label. Frame
     ids and predictions are unchanged. Edits of learned images are copied, since a later recording
-    may undo them; but not into a part, since the recording that it was split from has them.
+    may undo them. They are not copied if `is_part`: the recording that the part was split from
+    contains them.
     """
     run = {**episode.run, "format": str(FORMAT), **({EDITED: "1"} if notes.edits else {})}
     writer = EpisodeWriter(file, run, episode.attachments.get(MODEL_BEFORE))
@@ -281,7 +284,7 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
 def _write_events(
     writer: EpisodeWriter, episode: Episode, notes: Notes, now_s: float, is_part: bool
 ) -> None:
-    """Write the undo events of an earlier recording's examples, and the examples to learn."""
+    """Write the examples to learn, and the undo events for an earlier recording's examples."""
     events = episode.events
     [rows] = surviving([(episode, notes)])
     undone = map(events.event, np.intersect1d(events.rows_of(Undone), rows).tolist())

@@ -1,4 +1,4 @@
-"""Edits of a recording: a list in a file beside it. The recording itself is not changed."""
+"""Edits of a recording: a list in a file next to it. The recording itself is not changed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from robot.types import Action
 FORMAT = 1
 _MOST_BYTES = 16 * 2**20
 Range = tuple[int, int]
-"""First and last frame id, both included."""
+"""First and last frame id, both inclusive."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,13 +42,13 @@ class Edit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Notes:
-    """Data stored beside a recording: a title, protection from deletion, and the edits."""
+    """Data stored next to a recording: a title, protection from deletion, and the edits."""
 
     title: str = ""
     is_protected: bool = False
     edits: tuple[Edit, ...] = ()
     undone: tuple[Edit, ...] = ()
-    """Undone edits, the last one first, for redo."""
+    """Undone edits for redo, last first."""
 
     def with_edit(self, edit: Edit) -> Notes:
         return replace(self, edits=(*self.edits, edit), undone=())
@@ -74,13 +74,13 @@ class Notes:
         return found
 
     def relabels(self, ids: NDArray[np.integer]) -> list[Action | None]:
-        """Return for each frame the label that a person gave it last; None without one."""
+        """Return for each frame the last label set by a person; None: no such label."""
         if not any(edit.verb == "relabel" for edit in self.edits):
             return [None] * len(ids)
         return [self.relabel(frame_id) for frame_id in ids.tolist()]
 
     def relabel(self, frame_id: int) -> Action | None:
-        """Return the label that a person gave this frame last; None without one."""
+        """Return the last label that a person set for this frame; None: no such label."""
         given = [e.label for e in self.edits if e.verb == "relabel" and e.covers(frame_id)]
         return given[-1] if given else None
 
@@ -100,7 +100,8 @@ def notes_path(episode: Path) -> Path:
 
 
 def read_notes(episode: Path) -> Notes:
-    """Read the notes of a recording; there may be none. RecordingError if they are damaged."""
+    """Read the notes of a recording; a missing file means empty notes. Raises RecordingError if
+    the notes are damaged."""
     path = notes_path(episode)
     try:
         plain = json.loads(read_regular(path, _MOST_BYTES).decode())
@@ -129,7 +130,7 @@ def write_notes(episode: Path, notes: Notes) -> None:
         "undone": [asdict(edit) for edit in notes.undone],
     }
     text = json.dumps(plain, indent=1, ensure_ascii=False)
-    write_whole(notes_path(episode), text.encode(errors="replace"))  # a shell may pass surrogates
+    write_whole(notes_path(episode), text.encode(errors="replace"))  # shells may pass surrogates
 
 
 def _edit_from_plain(plain: Any) -> Edit:

@@ -1,7 +1,7 @@
-"""Completes a truncated recording, once, at the next start.
+"""Completes each truncated recording, once, at the next start.
 
-The remaining records are copied, and the copy replaces the recording when it is complete. A file
-that is damaged in another way is not changed.
+The remaining records are copied, and the completed copy replaces the recording. A file that is
+damaged in another way is not changed.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from robot.store.folder import whole_file
 log = logging.getLogger(__name__)
 
 _MOST_LOST_BYTES = 16 * 2**20
-"""Most bytes behind the last whole record of a truncated file: a cut leaves part of one record, so
-a file with more is damaged in another way."""
+"""Most bytes after the last complete record of a truncated file. Truncation leaves part of one
+record, so a file with more bytes is damaged in another way."""
 _SPARE_BYTES = 64 * 2**20
 _RECORDS_AT_ONCE = 32
 _REST_S = 0.003
-"""Pause between groups of records, in seconds. An hour has 300,000 records, and the robot starts
-and drives meanwhile on the same processor."""
+"""Pause between groups of records, in seconds, because the robot starts and drives at the same time
+on the same processor. An hour of recording has 300,000 records."""
 
 
 def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:
-    """Complete every truncated recording of these, a few records at a time; never raises."""
+    """Complete the truncated recordings among `paths`, a few records at a time; never raises."""
     for path in paths:
         try:
             if end_recording(path, lambda: clock.sleep(_REST_S)):
@@ -45,7 +45,7 @@ def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:
 
 
 def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
-    """Complete one recording if it was truncated; True if it was. Raises OSError."""
+    """Complete one recording if it is truncated; return whether it was. Raises OSError."""
     if not path.is_file() or path.is_symlink():
         return False
     status = path.stat()
@@ -64,7 +64,7 @@ def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
 
 
 def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> None:
-    """Raises one of `UNREADABLE` if the recording has other damage than the truncation."""
+    """Raises one of `UNREADABLE` if the recording is damaged in another way than by truncation."""
     writer, cut, summary = None, Cut(reason="", lost_bytes=0), {"damage": CUT_SHORT}
     for number, record in enumerate(scan(path), 1):
         if number % _RECORDS_AT_ONCE == 0:
@@ -72,7 +72,7 @@ def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> 
         if isinstance(record, Cut):
             cut = record
         elif isinstance(record, Metadata) and record.name == SUMMARY:
-            summary = record.values  # only records that repeat others were cut off
+            summary = record.values  # only redundant records are missing
         elif isinstance(record, Metadata) and record.name == RUN:
             writer = EpisodeWriter(copy, check_run(record.values))
         elif writer is None:

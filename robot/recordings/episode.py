@@ -1,5 +1,5 @@
-"""One recording, opened: compact columns in memory; pictures and messages are read from the file
-when they are asked for."""
+"""An open recording: compact columns are in memory; pictures and messages are read from the file
+when needed."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ from robot.store.models.model import Model, decode_model
 from robot.types import Action, Frame
 
 _CHUNKS_BYTES = 8 * 2**20
-"""Most bytes of unpacked chunks that an open recording keeps."""
-_LATEST_S = 2.5e11  # the year 9892: later ones have no date
+"""Size of an open recording's cache of unpacked chunks, in bytes."""
+_LATEST_S = 2.5e11  # in the year 9892; `datetime` ends soon after
 
 
 @dataclass(slots=True, kw_only=True)
@@ -60,17 +60,17 @@ class Episode:
 
     @property
     def frames(self) -> FrameTable:
-        """The places of its pictures."""
+        """The positions of the pictures in the file."""
         return self.columns.frames
 
     @property
     def events(self) -> LessonTable:
-        """What was taught and undone."""
+        """The teaching and undo events."""
         return self.columns.lessons
 
     @property
     def results(self) -> list[Fields]:
-        """What extensions measured: `of` names the kind, `at_s` is its time from the start."""
+        """Results of extensions: `of` names the kind, `at_s` is the time since the start."""
         origin_ns, start_s = self.origin_ns, self.start_s
         return [
             {**fields, "at_s": round((stamp_ns - origin_ns) / 1e9 - start_s, 3)}
@@ -79,17 +79,17 @@ class Episode:
 
     @property
     def id(self) -> str:
-        """The recording's name: that of its file, so that a copy has another name."""
+        """The recording's name. It is the file's name, so a copy has another name."""
         return self.path.stem
 
     @property
     def origin_ns(self) -> int:
-        """Nanoseconds since 1970 at which the run's clock showed 0."""
+        """The zero of the run's clock, in nanoseconds since 1970."""
         return int(self.run.get("origin_ns", "0"))
 
     @property
     def started_at_s(self) -> float:
-        """Seconds since 1970 at which the recording began; by the wall clock."""
+        """The wall-clock time at which the recording began, in seconds since 1970."""
         started = seconds_in(self.run.get("started_at_s", "0"))
         return started if started > 0 else self.origin_ns / 1e9 + self.start_s
 
@@ -99,7 +99,7 @@ class Episode:
 
     @property
     def declared_moves(self) -> tuple[Move, ...]:
-        """The moves as the driver declared them; empty in recordings of older versions."""
+        """The moves that the driver declared; empty in recordings of older versions."""
         return from_text(self.run.get("declared_moves", ""))
 
     @property
@@ -128,9 +128,9 @@ class Episode:
         return self._keep(offset, read_chunk(self.path, offset)) if data is None else data
 
     def _keep(self, offset: int, data: bytes) -> bytes:
-        """Cache the last chunks: their pictures are needed soon, in order, and some seconds late.
+        """Cache the last chunks, because their pictures are needed soon, up to some seconds later.
 
-        They are few and large in an imported recording, five a second in a driven one.
+        An imported recording has few, large chunks; a driven recording has five chunks a second.
         """
         with self._lock:
             if offset not in self._chunks:
@@ -172,9 +172,10 @@ class Episode:
 
 
 def open_episode(path: Path) -> Episode:
-    """Read a recording's lessons and the positions of its pictures; a truncated file up to its end.
+    """Read a recording's events and its pictures' positions; a truncated file is read up to its
+    end.
 
-    RecordingError if it is not a recording of this program, or of a newer format.
+    Raises RecordingError if the file is not a recording of this program, or has a newer format.
     """
     with contextlib.suppress(*UNREADABLE, OSError, MemoryError, struct.error, zlib.error):
         if (found := read_columns(path)) is not None:
@@ -229,7 +230,7 @@ def check_run(values: dict[str, str]) -> dict[str, str]:
 
 
 def seconds_in(text: str) -> float:
-    """Read a duration or a time; ValueError if it is not valid."""
+    """Read a duration or a time; raises ValueError if it is invalid."""
     number = float(text)
     if not 0 <= number <= _LATEST_S:
         raise ValueError(f"{text!r} is not a time")
@@ -237,5 +238,5 @@ def seconds_in(text: str) -> float:
 
 
 def taught_frames(episode: Episode) -> Labels:
-    """Return the frames that were taught and not undone, with the last example of each."""
+    """Return the frames that were taught and not undone, each with its last example."""
     return Labels(episode.events)

@@ -20,8 +20,8 @@ def _debris(folder: Path) -> Iterable[Path]:
 
 FOLDER = FolderKind(
     name=NAME,
-    about="one MCAP file a run: open with Foxglove, or with the mcap library\n"
-    "            NAME.edits.json beside it lists a person's edits; the recording is not touched\n"
+    about="one MCAP file per run: open with Foxglove, or with the mcap library\n"
+    "            NAME.edits.json next to it lists a person's edits; the recording is not changed\n"
     "            drivelesson episodes empty-trash deletes what is in trash/ for good",
     reads=re.compile(r"[^.].*(\.mcap|\.edits\.json)", re.DOTALL),
     debris=_debris,

@@ -1,7 +1,7 @@
-"""Pictures as Foxglove's own messages, in protobuf: the camera's bytes stay unchanged.
+"""Pictures as Foxglove's protobuf messages; the camera's bytes stay unchanged.
 
 The two messages are defined in https://github.com/foxglove/foxglove-sdk (schemas/proto).
-protobuf is imported when the first picture comes: an EV3 never records.
+protobuf is imported when the first picture comes, because an EV3 never records.
 """
 
 from __future__ import annotations
@@ -65,9 +65,9 @@ def encode_image(frame: Frame, stamp_ns: int) -> bytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameEntry:
-    """The place of a picture, and its time in seconds of the run's clock.
+    """The position of a picture in the file, and its time in seconds of the run's clock.
 
-    The id, and the size of a JPEG, are not in the message itself.
+    The picture's id, and the width and height of a JPEG, are not in the message itself.
     """
 
     frame_id: int
@@ -88,7 +88,7 @@ def decode_image(entry: FrameEntry, message: bytes) -> Frame:
         image = _message_type(name).FromString(bytes(message))
         encoding = Encoding.JPEG if name == COMPRESSED else _BACK[image.encoding]
     if not image.data:
-        raise RecordingError(f"{damaged}: it holds no picture")
+        raise RecordingError(f"{damaged}: it contains no picture")
     width, height = entry.size if name == COMPRESSED else (image.width, image.height)
     return Frame(
         frame_id=entry.frame_id,
@@ -131,7 +131,7 @@ def _descriptors(name: str) -> Any:
 
 @cache
 def _message_type(name: str) -> Any:
-    """Return protobuf's class for one of the two messages, in a pool of its own."""
+    """Return protobuf's class for one of the two messages, from a separate descriptor pool."""
     from google.protobuf import descriptor_pool, message_factory
 
     pool = descriptor_pool.DescriptorPool()

@@ -1,9 +1,10 @@
-"""The index of a recording: its columns, written as attachments while it is recorded.
+"""The index of a recording: its columns, written as attachments while the recording is made.
 
-A recording with an index is opened without reading its chunks. Each section of some thousand
-pictures has its own attachment, so that the recorder keeps the columns of one section. A section
-names its own place in the file and that of the section before: another program that moved chunks
-has moved these attachments, too, and then they are not used.
+A recording with an index is opened without reading its chunks. Each section (`SECTION_FRAMES`
+pictures) has its own attachment, so the recorder holds the columns of only one section in memory. A
+section contains its own position in the file and the previous section's. If another program has
+moved chunks, it has also moved these attachments; the positions then differ and the index is not
+used.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from robot.store.models.events import to_json
 
 INDEX = "drivelesson.index"
 SECTION_FRAMES = 8192
-"""Number of pictures in a section: some five minutes, whose columns take 0.6 MB."""
+"""Number of pictures in a section: about five minutes, whose columns take 0.6 MB."""
 _FORMAT = 1
 _MOST_RESULTS = 1000
-"""Number of results that are kept of a recording, the latest."""
+"""Number of results of a recording that are kept: the latest ones."""
 _MOST_BYTES = 2**26
 _HEAD = struct.Struct("<II")
 """The checksum of a section, and the length of its description."""
-READ = set(Topic) - {Topic.POSE}  # which the sensors have, too
+READ = set(Topic) - {Topic.POSE}  # the sensors also contain the pose
 
 
 class Columns:
@@ -39,12 +40,12 @@ class Columns:
     def __init__(self, origin_ns: int = 0) -> None:
         self.frames, self.lessons, self.span = FrameTable(origin_ns), LessonTable(), Span()
         self.pictures = 0
-        """Number of pictures that were added, with duplicates."""
+        """Number of pictures that were added, including duplicates."""
         self.results: list[tuple[int, Fields]] = []
-        """What extensions measured, the latest, each with its time in nanoseconds since 1970."""
+        """The latest results of extensions, each with its time in nanoseconds since 1970."""
 
     def add(self, block: Block) -> None:
-        """Add the messages of a chunk; RecordingError, or another of `UNREADABLE`, if one is
+        """Add the messages of a chunk; raises RecordingError, or another of `UNREADABLE`, if one is
         damaged."""
         self.frames.add(block)
         self.pictures += len(block.of(Topic.CAMERA))
@@ -64,7 +65,7 @@ class Columns:
 
 
 def _is_plain(value: object) -> bool:
-    """True for what every export can write: a text, a truth value or a finite number."""
+    """True for values that every export can write: a string, a bool or a finite number."""
     return isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
 
 
@@ -76,7 +77,7 @@ def encode(
     *,
     is_last: bool,
 ) -> bytes:
-    """Return a section that will be at a place in the file; the one before it is at `since`."""
+    """Return a section for the position `place` in the file; the previous one is at `since`."""
     numbers = {channel: number for number, channel in channels.items()}
     frames, used = columns.frames.dump()
     lessons, about = columns.lessons.dump()
@@ -98,9 +99,9 @@ def encode(
 
 
 def read_columns(path: Path) -> tuple[Ends, Columns] | None:
-    """Read a whole recording's columns from its index; None if it has none that fits.
+    """Read a complete recording's columns from its index; None if there is no valid index.
 
-    RecordingError, or another of `UNREADABLE`, or OSError, if it cannot be read.
+    Raises RecordingError, or another of `UNREADABLE`, or OSError, if the index cannot be read.
     """
     ends = read_ends(path, INDEX, (MODEL_BEFORE, MODEL_AFTER))
     sections = sorted(ends.sections, key=lambda one: one.offset)

@@ -1,4 +1,4 @@
-"""A small number for each frame: two bytes each, for recordings of any length."""
+"""A small number for each frame, in two bytes, for recordings of any length."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PAGE = 4096
 
 
 class FrameMarks:
-    """Numbers from 0 to 65,535 by frame id; 0 if none was set."""
+    """Numbers from 0 to 65,535 by frame id; 0 if no number was set."""
 
     def __init__(self) -> None:
         self._pages: dict[int, array[int]] = {}
@@ -30,7 +30,7 @@ class FrameMarks:
 
 
 class Tally:
-    """Counts the pictures of a recording, and its examples of each label without undone ones."""
+    """Counts the pictures of a recording, and its examples of each label that were not undone."""
 
     def __init__(self) -> None:
         self.frames = 0

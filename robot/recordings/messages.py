@@ -1,6 +1,6 @@
-"""The messages of a recording besides its pictures: topics, schemas, and the fields of each.
+"""The messages of a recording except pictures: their topics, schemas and fields.
 
-A message's time is MCAP's log time, so the messages have no time field of their own.
+A message's time is MCAP's log time, so the messages contain no time field.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class Topic(StrEnum):
 
 
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
-"""Names of the metadata records at the beginning and at the end."""
+"""Names of the metadata records at the beginning and at the end of a recording."""
 EDITED = "edited"
-"""Metadata name in the beginning of a recording with applied edits: edits of images do not apply
-there."""
+"""Key in the metadata at the beginning of a recording whose edits were applied. Edits of learned
+images do not apply there."""
 MODEL_BEFORE, MODEL_AFTER = "model_before.npz", "model_after.npz"
 """Names of the attachments: the learner's model at the beginning and at the end."""
 
@@ -136,7 +136,8 @@ SCHEMAS: dict[Topic, Fields] = {
         },
     ),
 }
-"""JSON schema by topic. /camera and /pose are Foxglove's own; see robot/recordings/images.py."""
+"""JSON schema by topic. The schemas of /camera and /pose are Foxglove's; see
+robot/recordings/images.py."""
 
 
 @cache
@@ -146,7 +147,7 @@ def json_channel(topic: Topic) -> MessageChannel:
 
 
 def _finite(number: float) -> float:
-    """Round to five digits: measurements are no more precise, and more would waste disk space."""
+    """Round to five digits: measurements are not more precise, and more digits waste disk space."""
     return float(f"{number:.5g}") if math.isfinite(number) else 1e300
 
 
@@ -192,7 +193,7 @@ def describe_sensors(sensors: Sensors) -> Fields:
 
 
 def pose_in_frame(pose: Fields, stamp_ns: int) -> Fields:
-    """Return a pose of the sensors as the message that Foxglove draws."""
+    """Return a pose from the sensors as the message that Foxglove draws."""
     seconds, nanoseconds = divmod(stamp_ns, 10**9)
     half_rad = pose["heading_rad"] / 2
     return {

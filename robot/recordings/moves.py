@@ -16,10 +16,10 @@ def to_text(moves: Iterable[Move]) -> str:
 
 
 def from_text(text: str) -> tuple[Move, ...]:
-    """Read the text of `to_text`; an empty text has no moves.
+    """Read the text made by `to_text`; an empty text means no moves.
 
     Raises:
-        ValueError: If it has another form.
+        ValueError: If the text has another form.
     """
     if not text:
         return ()

@@ -26,28 +26,29 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderConfig:
-    """Bounds of the queue, time limits, and the recordings to keep."""
+    """Bounds of the queue, time limits, and which recordings to keep."""
 
     keeps_drives: bool = True
-    """True to keep a recording in which the robot moved but was not taught."""
+    """True: keep recordings in which the robot moved but was not taught."""
 
     queue_bytes: int = 32 * 2**20
-    """Most bytes of queued pictures; more are dropped and counted."""
+    """Most bytes of queued pictures; further pictures are dropped and counted."""
     queue_items: int = 4096
-    """Most queued items of any kind; messages are small and are dropped last."""
+    """Most queued items of any kind. Messages are dropped last, because they are small."""
     pause_s: float = 10.0
-    """Time that the robot stands before the recording ends, in seconds."""
+    """Time for which the robot must stand before the recording ends, in seconds."""
     trail_s: float = 1.0
-    """Time that pictures are still recorded after the robot came to a stop, in seconds."""
+    """Time for which pictures are still recorded after the robot stopped, in seconds."""
     lead_frames: int = 15
-    """Number of pictures from before the start that are recorded, because the pilot may label them;
-    they fill at most a quarter of the queue."""
+    """Number of pictures from before the start that are recorded, because the pilot may label them.
+    They fill at most a quarter of the queue."""
     spare_bytes: int = 64 * 2**20
-    """Free bytes on the disk below which recording stops: they are for models and the system."""
+    """Recording stops if fewer bytes are free on the disk. They are left for models and the
+    system."""
 
 
 class RecordingQueue:
-    """Takes items to record on the loop's thread, and writes them on the disk's."""
+    """Receives items on the loop's thread, and writes them on the disk's thread."""
 
     def __init__(
         self,
@@ -70,7 +71,8 @@ class RecordingQueue:
         self.waiting_bytes = 0
         """Bytes of queued pictures."""
         self.lost: Counter[str] = Counter()
-        """Numbers of `frames` and `messages` dropped since the program began, for a slow disk."""
+        """Numbers of `frames` and `messages` dropped since the program began, because the disk was
+        too slow."""
         self.episode_id: str | None = None
         self.fault: str | None = None
 
@@ -80,11 +82,11 @@ class RecordingQueue:
         self._put(0, self._begin, run, model, self.lost.copy(), must_go=True)
 
     def end(self, model: Model | None, *, is_kept: bool) -> None:
-        """End the recording; `model` is the learner's present state, None if not known."""
+        """End the recording; `model` is the learner's current state, None if unknown."""
         self._put(0, self._end, model, is_kept, must_go=True)
 
     def write_frame(self, frame: Frame) -> bool:
-        """Write a picture; False if there is no room for it."""
+        """Queue a picture; return False if there is no room for it."""
         is_kept = self._put(len(frame.data), self._write, EpisodeWriter.write_frame, frame)
         if not is_kept:
             self.lost["frames"] += 1
@@ -95,7 +97,7 @@ class RecordingQueue:
             self.lost["messages"] += 1
 
     def _put(self, size: int, job: Callable[..., None], *what: Any, must_go: bool = False) -> bool:
-        """Queue a job; False if the queue is full. Never waits for the disk."""
+        """Queue a job; return False if the queue is full. Never waits for the disk."""
         config = self._config
         with self._lock:
             is_full = self.waiting_bytes + size > config.queue_bytes and size > 0
@@ -106,18 +108,19 @@ class RecordingQueue:
         return True
 
     def refuse(self, sentence: str) -> None:
-        """Stop recording; `fault` is this sentence."""
+        """Stop recording, and set `fault` to this sentence."""
         self.fault = sentence
         self._announce("recording_off", detail=sentence)
 
     def resume(self) -> None:
-        """Record again from the next start on, after the cause of `fault` is gone."""
+        """Record again from the next start, because the cause of `fault` is gone."""
         self.fault = None
 
     # On the disk's thread ------------------------------------------------------------------------
 
     def write_waiting(self) -> None:
-        """Write the queue, and flush it. Never raises: a failure ends the recording."""
+        """Write the queued items to the disk, and flush. Never raises: a failure ends the
+        recording."""
         try:
             waiting = len(self._jobs)
             for _ in range(waiting):
@@ -152,13 +155,13 @@ class RecordingQueue:
         if self.fault is not None:
             return
         before = encode_model(model, is_packed=True) if model is not None else None
-        # A clock that was set back may have given this name before.
+        # If the clock was set back, this name may already be used.
         episode_id = free_name(run["episode"], {path.stem for path in paths_in(self._folder)})
         file = self._open_file(self._folder / f"{episode_id}.mcap")
         try:
             self._writer = EpisodeWriter(file, {**run, "episode": episode_id}, before)
         except Exception:
-            with contextlib.suppress(OSError):  # what is buffered cannot be written either
+            with contextlib.suppress(OSError):  # buffered bytes cannot be written either
                 file.close()
             raise
         self.episode_id = episode_id
@@ -193,10 +196,10 @@ class RecordingQueue:
             self._announce("recording_done", episode=episode_id)
 
     def _give_up(self, sentence: str) -> None:
-        """Stop recording until the robot starts again; it drives on."""
+        """Stop recording until the robot starts again; the robot continues to drive."""
         writer, self._writer = self._writer, None
         if writer is not None:
-            with contextlib.suppress(Exception):  # the disk has refused already
+            with contextlib.suppress(Exception):  # the disk has already failed
                 writer.abandon()
         self.episode_id = None
         log.warning(sentence)

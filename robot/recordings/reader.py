@@ -1,9 +1,9 @@
 """Reads MCAP files that may be truncated, damaged or malicious.
 
 Impossible lengths are rejected before memory is allocated for them, chunks are unpacked within
-bounds, and reading stops at the first invalid record. All records before it are good: a truncated
-episode is readable up to its end. Layout: mcap.dev/spec. The library `mcap` only reads the content
-of a record: it trusts lengths, and takes a truncated file for a whole one.
+bounds, and reading stops at the first invalid record. All earlier records are valid, so a truncated
+episode is readable up to its end. Layout: mcap.dev/spec. The library `mcap` is used only for the
+content of single records, because it trusts lengths and does not detect truncated files.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 from robot.errors import RecordingError, need, told_as
 
 MAX_RECORD_BYTES = 256 * 2**20
-"""Largest record, in bytes: attachments hold models, chunks hold pictures, and none of ours is
-larger."""
+"""Largest record that is read, in bytes. Attachments contain models and chunks contain pictures;
+this program writes no larger record."""
 MAX_CHUNK_BYTES = 64 * 2**20
 """Largest unpacked size of a chunk, in bytes."""
 MAGIC = b"\x89MCAP0\r\n"
@@ -34,7 +34,7 @@ _CHUNK_INDEX, _ATTACHMENT, _ATTACHMENT_INDEX, _METADATA, _METADATA_INDEX = 8, 9,
 _SUMMARY_OFFSET, _DATA_END = 14, 15
 _HEAD = struct.Struct("<BQ")
 _END = struct.Struct("<BQQQI8s")
-"""The end of a file: its footer, whose third value is the summary's offset, and `MAGIC`."""
+"""The end of a file: the footer, whose third value is the summary's offset, and `MAGIC`."""
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _BUFFER_BYTES = 4096
 _MOST_SUMMARY_BYTES = 16 * 2**20
@@ -53,7 +53,7 @@ _ROW = np.dtype(
 
 
 class Schema(NamedTuple):
-    """The form of a channel's messages."""
+    """The format of a channel's messages."""
 
     name: str
     encoding: str
@@ -61,7 +61,7 @@ class Schema(NamedTuple):
 
 
 class MessageChannel(NamedTuple):
-    """Properties of all messages of a channel; the metadata are names and values."""
+    """Properties of all messages of a channel; `metadata` maps names to values."""
 
     topic: str
     encoding: str
@@ -70,7 +70,7 @@ class MessageChannel(NamedTuple):
 
 
 class Message(NamedTuple):
-    """One message. `place` locates it: its chunk, and the begin and end of its data there."""
+    """One message. `place` is the chunk, and the begin and end of the message's data in it."""
 
     channel: MessageChannel
     log_ns: int
@@ -84,7 +84,7 @@ class Message(NamedTuple):
 
 
 class Block(NamedTuple):
-    """The messages of one chunk: its place, its unpacked bytes, and a row for each message.
+    """The messages of one chunk: its offset, its unpacked bytes, and a row for each message.
 
     A row has `channel`, `sequence`, `log_ns`, and the begin and end of the message in `data`.
     """
@@ -105,7 +105,7 @@ class Block(NamedTuple):
         return own
 
     def texts(self, rows: NDArray[np.void]) -> list[bytes]:
-        """Return the data of some rows."""
+        """Return the data of these rows."""
         data, places = self.data, zip(rows["start"].tolist(), rows["stop"].tolist(), strict=True)
         return [data[start:stop] for start, stop in places]
 
@@ -125,7 +125,7 @@ class Attachment(NamedTuple):
 
 
 class Attached(NamedTuple):
-    """An attachment that was found by a file's summary, and its place."""
+    """An attachment that was found through a file's summary, and its offset."""
 
     offset: int
     name: str
@@ -133,7 +133,7 @@ class Attached(NamedTuple):
 
 
 class Ends(NamedTuple):
-    """What a whole file's summary leads to, without its chunks."""
+    """The content of a complete file that is found through its summary, without chunks."""
 
     metadata: dict[str, dict[str, str]]
     channels: Mapping[int, MessageChannel]
@@ -142,10 +142,10 @@ class Ends(NamedTuple):
 
 
 class Cut(NamedTuple):
-    """The readable part of a damaged file ends here; the reason is for a person.
+    """Marks the end of the readable part of a damaged file; `reason` is for a person.
 
-    `lost_bytes` come after the last whole record of a truncated file; None if it is damaged in
-    another way.
+    `lost_bytes` is the number of bytes after the last complete record of a truncated file; None if
+    the file is damaged in another way.
     """
 
     reason: str
@@ -161,12 +161,12 @@ Part = Block | Metadata | Attachment | Cut
 
 
 def require_mcap() -> None:
-    """Raise MissingExtraError unless episodes can be recorded and read here."""
+    """Raise MissingExtraError if the library that records and reads episodes is not installed."""
     need("mcap.writer", "recording episodes", "episodes")
 
 
 def scan(path: Path) -> Iterator[Record]:
-    """Yield the content of an MCAP file in order; a `Cut` comes last if the file is not whole."""
+    """Yield the content of an MCAP file in order. If the file is incomplete, a `Cut` comes last."""
     for part in walk(path):
         if not isinstance(part, Block):
             yield part
@@ -178,7 +178,7 @@ def scan(path: Path) -> Iterator[Record]:
 
 
 def walk(path: Path) -> Iterator[Part]:
-    """Yield the same as `scan`, but chunk by chunk, without an object for each message."""
+    """Yield the content like `scan`, but chunk by chunk, without an object for each message."""
     require_mcap()
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -194,8 +194,8 @@ def walk(path: Path) -> Iterator[Part]:
 
 
 def blocks_from(path: Path, offset: int, channels: Mapping[int, MessageChannel]) -> Iterator[Block]:
-    """Yield the chunks from `offset` on, until one cannot be read; the channels are those that
-    `walk` found."""
+    """Yield the chunks from `offset` on, up to the first unreadable chunk. `channels` are the
+    channels that `walk` found."""
     with path.open("rb") as file:
         file.seek(offset)
         content = _Content(channels)
@@ -206,14 +206,15 @@ def blocks_from(path: Path, offset: int, channels: Mapping[int, MessageChannel])
 
 
 def has_end(path: Path) -> bool:
-    """True unless a file is being written, or was truncated."""
+    """True if a file is complete: it is not being written, and was not truncated."""
     with path.open("rb") as file:
         file.seek(-min(file.seek(0, os.SEEK_END), len(MAGIC)), os.SEEK_END)
         return file.read() == MAGIC
 
 
 def read_chunk(path: Path, offset: int) -> bytes:
-    """Return the unpacked bytes of the chunk at `offset`; a `Place` locates a message in them."""
+    """Return the unpacked bytes of the chunk at `offset`; a `Place` locates a message in the
+    chunk."""
     with path.open("rb") as file:
         file.seek(offset)
         _, opcode, body = next(_records(file))
@@ -223,20 +224,20 @@ def read_chunk(path: Path, offset: int) -> bytes:
 
 
 def read_metadata(path: Path) -> dict[str, dict[str, str]]:
-    """Return the metadata that a whole file's summary lists, by name, from a few short reads."""
+    """Return the metadata listed in a complete file's summary, by name, with a few short reads."""
     with path.open("rb", buffering=_BUFFER_BYTES) as file:
         return metadata_of(file)
 
 
 def metadata_of(file: BinaryIO) -> dict[str, dict[str, str]]:
-    """Return the same as `read_metadata`, from an open file."""
+    """Return the metadata like `read_metadata`, from an open file."""
     indexes = [body for kind, body in _summary(file) if kind == _METADATA_INDEX]
     return _metadata_at(file, [int.from_bytes(body[:8], "little") for body in indexes])
 
 
 def read_ends(path: Path, sections: str, attachments: Sequence[str]) -> Ends:
-    """Read a whole file's metadata, channels, and the attachments of these names, without its
-    chunks. RecordingError if it has no summary."""
+    """Read a complete file's metadata, channels, and the attachments with these names, without
+    reading its chunks. Raises RecordingError if the file has no summary."""
     require_mcap()
     content, places, attached = _Content(), [], []
     with path.open("rb") as file:
@@ -270,8 +271,8 @@ def _attachment_at(file: BinaryIO, offset: int) -> Attached:
 
 
 def _summary(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Yield the kind and body of each record of the summary; where it says how to skip the index
-    of the chunks, which grows with the file, that is skipped."""
+    """Yield the kind and body of each record of the summary. The chunk index, which grows with the
+    file, is skipped if the summary contains its position."""
     end_at = file.seek(0, os.SEEK_END) - _END.size
     file.seek(max(end_at, 0))
     end = file.read()
@@ -290,7 +291,7 @@ def _summary(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
 
 
 def _chunk_group(file: BinaryIO, offsets_at: int, end_at: int) -> tuple[int, int]:
-    """Return begin and end of the index of the chunks; 0 and 0 if the summary does not say."""
+    """Return begin and end of the chunk index; 0 and 0 if the summary does not contain them."""
     if 0 < offsets_at < end_at:
         file.seek(offsets_at)
         for _, kind, body in _records(file, _MOST_SUMMARY_BYTES):
@@ -314,19 +315,19 @@ def _metadata_at(file: BinaryIO, places: Sequence[int]) -> dict[str, dict[str, s
 
 
 class WrittenFile:
-    """Reads the chunks of a file as they are written."""
+    """Reads the chunks of a file while it is written."""
 
     def __init__(self) -> None:
         self._content = _Content()
 
     @property
     def channels(self) -> Mapping[int, MessageChannel]:
-        """The channels so far, by number."""
+        """The channels read so far, by number."""
         return self._content.channels
 
     def blocks(self, data: bytes, offset: int) -> Iterator[Block]:
-        """Yield the chunks among whole records that were written at an offset."""
-        with contextlib.suppress(CutError):  # the file goes on
+        """Yield the chunks among complete records that were written at an offset."""
+        with contextlib.suppress(CutError):  # more records will follow
             for part in self._content.parts(io.BytesIO(data)):
                 if isinstance(part, Block):
                     yield part._replace(offset=offset + part.offset)
@@ -335,7 +336,7 @@ class WrittenFile:
 def _records(
     file: BinaryIO, most_bytes: int = MAX_RECORD_BYTES
 ) -> Iterator[tuple[int, int, bytes]]:
-    """Yield each record's place, opcode and body, up to the footer."""
+    """Yield each record's offset, opcode and body, up to the footer."""
     start = file.tell()
     size = file.seek(0, os.SEEK_END)
     file.seek(start)
@@ -355,19 +356,19 @@ def _records(
 
 
 def _parse(kind: str, body: bytes) -> Any:
-    """Return a record of the library's class of this name."""
+    """Parse a record with the library's class of this name."""
     from mcap import records
     from mcap.data_stream import ReadDataStream
 
     try:
         return getattr(records, kind).read(ReadDataStream(io.BytesIO(body)))
-    except Exception as error:  # of the library, and of those that it uses
+    except Exception as error:  # from the library or its dependencies
         reason = str(error) or "it is shorter than it says"
         raise RecordingError(f"a record is damaged: {reason}") from error
 
 
 class _Content:
-    """The content of a file, with the `channels` known so far; `end` is the end of the last whole
+    """The content of a file, with the `channels` read so far; `end` is the end of the last complete
     record."""
 
     def __init__(self, channels: Mapping[int, MessageChannel] | None = None) -> None:
@@ -376,7 +377,7 @@ class _Content:
         self.channels = dict(channels or {})
 
     def parts(self, file: BinaryIO) -> Iterator[Part]:
-        """Yield the parts, up to the end of the data: the summary after it only repeats."""
+        """Yield the parts, up to the end of the data; the summary only repeats them."""
         chunk: tuple[int, bytes] | None = None
         indexes: list[bytes] = []
         has_all = False
@@ -419,7 +420,7 @@ class _Content:
             raise trouble
 
     def _walked(self, data: bytes) -> tuple[NDArray[np.int64], RecordingError | None]:
-        """Walk through a chunk's records; return the place of each message, and the first error."""
+        """Walk through a chunk's records; return each message's position, and the first error."""
         places: list[tuple[int, int]] = []
         at, size, trouble = 0, len(data), None
         while at < size:
@@ -458,8 +459,8 @@ class _Content:
 
 
 def _indexed(data: bytes, indexes: Sequence[bytes]) -> NDArray[np.int64] | None:
-    """Return the begin and end of each message by the chunk's own index. None unless the chunk has
-    only messages and the index names each of them: otherwise the index is not trusted."""
+    """Return the begin and end of each message from the chunk's index. None if the index is not
+    trusted, because the chunk contains other records or the index does not list all messages."""
     if not indexes or any(len(body) % 16 != 6 for body in indexes):
         return None
     parts = [np.frombuffer(body, "<u8", offset=6)[1::2] for body in indexes]
@@ -479,7 +480,7 @@ def _indexed(data: bytes, indexes: Sequence[bytes]) -> NDArray[np.int64] | None:
 
 
 def _rows(data: bytes, places: NDArray[np.int64]) -> NDArray[np.void]:
-    """Read the heads of messages."""
+    """Read the headers of messages."""
     rows = np.zeros(len(places), _ROW)
     if not len(places):
         return rows
@@ -495,13 +496,13 @@ def _rows(data: bytes, places: NDArray[np.int64]) -> NDArray[np.void]:
 
 
 def _gather(raw: NDArray[np.uint8], at: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
-    """Return `count` bytes from each place, shape (places, count)."""
+    """Return `count` bytes from each position, shape (positions, count)."""
     found: NDArray[np.uint8] = raw[at[:, None] + np.arange(count)]
     return found
 
 
 def _unpacked(body: bytes) -> bytes:
-    """Return a chunk's records, unpacked within bounds and checked against their checksum."""
+    """Return a chunk's records, unpacked within bounds and verified by their checksum."""
     chunk = _parse("Chunk", body)
     size, checksum = chunk.uncompressed_size, chunk.uncompressed_crc
     if size > MAX_CHUNK_BYTES:
@@ -515,8 +516,8 @@ def _unpacked(body: bytes) -> bytes:
 
 
 def _unpack(compression: str, data: bytes, size: int) -> bytes:
-    """Unpack to at most one byte more than was claimed."""
-    # Each library has its own errors; all mean the same here.
+    """Unpack at most one byte more than the declared size."""
+    # Each library raises different errors; here they all mean the same.
     with told_as(RecordingError, "a chunk cannot be unpacked", Exception):
         if compression == "zstd":
             import zstandard

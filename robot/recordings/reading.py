@@ -1,7 +1,7 @@
-"""Tells other programs which recordings are being read, so that none is deleted meanwhile.
+"""Marks the recordings that are being read, so that no other program deletes them meanwhile.
 
-A reader writes their names into a file and locks another beside it. The system releases the lock
-when the reader ends in any way; names without a lock no longer count.
+A reader writes the recordings' names into a file and locks a second file next to it. The system
+releases the lock when the reader ends, for any reason; names without a lock no longer count.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ _MOST_BYTES = 2**24
 
 @contextlib.contextmanager
 def reading(paths: Sequence[Path]) -> Iterator[None]:
-    """Keep recordings from being deleted or rewritten; enter and leave it on the same thread."""
+    """Prevent recordings from being deleted or rewritten. Enter and leave the context on the same
+    thread."""
     with contextlib.ExitStack() as stack:
         for folder in {path.parent for path in paths}:
             names = [path.name for path in paths if path.parent == folder]
@@ -36,8 +37,8 @@ def _held(mark: Path, names: Sequence[str]) -> Iterator[None]:
     lock = FileLock(f"{mark}{_LOCK}", timeout=0)
     told = mark.with_name(mark.name + _NAMES)
     try:
-        # A folder that cannot be written is one in which nobody can delete, either; some file
-        # systems in the network cannot lock.
+        # In a folder that cannot be written nobody can delete either. Some network file systems
+        # have no locks.
         with contextlib.suppress(OSError, NotImplementedError):
             lock.acquire()
             told.write_text(json.dumps(names), encoding="ascii")
@@ -50,7 +51,8 @@ def _held(mark: Path, names: Sequence[str]) -> Iterator[None]:
 
 
 def being_read(folder: Path) -> set[str]:
-    """Return the names of the files in a folder that are being read; forget readers that ended."""
+    """Return the names of a folder's files that are being read, and remove the marks of readers
+    that ended."""
     from filelock import FileLock, Timeout
 
     names: set[str] = set()

@@ -1,9 +1,9 @@
-"""Records each run while it is driven. The loop only queues; the disk's thread writes.
+"""Records each run while it is driven. The loop only queues items; the disk's thread writes them.
 
-A recording begins when the robot leaves `stopped`, or when something changes the learner; it ends
-after the robot has stood for ten seconds. The queue for the disk is bounded by count and by bytes:
-a slow disk costs pictures, which are counted, and never the loop's time or the memory. An example
-whose picture was dropped is recorded with its feature vector, so that none is lost.
+A recording begins when the robot leaves `stopped` or the learner changes; it ends after the robot
+has stood for ten seconds. The queue for the disk is bounded by count and by bytes. So a slow disk
+costs pictures, which are counted, but no memory and none of the loop's time. An example whose
+picture was dropped is recorded with its feature vector, so that no example is lost.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
 
 _KEPT_IDS = 512
-"""Number of the latest pictures among which an example finds its own in the recording."""
+"""Number of the latest recorded pictures among which an example's picture is looked up."""
 
 
 class Recorder:
     """Records the runs of one loop.
 
     `announce` is called when recording begins, ends, stops because of a fault, or loses pictures.
-    `disk` is the thread that writes, by default one of its own. `about` is each recording's
-    description of the robot: `robot`, `declared_moves` and `options` of `describe_run`. `queue` has
-    the state.
+    `disk` is the thread that writes; by default the recorder starts a thread. `about` is the
+    description of the robot in each recording: the arguments `robot`, `declared_moves` and
+    `options` of `describe_run`. The attribute `queue` holds the recorder's state.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Recorder:
         self._base: Model | None = None
         self._is_open = False
         self._is_kept = False
-        """True if the learner changed or the robot moved: otherwise the recording is discarded."""
+        """True if the learner changed or the robot moved; otherwise the recording is discarded."""
         self._mode = Mode.STOPPED
         self._moved_s = 0.0
         self._lead: deque[Frame] = deque(maxlen=self._config.lead_frames)
@@ -81,7 +81,8 @@ class Recorder:
         self._taught = FrameMarks()
 
     def start(self) -> None:
-        """Start recording. Without the library `mcap` recording is off, and `fault` says so."""
+        """Start recording. If the library `mcap` is missing, recording is off and `fault` says
+        so."""
         try:
             require_mcap()
         except MissingExtraError as error:
@@ -94,18 +95,18 @@ class Recorder:
         clock.start_thread(lambda: end_cut_recordings(found, clock), "endings")
 
     def stop(self) -> None:
-        """Finish the recording, best while the loop still runs; idempotent."""
+        """Finish the recording, preferably while the loop still runs; idempotent."""
         if self._is_open:
             with contextlib.suppress(TimeoutError):
                 self._loop.clock.result(self._loop.submit(self._end), 2.0)
         self._unsubscribe()
-        self.queue.end(None, is_kept=True)  # in case the loop hangs and did not do it
+        self.queue.end(None, is_kept=True)  # in case the loop hangs
         self._disk.stop()
 
     # On the loop's thread ----------------------------------------------------------------------
 
     def _end(self) -> None:
-        """Finish between two ticks, so that the present one is also recorded."""
+        """Finish between two ticks, so that the current tick is also recorded."""
         self._unsubscribe()
         self.finish()
 
@@ -120,7 +121,7 @@ class Recorder:
         self._moved_s = now_s if is_moving else self._moved_s
         events = self._own_events(tick.history_events)
         if began and self.queue.fault is not None:
-            if self._is_open:  # the disk has closed it; the model that is taken has the events
+            if self._is_open:  # the disk closed it; the next model contains the events
                 self.finish()
                 events = ()
             self.queue.fault = None
@@ -134,13 +135,13 @@ class Recorder:
         self._end_if_due(tick, events)
 
     def write_result(self, of: str, fields: Fields) -> None:
-        """Add what an extension measured to the present recording; without one, drop it."""
+        """Add an extension's result to the current recording; drop it if there is no recording."""
         if self._is_open:
             now_s = self._loop.clock.now_s()
             self.queue.write_message(Topic.RESULT, now_s, {"of": of, **fields})
 
     def keep(self) -> None:
-        """Keep the present recording in any case."""
+        """Keep the current recording in any case."""
         self._is_kept = True
 
     def finish(self) -> None:
@@ -149,12 +150,14 @@ class Recorder:
             self._close(final=self._base)
 
     def begin_anew(self) -> None:
-        """Finish the present recording, and forget the pictures that were to lead the next one."""
+        """Finish the current recording, and drop the pictures kept for the next one's
+        beginning."""
         self.finish()
         self._lead.clear()
 
     def _own_events(self, events: tuple[HistoryEvent, ...]) -> tuple[HistoryEvent, ...]:
-        """Begin a new recording when another policy took over."""
+        """Return the events to record; if the policy was replaced, close the recording
+        instead."""
         if any(isinstance(event, Replaced) for event in events):
             if self._is_open:
                 self._close(final=None)
@@ -186,7 +189,7 @@ class Recorder:
             self.queue.write_message(Topic.MODE, now_s, now)
         if tick.frame is not None:
             if now_s - self._moved_s <= self._config.trail_s:
-                while self._lead:  # a command may label a picture from just before
+                while self._lead:  # a command may label an earlier picture
                     self._keep(self._lead.popleft())
                 self._record_frame(tick)
             else:
@@ -233,14 +236,15 @@ class Recorder:
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)
         while sum(len(frame.data) for frame in self._lead) > self._config.queue_bytes // 4:
-            self._lead.popleft()  # large pictures would fill the queue at once
+            self._lead.popleft()  # large pictures would fill the queue
 
     def _keep(self, frame: Frame) -> None:
         if frame.frame_id not in self._kept and self.queue.write_frame(frame):
             self._kept.append(frame.frame_id)
 
     def _end_if_due(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
-        """End after a pause, and when an undo reached back beyond this recording."""
+        """End the recording after a pause, or if an undo removed examples of an earlier
+        recording."""
         reached_back = any(
             isinstance(event, Undone) and not all(self._taught[i] for i in event.frame_ids)
             for event in events

@@ -23,15 +23,15 @@ from robot.store.presence import require_present
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
 _OPEN_EPISODES, _DESCRIBED = 2, 2**16
-"""Sizes of the caches: of open recordings, and of their entries in the list."""
+"""Sizes of the caches of open recordings and of list entries."""
 _READ_WHOLE_BYTES = 2 * 2**20
-"""Size, in bytes, above which only the beginning of a recording in progress is read."""
+"""Size above which only the beginning of a recording in progress is read, in bytes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Deleted:
-    """The outcome of a deletion: the deleted episodes, the key that restores them all, and why
-    others were kept."""
+    """The outcome of a deletion: the deleted episodes, the key that restores them all, and the
+    reasons why other episodes were kept."""
 
     ids: tuple[str, ...]
     key: str | None
@@ -39,7 +39,7 @@ class Deleted:
 
 
 class EpisodeStore:
-    """Every file operation on episodes, but for the one being recorded. Safe for threads."""
+    """All file operations on episodes, except the episode being recorded. Thread-safe."""
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class EpisodeStore:
     ) -> None:
         self._storage = storage
         self._recording = recording or (lambda: None)
-        self._is_recorder = recording is not None  # otherwise another program may be
+        self._is_recorder = recording is not None  # False: another program may record
         self.budget_bytes = DEFAULT_BUDGET_BYTES
         """Total size above which the oldest unprotected episodes are offered for deletion."""
         self._lock = threading.RLock()
@@ -59,19 +59,19 @@ class EpisodeStore:
         )
 
     def ids(self) -> list[str]:
-        """List the episodes' names in descending order."""
+        """Return the episodes' names in descending order."""
         return sorted((path.stem for path in self._paths()), reverse=True)
 
     def summaries(self) -> list[EpisodeSummary]:
-        """Describe all episodes, the newest by time first; each state of a file is read once."""
+        """Describe all episodes, newest first; a file is read again only if it changed."""
         found = []
         for path in self._paths():
-            with contextlib.suppress(OSError):  # it is gone
+            with contextlib.suppress(OSError):  # the file was deleted
                 found.append(self._describe(path))
         return sorted(found, key=lambda s: (-s.started_at_s, s.is_copy, len(s.id), s.id))
 
     def summary(self, episode_id: str) -> EpisodeSummary:
-        """Describe one episode; raises OSError if it is gone."""
+        """Describe one episode; raises OSError if its file is missing."""
         return self._describe(self.path(episode_id))
 
     def _paths(self) -> list[Path]:
@@ -79,7 +79,7 @@ class EpisodeStore:
         return [path for path in found if path.is_file() and size_of(path) and path.name[0] != "."]
 
     def _describe(self, path: Path) -> EpisodeSummary:
-        """Describe a recording by reading it, unless it and its notes are unchanged."""
+        """Describe a recording; read it only if it or its notes have changed."""
         notes = notes_path(path)
         found = [file.stat() for file in (path, notes) if file is path or file.exists()]
         state = [(status.st_size, status.st_mtime_ns) for status in found]
@@ -90,13 +90,13 @@ class EpisodeStore:
     def path(self, episode_id: str) -> Path:
         is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
         path = self._storage.folder(NAME) / f"{episode_id}.mcap"
-        with contextlib.suppress(OSError, ValueError):  # the name is impossible for a file
+        with contextlib.suppress(OSError, ValueError):  # not a valid file name
             if is_name and episode_id and path.is_file():
                 return path
         raise NotFoundError(f"unknown episode {episode_id[:80]!r}")
 
     def open(self, episode_id: str) -> Episode:
-        """Open an episode; the last two stay open."""
+        """Open an episode; the last two episodes stay open."""
         path = self.path(episode_id)
         status = path.stat()
         with self._lock:
@@ -128,9 +128,9 @@ class EpisodeStore:
             return notes
 
     def delete(self, *episode_ids: str) -> Deleted:
-        """Move episodes to the trash together, except those that cannot be deleted now.
+        """Move episodes to the trash together, except episodes that cannot be deleted now.
 
-        ConfigurationError if it is only one, and that cannot be deleted.
+        Raises ConfigurationError if only one is given and it cannot be deleted.
         """
         wanted = list(dict.fromkeys(episode_ids))
         paths: dict[str, Path] = {}
@@ -153,8 +153,8 @@ class EpisodeStore:
         return path
 
     def restore(self, key: str) -> list[str]:
-        """Restore the episodes that were deleted together; return their names, new ones where the
-        old ones are in use."""
+        """Restore the episodes that were deleted together; return their names. An episode whose old
+        name is in use gets a new name."""
         with self._lock:
             return self._storage.restore(key, self._storage.folder(NAME), ".mcap")
 
@@ -177,10 +177,10 @@ class EpisodeStore:
             return key
 
     def split(self, episode_id: str, frame_id: int) -> str:
-        """Make two recordings of one, the second beginning with this frame; return its name.
+        """Split a recording in two; the second begins with this frame. Return the second's name.
 
-        The first stays whole on the disk, with an edit that deletes the frames of the second.
-        ConfigurationError if one of the two would be empty.
+        The first file stays complete; an edit deletes the second recording's frames from it.
+        Raises ConfigurationError if one of the two would be empty.
         """
         with self._lock:
             path = self._idle_path(episode_id)
@@ -200,7 +200,7 @@ class EpisodeStore:
 
     @contextlib.contextmanager
     def new_file(self, name: str) -> Iterator[Path]:
-        """Reserve a place as `new_path` does; it is free again if the writer fails."""
+        """Reserve a path with `new_path`; release the path if the writer fails."""
         path = self.new_path(name)
         try:
             yield path
@@ -209,9 +209,9 @@ class EpisodeStore:
             raise
 
     def new_path(self, name: str) -> Path:
-        """Reserve a free place by an empty file: another program may also look for one.
+        """Reserve a free path by an empty file, because another program may also look for a path.
 
-        Notes of a deleted recording with this name would edit the new one.
+        A name with notes of a deleted recording is not free: they would edit the new recording.
         """
         require_present(self._storage.folder(NAME))
         names = (path.name for path in paths_in(self._storage.folder(NAME)))
@@ -224,7 +224,8 @@ class EpisodeStore:
             taken.add(path.stem)
 
     def offered(self) -> list[EpisodeSummary]:
-        """List the episodes whose deletion would meet the budget; none is deleted unasked."""
+        """Return the episodes whose deletion would meet the budget; none is deleted
+        automatically."""
         summaries, offered = self.summaries(), []
         excess = sum(summary.bytes for summary in summaries) - self.budget_bytes
         for summary in reversed(summaries):

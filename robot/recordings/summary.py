@@ -1,4 +1,4 @@
-"""An episode's entry in the list, read from the two ends of its file only."""
+"""An episode's list entry, read only from the beginning and the end of its file."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from robot.store.folder import fold
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EpisodeSummary:
-    """One recording of the list. `started_at_s` is wall-clock time, seconds since 1970.
+    """One recording in the list. `started_at_s` is the wall-clock time in seconds since 1970.
 
-    `damage` describes a fault: the end of a truncated file, or the reason why a file cannot be read
-    (`is_readable` is False).
+    `damage` describes a fault: that the file is truncated, or why it cannot be read (`is_readable`
+    is False).
     """
 
     id: str
@@ -42,10 +42,11 @@ class EpisodeSummary:
     is_readable: bool = True
     damage: str | None = None
     is_copy: bool = False
-    """True if its file was recorded under another name, as a synchroniser's conflict copy was."""
+    """True if the file was recorded under another name, such as a sync tool's conflict copy."""
 
     def matches(self, text: str) -> bool:
-        """True if each word of a text occurs in its name, title, date, labels, robot or learner."""
+        """True if each word of `text` occurs in the recording's name, title, date, labels, robot or
+        learner."""
         began = datetime.fromtimestamp(self.started_at_s).isoformat(" ", "seconds")
         about = (self.id, self.title, began, *self.taught, self.robot, self.learner, self.source)
         haystack = fold(" ".join(about))
@@ -53,9 +54,9 @@ class EpisodeSummary:
 
 
 def read_summary(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
-    """Describe a recording in any state; only a missing file raises (OSError).
+    """Describe a recording, even a damaged one; raises OSError only if the file is missing.
 
-    If it `is_growing`, only the beginning is read.
+    If `is_growing`, only the beginning is read.
     """
     size = path.stat().st_size
     try:

@@ -1,7 +1,7 @@
 """Retraining from recordings: the recorded examples, with a person's edits applied.
 
-The same examples in the same order make the same learner, bit for bit: pictures are stored as the
-camera sent them, and examples that were undone while driving are left out.
+The same examples in the same order yield the same learner, bit for bit. Pictures are stored exactly
+as the camera sent them, and examples that were undone while driving are left out.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ EditedEpisode = tuple[Episode, Notes]
 
 
 class Step(NamedTuple):
-    """One thing to learn from a recording: an edit, or an example with its present label.
+    """One step of learning from a recording: an edit, or an example with its current label.
 
     The vector of an example is empty if its picture was recorded. An example that a person labelled
     afterwards has the teaching time -1.
@@ -52,7 +52,7 @@ class Report:
 
 
 def plan(episodes: Sequence[EditedEpisode]) -> Iterator[Step]:
-    """Yield the steps to learn, in order, without undone or deleted ones."""
+    """Yield the steps to learn, in order, without undone and deleted steps."""
     for (episode, notes), rows in zip(episodes, surviving(episodes), strict=True):
         late = _labelled_late(episode, notes)
         due = next(late, None)
@@ -96,15 +96,15 @@ def _labelled_late(episode: Episode, notes: Notes) -> Iterator[Taught]:
 
 
 def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
-    """Return for each recording the indices of its events without those undone while driving, also
-    across the recordings of one run. Undo events for a recording before these stay."""
+    """Return for each recording the indices of its events that were not undone while driving, even
+    by a later recording of the same run. Undo events for recordings before `episodes` stay."""
     counts = [np.ones(len(episode.events), bool) for episode, _ in episodes]
     frames = [episode.events.frames for episode, _ in episodes]
     for place, (episode, _) in enumerate(episodes):
         for row in episode.events.rows_of(Undone):
             event = episode.events.event(row)
             assert isinstance(event, Undone)
-            counts[place][row] = False  # it undoes no later event
+            counts[place][row] = False  # each undo event applies once
             gone = 0
             if not event.frame_ids:
                 gone = _undo_edit(episodes, counts, place, row)
@@ -121,7 +121,7 @@ def surviving(episodes: Sequence[EditedEpisode]) -> list[NDArray[np.intp]]:
 def _undo_edit(
     episodes: Sequence[EditedEpisode], counts: list[NDArray[np.bool_]], place: int, row: int
 ) -> int:
-    """Undo the last edit of an image before an event; return the number of events."""
+    """Undo the last edit of an image before an event; return the number of undone events."""
     for earlier in range(place, -1, -1):
         for edited in reversed(episodes[earlier][0].events.rows_of(Edited)):
             if counts[earlier][edited] and (earlier < place or edited < row):
@@ -140,8 +140,8 @@ def learn_again(
     """Teach the policy all steps of the recordings.
 
     Edits of learned images are repeated only if they apply to the same images: with the learner
-    that was driven, and up to the first recording with edits. Others are counted as left out.
-    ConfigurationError if a label is not one of the policy's moves.
+    that was driven, and up to the first recording with edits. Other edits are counted as left out.
+    Raises ConfigurationError if a label is not one of the policy's moves.
     """
     same = takewhile(lambda one: _is_as_driven(policy, *one), episodes)
     faithful = [episode for episode, _ in same]
@@ -170,7 +170,7 @@ def _is_as_driven(policy: Policy, episode: Episode, notes: Notes) -> bool:
 
 
 def _seen_by(policy: Policy, episode: Episode, event: Taught) -> Taught | None:
-    """Return the example with this policy's own vector; None if its picture was not recorded."""
+    """Return the example with this policy's vector; None if its picture was not recorded."""
     frame_id, label = event.example.frame_id, event.example.label
     if label not in policy.moves:
         raise ConfigurationError(

@@ -56,9 +56,9 @@ def describe_run(
 ) -> dict[str, str]:
     """Return the metadata at the beginning of a recording.
 
-    `started_at_s` is wall-clock time, seconds since 1970. `origin_ns` is the zero of the run's
-    clock, in nanoseconds since 1970. Frame ids are unique within one `run_id`: several recordings
-    of one run of the program share it.
+    `started_at_s` is the wall-clock time in seconds since 1970. `origin_ns` is the zero of the
+    run's clock, in nanoseconds since 1970. Frame ids are unique within one `run_id`; all recordings
+    of one run of the program have the same `run_id`.
     """
     return {
         "format": str(FORMAT),
@@ -77,7 +77,8 @@ def describe_run(
 
 
 def describe_content(frames: int, taught: Mapping[Action, int], lasted_s: float) -> dict[str, str]:
-    """Return the size of a recording; `taught` counts the examples that were not undone."""
+    """Return the metadata at the end of a recording; `taught` counts the examples that were not
+    undone."""
     return {
         "frames": str(frames),
         "taught": json.dumps({label: count for label, count in taught.items() if count}),
@@ -86,7 +87,7 @@ def describe_content(frames: int, taught: Mapping[Action, int], lasted_s: float)
 
 
 class EpisodeWriter:
-    """Writes one MCAP file. For one thread; raises OSError when the disk refuses."""
+    """Writes one MCAP file. For one thread only; raises OSError if the disk fails."""
 
     def __init__(
         self,
@@ -124,11 +125,11 @@ class EpisodeWriter:
 
     @property
     def frames(self) -> int:
-        """Number of its pictures."""
+        """Number of pictures written."""
         return self._tally.frames
 
     def write_frame(self, frame: Frame) -> None:
-        """Add one picture as the camera gave it; its id is the message's sequence number."""
+        """Add one picture with the camera's bytes; its id is the message's sequence number."""
         stamp_ns = self._to_ns(frame.captured_s)
         data = encode_image(frame, stamp_ns)
         self._add(camera_channel(frame), stamp_ns, data, frame.frame_id)
@@ -151,7 +152,7 @@ class EpisodeWriter:
             self._add(record.channel, record.log_ns, record.data, record.sequence)
 
     def flush(self) -> None:
-        """Flush to the disk, so that a kill or a power cut loses nothing written before."""
+        """Flush to the disk, so that a kill or a power cut loses no data written so far."""
         self._writer.flush()
         self._follow()
         _sync(self._file)
@@ -174,21 +175,21 @@ class EpisodeWriter:
             self._file.close()
 
     def _follow(self) -> None:
-        """Take what was written into the index; write its section once it is large."""
+        """Add the written chunks to the index; write the index section once it is large."""
         offset, data = self._written.take()
         if self._columns is None:
             return
         try:
             for block in self._follower.blocks(data, offset):
                 self._columns.add(block)
-        except UNREADABLE:  # a damaged message was copied: whoever reads it is told
+        except UNREADABLE:  # a damaged message was copied; its reader reports it
             self._columns = None
             return
         if self._columns.pictures >= self._section_frames:
             self._write_index(is_last=False)
 
     def _write_index(self, *, is_last: bool) -> None:
-        """Write what came since the last section."""
+        """Write the index of the chunks since the last section."""
         if self._columns is None:
             return
         self._writer.flush()
@@ -199,7 +200,7 @@ class EpisodeWriter:
         self._written.take()
 
     def abandon(self) -> None:
-        """Close the file as it is, after the disk refused."""
+        """Close the file without its end, after the disk failed."""
         self._file.close()
 
     def _attach(self, name: str, data: bytes) -> None:
@@ -230,7 +231,7 @@ class EpisodeWriter:
 
 
 class _Written:
-    """A file to write to that keeps what was written until it is taken."""
+    """A file for writing that also buffers the written bytes until `take`."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
@@ -239,7 +240,7 @@ class _Written:
 
     @property
     def waiting(self) -> int:
-        """Number of bytes that were not taken yet."""
+        """Number of bytes that are buffered."""
         return len(self._data)
 
     def write(self, data: bytes) -> int:
@@ -247,7 +248,7 @@ class _Written:
         return self._file.write(data)
 
     def take(self) -> tuple[int, bytes]:
-        """Return what was written since the last time, and where it begins in the file."""
+        """Return the offset and the bytes that were written since the last call."""
         offset, data = self._offset, bytes(self._data)
         self._data.clear()
         self._offset += len(data)
