@@ -43,11 +43,14 @@ class ConnectedDriver(Driver, Generic[_C]):
 
     For a body that answers orders, that is all. One that acknowledges nothing reports by itself now
     and then: set `gone_after_s`, and call `heard` whenever something came from it.
+
+    Attributes:
+        gone_after_s: Time without a call of `heard` after which the body counts as gone, in
+            seconds; longer than the gaps between its reports, and at most 0.4, so that the error
+            comes within half a second. None: the body answers each request.
     """
 
     gone_after_s: ClassVar[float | None] = None
-    """Time without a call of `heard` after which the body counts as gone, in seconds; at most 0.4,
-    so that the error comes within half a second. None: the body answers each request."""
 
     __connection: _C | None = None
     __is_wanted = False
@@ -83,7 +86,11 @@ class ConnectedDriver(Driver, Generic[_C]):
         """
 
     def _sense(self) -> Sensors:
-        """Read the sensors, and whatever else came from the body; none by default."""
+        """Read the sensors, and whatever else came from the body; none by default.
+
+        It does not wait for a body that reports by itself. It is also called before a move if the
+        body has not been heard for `gone_after_s`.
+        """
         return Sensors()
 
     def _close(self, connection: _C) -> None:

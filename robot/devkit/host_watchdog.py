@@ -151,10 +151,15 @@ class HostWatchdog(ConnectedDriver[_C]):
 
     This class calls the subclass's `_drive` with STOP, at times from that thread and while a move's
     call has not returned.
+
+    Attributes:
+        acknowledges: True if `_drive` returns only after the body has taken the order. Otherwise
+            the stop is repeated while nobody drives.
+        gone_after_s: For a body that acknowledges nothing, as in `ConnectedDriver`: longest time
+            without a call of `heard`, in seconds.
     """
 
     acknowledges: ClassVar[bool] = False
-    """True if `_drive` returns only after the body has taken the order."""
     __ender: MoveEnder | None = None
 
     def __init_subclass__(cls, **options: object) -> None:

@@ -19,14 +19,15 @@ class DriverCase:
         forward: Lets seconds pass: `time.sleep`, or a virtual clock's `advance`.
         is_moving: Whether the body moves now; None if that is unknown: tests that need it
             are skipped. It must ask the body, not the driver.
-        cut_link: Cuts the connection to the body; None if there is none.
+        cut_link: Cuts the connection to the body, both ways; None if there is none. If only a new
+            order stops the body, it also stops the motors of the stand-in.
         now_s: The clock on which requests are measured; None: the machine's.
         budget_s: How long a request may take; None: as long as the contract says. A machine that
             is busy with other things needs more.
         mend_link: Lets the body be reached again, by a new connection if the old one is lost; None
             if it cannot.
-        drives: How the body turns and drives now, as a point of any scale; None if that is
-            unknown. It must ask the body, not the driver.
+        drives: How the body turns and drives now, as a point of any scale, positive to the right
+            and ahead; None if that is unknown. It must ask the body, not the driver.
         ramp_s: How long the body may take from one point to any other; 0: it does so at once.
     """
 

@@ -98,10 +98,10 @@ class DriverContract:
     def test_every_move_moves_and_stop_stops(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
             for move in driver.moves:
-                _check_moves(driver_case, partial(driver.send_action, move), str(move))
+                _set_going(driver_case, move)
                 _check_sent(driver.send_action(Action.STOP), Action.STOP, "send_action(STOP)")
                 _check_stands(driver_case, f"after STOP, sent after {move}")
-                _check_sent(driver.send_action(move), move, f"send_action({move})")
+                _set_going(driver_case, move)
                 driver.stop()
                 _check_stands(driver_case, f"after stop(), called after {move}")
 
@@ -129,7 +129,7 @@ class DriverContract:
                 if action not in driver.moves:
                     with pytest.raises(ValueError, match=action.value):
                         driver.send_action(action)
-            assert not moving(driver_case), "the body moves after orders that were refused"
+            _check_stays(driver_case, "the body moves after orders that were refused")
 
     def test_every_point_counts_as_a_move_and_drives(self, driver_case: DriverCase) -> None:
         """Any body can be driven by degrees; one that does not take them drives the moves."""
@@ -159,7 +159,7 @@ class DriverContract:
                         driver.send_point(point)
             with pytest.raises(ValueError, match="speed_scale"):
                 driver.send_point(Point(0.0, 0.5), speed_scale=1.5)
-            assert not moving(driver_case), "the body moves after points that were refused"
+            _check_stays(driver_case, "the body moves after points that were refused")
         with pytest.raises(NotConnectedError):
             driver.send_point(Point(0.0, 0.5))
 
@@ -183,8 +183,9 @@ class DriverContract:
                 )
                 assert now.throttle > 0.0 or abs(steering) > 0.5, f"{asked}, which is not ahead"
             assert turned == sorted(turned), f"more steering turns less somewhere: {turned}"
-            back = _driven(driver_case, partial(driver.send_point, Point(0.0, -0.5)))
-            assert back.throttle < 0.0, f"asked for throttle -0.5: it drives {tuple(back)}"
+            if driver.move_of(Point(0.0, -0.5)) is not Action.STOP:  # it has a move back
+                back = _driven(driver_case, partial(driver.send_point, Point(0.0, -0.5)))
+                assert back.throttle < 0.0, f"asked for throttle -0.5: it drives {tuple(back)}"
             for move in driver.declared_moves:
                 if move.point is not None:
                     as_move = _driven(driver_case, partial(driver.send_action, move.name))
@@ -214,8 +215,10 @@ class DriverContract:
                 _check_same(after, before, "swapped sides")
             for trim in (-0.2, 0.2):
                 driver.correct(BodyCorrection(trim=trim))
-                assert side_of(_steered_to(driver_case, points[1]).steering, 1e-9) == side_of(
-                    trim, 0.0
+                now = _steered_to(driver_case, points[1])
+                assert side_of(now.steering, 1e-9) == side_of(trim, 0.0), (
+                    f"asked to go straight with trim {trim}: it drives {tuple(now)}, which is not "
+                    "to this side"
                 )
             driver.correct(BodyCorrection())
             _check_same(_steered_to(driver_case, points[0]), plain[0], "corrected no more")
@@ -233,9 +236,7 @@ class DriverContract:
                 pytest.skip("nobody can tell how this body drives; give the case a drives")
             reached: dict[Point, Point] = {}
             for point in CORNERS:
-                _driven(driver_case, partial(driver.send_point, point))
-                driver_case.forward(driver_case.ramp_s)
-                reached[point] = drives()
+                reached[point] = _driven(driver_case, partial(driver.send_point, point))
                 driver.stop()
                 _check_stands(driver_case, f"after stop(), called after {tuple(point)}")
             limits = [(min(of), max(of)) for of in zip(*reached.values(), strict=True)]
@@ -248,8 +249,8 @@ class DriverContract:
                             f"[{least:.4g}, {most:.4g}], where it comes to at the corners"
                         )
                 driver_case.forward(driver_case.ramp_s)
-                _comes(driver_case, lambda: _is_same(drives(), reached[point]))  # noqa: B023
-                _check_same(drives(), reached[point], f"{tuple(point)}, after other points,")
+                if not _comes(driver_case, lambda: _is_same(drives(), reached[point])):  # noqa: B023
+                    _check_same(drives(), reached[point], f"{tuple(point)}, after other points,")
 
     def test_it_senses(self, driver_case: DriverCase) -> None:
         with driver_case.driver as driver:
@@ -307,7 +308,7 @@ class DriverContract:
         if driver_case.cut_link is None:
             pytest.skip("there is no line to cut")
         with driver_case.driver as driver:
-            driver.send_action(driver.moves[0])
+            _set_going(driver_case, driver.moves[0])
             driver_case.cut_link()
             said = False
             for _ in range(10):
@@ -319,7 +320,7 @@ class DriverContract:
                     break
                 driver_case.forward(STANDS_WITHIN_S / 10)
             driver_case.forward(STANDS_WITHIN_S)
-            _check_ended(driver_case, STANDS_WITHIN_S, "the last request on a line that was cut")
+            _check_cut_off(driver_case, STANDS_WITHIN_S)
             assert said, (
                 f"no DriveError in {1000 * STANDS_WITHIN_S:.0f} ms, ten times send_action and "
                 "sense, of a body whose line is cut"
@@ -332,12 +333,12 @@ class DriverContract:
         if driver_case.cut_link is None or driver_case.mend_link is None:
             pytest.skip("there is no line to cut and restore")
         with driver_case.driver as driver:
-            driver.send_action(driver.moves[0])
+            _set_going(driver_case, driver.moves[0])
             for cut_s in CUTS_S:
                 driver_case.cut_link()
                 for _ in range(round(cut_s / _STEP_S)):
                     _ask(driver_case, driver.moves[0], _STEP_S)
-                _check_ended(driver_case, cut_s, "the line was cut")
+                _check_cut_off(driver_case, cut_s)
                 driver_case.mend_link()
                 is_back = _moves_within(driver_case, BACK_WITHIN_S, driver.moves[0], _STEP_S)
                 assert is_back, (
@@ -380,6 +381,13 @@ def _check_moves(case: DriverCase, order: Callable[[], object], what: str) -> No
     assert goes, f"the body does not move {waited_ms:.0f} ms after {what} was sent"
 
 
+def _set_going(case: DriverCase, move: Action) -> None:
+    """Send a move and wait until the body moves: a late one has not begun when the call returns,
+    and a stop or a cut at once would find it still standing."""
+    send = case.driver.send_action
+    _check_moves(case, lambda: _check_sent(send(move), move, f"send_action({move})"), str(move))
+
+
 def _check_goes_on(case: DriverCase, move: Action) -> None:
     goes = _moves_within(case, 5 * _HALF_WAY_S, move, _HALF_WAY_S)
     assert goes, (
@@ -392,8 +400,23 @@ def _check_ended(case: DriverCase, after_s: float, what: str) -> None:
     """Check that the body stands; a move lasts for `ACTION_TIMEOUT_S` at most."""
     assert not moving(case), (
         f"the body still moves {1000 * after_s:.0f} ms after {what}; a move lasts "
-        f"{1000 * ACTION_TIMEOUT_S:.0f} ms at most, on the body's own clock or by HostWatchdog"
+        f"{1000 * ACTION_TIMEOUT_S:.0f} ms at most: give the body a timeout, or the driver the "
+        "base HostWatchdog"
     )
+
+
+def _check_cut_off(case: DriverCase, after_s: float) -> None:
+    assert not moving(case), (
+        f"the body still moves {1000 * after_s:.0f} ms after the line was cut; no order reaches it "
+        "now, not even the stop of HostWatchdog: only a timeout of its own can end the move. If it "
+        "has none, cut_link must stop the stand-in's motors as well, and the real robot does not "
+        "keep this promise"
+    )
+
+
+def _check_stays(case: DriverCase, otherwise: str) -> None:
+    """Check that the body stands, also when a late order would have reached it."""
+    assert not _comes(case, lambda: moving(case)), otherwise
 
 
 def _check_sent(sent: object, asked: Action, by: str) -> None:
@@ -425,12 +448,13 @@ def _driven(case: DriverCase, send: Callable[[], object]) -> Point:
     """Send an order to a body at rest or on another course, and return how it drives then."""
     drives = case.drives
     assert drives is not None
-    if not type(case.driver).is_remote:
+    if type(case.driver).is_remote:
+        before = drives()
         send()
-        return drives()
-    before = drives()
-    send()
-    _comes(case, lambda: not _is_same(drives(), before))
+        _comes(case, lambda: not _is_same(drives(), before))
+    else:
+        send()
+    case.forward(case.ramp_s)
     return drives()
 
 
@@ -444,12 +468,10 @@ def _is_same(now: Point, wanted: Point) -> bool:
 
 def _steered_to(case: DriverCase, point: Point) -> Point:
     """Drive a point as the loop does, and return how the body drives; what it means stays."""
-    driver, drives = case.driver, case.drives
-    assert drives is not None
-    assert driver.drive(driver.move_of(point), point) is driver.move_of(point)
-    case.forward(case.ramp_s)
-    now = drives()
+    driver, move = case.driver, case.driver.move_of(point)
+    now = _driven(case, lambda: _check_sent(driver.drive(move, point), move, "drive"))
     driver.stop()
+    _check_stands(case, f"after stop(), called after {tuple(point)}")
     return now
 
 

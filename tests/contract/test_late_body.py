@@ -7,65 +7,122 @@ from typing import Any
 import pytest
 
 from robot.devkit.connected_driver import ConnectedDriver
-from robot.driver import ACTION_TIMEOUT_S
+from robot.driver import ACTION_TIMEOUT_S, point_of
 from robot.testing import VirtualClock
 from robot.testing.cases import DriverCase
 from robot.testing.driver_contract import DriverContract, _check_same, _check_stands
 from robot.types import Action, Point, Sensors
 
 LATE_S = 0.06
+STANDS = Point(0.0, 0.0)
 
 
 class LateDriver(ConnectedDriver[VirtualClock]):
     """Its orders arrive later; a method of its own has a name that anybody would take."""
 
-    name, default_camera, is_remote = "late", "phone", True
+    name, default_camera, is_remote, takes_points = "late", "phone", True, True
+    ends_moves, is_cut = True, False
 
     def __init__(self, clock: VirtualClock) -> None:
         super().__init__(clock=clock)
-        self.orders: list[tuple[float, Action]] = []
+        self.orders: list[tuple[float, Point]] = []
 
     def _open(self) -> VirtualClock:
         return VirtualClock()
 
-    def _send(self, action: Action) -> None:  # type: ignore[override,unused-ignore]
-        self.orders.append((self._clock.now_s() + LATE_S, action))
+    def _send(self, point: Point) -> None:  # type: ignore[override,unused-ignore]
+        if self.is_cut:
+            raise OSError("cut off")
+        self.orders.append((self._clock.now_s() + LATE_S, point))
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
-        self._send(action)
+        self._send(point or point_of(action, self.declared_moves) or STANDS)
 
     def sense(self) -> Sensors:
         return Sensors()
 
+    def cut(self) -> None:
+        self.orders, self.is_cut = [each for each in self.orders if self._has_come(each)], True
+
+    def drives(self) -> Point:
+        came_s, point = [(0.0, STANDS), *filter(self._has_come, self.orders)][-1]
+        has_ended = self.ends_moves and self._clock.now_s() >= came_s + ACTION_TIMEOUT_S
+        return STANDS if has_ended else point
+
+    def _has_come(self, order: tuple[float, Point]) -> bool:
+        return order[0] <= self._clock.now_s()
+
+
+class NeverEnds(LateDriver):
+    ends_moves = False
+
+
+class NeverStops(LateDriver):
     def stop(self) -> None:
-        if self.is_connected:
-            self._send(Action.STOP)
+        pass
+
+
+def run(check: Any, kind: type[LateDriver]) -> None:
+    clock = VirtualClock()
+    driver = kind(clock)
+
+    def is_moving() -> bool:
+        return driver.drives() != STANDS
+
+    def restore() -> None:
+        driver.is_cut = False
+
+    check(
+        DriverContract(),
+        DriverCase(
+            driver,
+            clock.advance,
+            is_moving,
+            driver.cut,
+            now_s=clock.now_s,
+            mend_link=restore,
+            drives=driver.drives,
+        ),
+    )
 
 
 @pytest.mark.parametrize(
     "check",
     [
-        DriverContract.test_every_move_moves_and_stop_stops,
-        DriverContract.test_an_action_ends_by_itself,
-        DriverContract.test_an_action_that_is_renewed_goes_on,
-        DriverContract.test_every_point_counts_as_a_move_and_drives,
-        DriverContract.test_leaving_the_context_stops_the_body,
+        check
+        for name, check in vars(DriverContract).items()
+        if name.startswith("test_") and "declares" not in name and "leaves_nothing" not in name
     ],
 )
 def test_a_body_that_is_late_keeps_the_contract(check: Any) -> None:
-    clock = VirtualClock()
-    driver = LateDriver(clock)
+    run(check, LateDriver)
 
-    def is_moving() -> bool:
-        now_s = clock.now_s()
-        came = [order for order in driver.orders if order[0] <= now_s]
-        return (
-            bool(came)
-            and came[-1][1] is not Action.STOP
-            and (now_s < came[-1][0] + ACTION_TIMEOUT_S)
-        )
 
-    check(DriverContract(), DriverCase(driver, clock.advance, is_moving, now_s=clock.now_s))
+@pytest.mark.parametrize(
+    ("kind", "check", "says"),
+    [
+        (
+            NeverEnds,
+            DriverContract.test_a_body_whose_line_is_cut_stands_and_the_driver_says_so,
+            "after the line was cut",
+        ),
+        (
+            NeverEnds,
+            DriverContract.test_a_body_whose_line_is_whole_again_is_driven_again,
+            "after the line was cut",
+        ),
+        (
+            NeverStops,
+            DriverContract.test_every_move_moves_and_stop_stops,
+            "200 ms after stop",
+        ),
+    ],
+)
+def test_a_late_body_that_breaks_a_promise_is_found(
+    kind: type[LateDriver], check: Any, says: str
+) -> None:
+    with pytest.raises(AssertionError, match=says):
+        run(check, kind)
 
 
 def test_failures_show_numbers() -> None:
