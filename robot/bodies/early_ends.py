@@ -1,8 +1,9 @@
-"""How often in a row the program ended just as the robot began to drive.
+"""Counts how often in a row the program ended just as the robot began to drive.
 
-A weak battery breaks down when motors start: the computer or the program ends, a supervisor starts
-it again, and nobody learns why. A mark on the disk outlives that. An update, a Ctrl-C or a robot
-that is switched off while it stands leaves no mark.
+If the battery is weak, its voltage collapses when motors start: the computer or the program ends, a
+supervisor restarts it, and nobody learns why. A marker file on the disk survives the restart, so
+the next run can report it. An update, a Ctrl-C or a robot that is switched off while it stands
+leaves no marker.
 """
 
 from __future__ import annotations
@@ -22,22 +23,22 @@ from robot.types import Action, Mode
 
 log = logging.getLogger(__name__)
 SOON_S = 5.0
-"""A robot that has driven for this long has a battery that bears its motors, in seconds."""
+"""Driving time after which the battery counts as strong enough for the motors, in seconds."""
 ENOUGH = 2
-"""How many such ends in a row are no chance."""
+"""Number of such ends in a row that cannot be chance."""
 _AGAIN_S = 60.0
-"""How long a robot that has driven is not watched again: each mark is a write to the disk."""
+"""Pause of the watch after a drive, in seconds, because each marker is a disk write."""
 
 
 class EarlyEnds:
-    """Follows the control loop, and keeps on disk whether a drive has just begun.
+    """Follows the control loop, and saves on disk whether a drive has just begun.
 
     Attributes:
-        count: How often in a row it ended so, the end before this start included.
+        count: Number of such ends in a row, up to this start.
     """
 
     def __init__(self, file: Path, on_borne: Callable[[], None] = lambda: None) -> None:
-        """Read the mark of the run before. `on_borne` is called when the robot has driven on."""
+        """Read the previous run's marker. `on_borne` is called when a drive has lasted `SOON_S`."""
         self._file, self._on_borne = file, on_borne
         self.count = _read(file)
         self._is_marked = False
@@ -49,11 +50,11 @@ class EarlyEnds:
 
     @property
     def is_weak(self) -> bool:
-        """True if it ended early often enough to tell a person."""
+        """True if there were enough such ends to tell a person."""
         return self.count >= ENOUGH
 
     def start(self, clock: Clock) -> None:
-        """Write marks on a thread of its own: a slow disk must hold up no loop."""
+        """Write markers on a separate thread, so that a slow disk does not block the loop."""
 
         def work() -> None:
             while not self._ending:
@@ -64,7 +65,7 @@ class EarlyEnds:
         self._thread = clock.start_thread(work, "early-ends")
 
     def note(self, tick: Tick) -> None:
-        """Take in a tick; on the loop's thread."""
+        """Process a tick; on the loop's thread."""
         is_on, now_s = tick.decision.mode is not Mode.STOPPED, tick.now_s
         is_recent = self._borne_s is not None and now_s - self._borne_s < _AGAIN_S
         if is_on and not self._is_marked and not is_recent:
@@ -87,7 +88,7 @@ class EarlyEnds:
         self._due.set()
 
     def write(self) -> None:
-        """Write the newest mark, if there is a new one; a failure is logged."""
+        """Write the marker if it has changed; a failure is logged."""
         wanted, self._wanted = self._wanted, None
         if wanted is None:
             return
@@ -98,7 +99,7 @@ class EarlyEnds:
             log.warning("the mark of a drive's start is not written: %s", error)
 
     def close(self) -> None:
-        """End in good order; this does not count as an early end."""
+        """End normally; this does not count as an early end."""
         self._ending = True
         self._due.set()
         if self._thread is not None:

@@ -1,1 +1,1 @@
-"""The EV3 brick: its devices, and the line to a brick that stands elsewhere."""
+"""The EV3 brick: its devices, and the connection to a remote brick."""

@@ -1,6 +1,6 @@
-"""Packs the files for a brick: the agent as one file, or the program as one folder; and their tar.
+"""Packs the files for a brick: the agent as one file, the program as one folder, and the tar.
 
-The agent's file is a zip that the Python 3.5 of a brick runs as it is (`agent.pyz`).
+The agent's file is a zip, `agent.pyz`, which a brick's Python 3.5 runs directly.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ SOURCES = (
     "devkit/usb_camera.py",
 )
 LEFT_OUT = ("bodies/v4l2/camera.py",)
-"""Files that the agent does without: they need a newer Python, and only a computer uses them."""
+"""Files left out of the agent: they need a newer Python, and only a computer uses them."""
 EPOCH = (1980, 1, 1, 0, 0, 0)
 MAIN = "from robot.bodies.ev3.agent.__main__ import main\n\nmain()\n"
 Files = Sequence[tuple[str, Path | bytes]]
-"""Names inside a tar, and what they are: a file or folder here, or bytes."""
+"""Names inside a tar, each with its source: a local file or folder, or bytes."""
 
 
 def agent_sources() -> dict[str, Path]:
-    """Return the modules that go along: name inside the archive to file here."""
+    """Return the agent's modules: name in the archive to local file."""
     top = Path(next(iter(robot.__path__)))
     return {
         f"robot/{name}": top / name
@@ -55,7 +55,7 @@ def release() -> str:
 def make_agent() -> bytes:
     """Return the archive; the same sources give the same bytes."""
     contents = {name: file.read_text() for name, file in agent_sources().items()}
-    # The parents' own __init__.py may be written for a newer Python: here they are empty.
+    # The parents' __init__.py may need a newer Python, so empty ones replace them.
     parents = {parent for name in contents for parent in list(Path(name).parents)[:-1]}
     empty = {f"{parent.as_posix()}/__init__.py": "" for parent in parents}
     contents = {"__main__.py": MAIN} | empty | {n: t for n, t in contents.items() if n not in empty}
@@ -68,15 +68,15 @@ def make_agent() -> bytes:
 
 
 def make_bundle(folder: Path, server: Path, web: Path) -> None:
-    """Copy this very version, and python-ev3dev2, into `folder`, to be put on Python's path.
+    """Copy this installation and python-ev3dev2 into `folder`, for Python's path.
 
     Args:
-        folder: Where to; made new.
+        folder: The target folder; it is created.
         server: Folder of the package `server`.
         web: Folder of the page's files.
 
     Raises:
-        MissingExtraError: If python-ev3dev2 is not installed here to be copied.
+        MissingExtraError: If python-ev3dev2 is not installed on this machine.
     """
     ev3dev2 = importlib.util.find_spec("ev3dev2")
     if ev3dev2 is None or ev3dev2.origin is None:
@@ -92,7 +92,7 @@ def make_bundle(folder: Path, server: Path, web: Path) -> None:
 
 
 def _copy_metadata(folder: Path) -> None:
-    """Take the entry points along: drivers and cameras are found by them."""
+    """Copy the entry points, by which drivers and cameras are found."""
     about = importlib.metadata.distribution("drivelesson")
     target = folder / f"drivelesson-{about.version}.dist-info"
     target.mkdir(parents=True)
@@ -101,7 +101,7 @@ def _copy_metadata(folder: Path) -> None:
 
 
 def write_tar(stream: IO[bytes], files: Files) -> None:
-    """Write files as a tar, all of them root's."""
+    """Write files as a tar in which root owns all of them."""
     with tarfile.open(fileobj=stream, mode="w|") as tar:
         for name, content in files:
             if isinstance(content, Path):

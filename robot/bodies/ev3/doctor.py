@@ -11,12 +11,12 @@ from typing import Any, Literal
 from robot.bodies.ev3.link import RemotePicture
 
 WHEEL_TOLERANCE = 0.25
-"""A wheel's speed may be so far from what was asked: a weak battery, friction."""
+"""Maximum relative error of a wheel's speed; a weak battery or friction causes some."""
 Advice = str | Literal[False]
 
 
 class Level(StrEnum):
-    """How bad a finding is."""
+    """The severity of a finding."""
 
     OK = "ok"
     NOTE = "note"
@@ -25,7 +25,7 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One line of the report; `advice` says what to do, and is empty where all is well."""
+    """One line of the report; `advice` says what to do, and is empty if all is well."""
 
     level: Level
     topic: str
@@ -35,7 +35,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WheelTurn:
-    """One part of the wheel test: what each wheel was told and what it did, in degrees a second."""
+    """One part of the wheel test: each wheel's commanded and measured speed, in degrees/s."""
 
     asked_dps: Sequence[float]
     turned_dps: Sequence[float]
@@ -44,7 +44,7 @@ class WheelTurn:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BrickFacts:
-    """All that was measured. `inspected` is the agent's answer to `inspect`."""
+    """All measurements. `inspected` is the agent's answer to `inspect`."""
 
     address: str
     ports: tuple[str, str]
@@ -59,7 +59,7 @@ class BrickFacts:
 
 
 def examine(facts: BrickFacts) -> list[Finding]:
-    """Return the findings, topic by topic; always at least one for each topic."""
+    """Return the findings by topic, at least one for each topic."""
     parts = (_versions, _line, _clock, _ports, _wheels, _sensors, _battery, _room, _camera)
     return [finding for part in parts for finding in part(facts)]
 
@@ -74,7 +74,7 @@ def write_report(findings: Sequence[Finding]) -> str:
 
 
 def _judge(topic: str, text: str, *, wrong: Advice = False, note: Advice = False) -> Finding:
-    """Return a finding; `wrong` and `note` are what to do where something is the matter."""
+    """Return a finding; `wrong` and `note` are the advice for an error and for a warning."""
     level = Level.WRONG if wrong else Level.NOTE if note else Level.OK
     return Finding(level, topic, text, wrong or note or "")
 
@@ -228,7 +228,7 @@ def _camera(facts: BrickFacts) -> Iterator[Finding]:
 def _offers(camera: dict[str, Any]) -> Iterator[Finding]:
     if "fault" in camera:
         yield _judge("camera", camera["fault"], wrong="unplug it and plug it in again")
-    elif offers := camera["offers"]:  # the second device of a camera gives no pictures
+    elif offers := camera["offers"]:  # a camera's second device has no pictures
         text = "; ".join(f"{kind} {', '.join(sizes)}" for kind, sizes in offers.items())
         advice = (
             "YUYV" not in offers

@@ -1,4 +1,4 @@
-"""Two wheels and what they make of an action, on whatever way to a brick; and the brick itself.
+"""Converts actions to wheel speeds for every kind of connection to a brick, and drives the brick.
 
 The driver `ev3` is for the brick that this program runs on: python-ev3dev2 reaches its devices.
 """
@@ -59,11 +59,11 @@ class ChassisOptions(Options):
 
     @property
     def degrees_per_m(self) -> float:
-        """How far a motor turns for a metre of the robot ahead."""
+        """The degrees that a motor turns while the robot drives a metre ahead."""
         return (-360 if self.reversed_motors else 360) / (math.pi * self.wheel_diameter_m)
 
     def ports(self) -> dict[str, str]:
-        """Return where motors and sensors are plugged in, as bodies take it."""
+        """Return the ports of motors and sensors for `BrickBody` and its kind."""
         return {
             "left": self.left_port,
             "right": self.right_port,
@@ -73,10 +73,10 @@ class ChassisOptions(Options):
 
 
 class ChassisBody(Protocol):
-    """The devices that a chassis moves: the brick's own, or those behind an agent's line."""
+    """The devices of a chassis: local ones on the brick, or remote ones behind an agent."""
 
     def open(self) -> Sequence[float]:
-        """See that nothing moves; return how fast each wheel can turn, in degrees a second."""
+        """Stop the motors; return each wheel's top speed, in degrees a second."""
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
         """Turn the wheels for at most `time_ms`."""
@@ -85,10 +85,10 @@ class ChassisBody(Protocol):
         """Stop the motors; never raises."""
 
     def positions(self) -> list[float]:
-        """How far each wheel has turned, in degrees."""
+        """Return the angle by which each wheel has turned, in degrees."""
 
     def sense(self) -> dict[str, Any]:
-        """Return the fields of `Sensors` that a body knows."""
+        """Return the fields of `Sensors` that the body measures."""
 
     def take_button(self) -> str | None:
         """Return the button that was pressed since the last call."""
@@ -97,13 +97,13 @@ class ChassisBody(Protocol):
         """Show mode and address; never raises."""
 
     def close(self) -> None:
-        """Stop the motors and let go; idempotent."""
+        """Stop the motors and close the devices; idempotent."""
 
 
 def wheels_of(options: ChassisOptions) -> TwoWheels:
-    """Return how fast the wheels turn, in degrees a second."""
+    """Return the speeds of the wheels, in degrees a second."""
     straight = options.forward_speed_mps * options.degrees_per_m
-    # A single wheel turns the robot about the other one, on a circle of radius track_m.
+    # A single wheel turns the robot about the other wheel, on a circle of radius track_m.
     turn = math.radians(options.turn_rate_deg_s) * options.track_m * options.degrees_per_m
     left = {"backward": (-turn, 0.0), "forward": (0.0, turn), "both": (-turn / 2, turn / 2)}
     return TwoWheels(ahead=straight, back=straight, turn=left[options.turn_by], spin=turn / 2)
@@ -133,12 +133,12 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         return self._in_m(*self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps))
 
     def _in_m(self, left_deg: float, right_deg: float) -> Pair:
-        """Return how far the wheels roll ahead when their motors turn so far."""
+        """Convert the angles of the motors to the distances that the wheels roll ahead."""
         return left_deg / self.options.degrees_per_m, right_deg / self.options.degrees_per_m
 
     @abstractmethod
     def _open(self) -> ChassisBody:
-        """Return the body, not yet open."""
+        """Return the body without opening it."""
 
     def _begin(self) -> None:
         left_dps, right_dps = self._connected().open()
@@ -150,7 +150,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         connection.close()
 
     def _check_speeds(self, top_dps: Pair) -> None:
-        """Raise ConfigurationError if a move asks more of a motor than it can give."""
+        """Raise ConfigurationError if a move needs a higher speed than a motor can reach."""
         options = self.options
         ports = (options.left_port, options.right_port)
         for name, value, move in (
@@ -170,7 +170,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
                     )
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
-        """Run the wheels for `ACTION_TIMEOUT_S`: the brick ends the move."""
+        """Run the wheels for `ACTION_TIMEOUT_S`; the brick itself ends the move."""
         connection = self._connected()
         if action is Action.STOP:
             connection.stop()
@@ -182,7 +182,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     def sense(self) -> Sensors:
         read = self._connected().sense()
-        turned_deg = read.pop("wheels_deg", None)  # an agent of another release sends none
+        turned_deg = read.pop("wheels_deg", None)  # agents of other releases do not send it
         wheels_m = self._in_m(*self.correction.wheels(turned_deg)) if turned_deg else None
         bumpers = tuple(read.pop("bumpers", None) or ())
         return Sensors(**read, bumpers=bumpers, wheels_m=wheels_m)
@@ -192,14 +192,14 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
             self._connection.stop()
 
     def rolled_m(self) -> Pair:
-        """How far the left and the right wheel have rolled, as the motors count it now."""
+        """Return the distances rolled by the left and the right wheel, from the motors' counts."""
         left_deg, right_deg = self._connected().positions()
         return self._in_m(*self.correction.wheels((left_deg, right_deg)))
 
     def roll(self, action: Action, seconds: float) -> Pair:
-        """Drive for some seconds; return how far each wheel rolled.
+        """Drive for some seconds; return the distance that each wheel rolled.
 
-        The command is sent again and again, so that the robot stops if this program does.
+        The command is repeated, so that the robot stops if this program ends.
         """
         before, end_s = self.rolled_m(), self._clock.now_s() + seconds
         try:
@@ -208,7 +208,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
                 self._clock.sleep(min(ACTION_TIMEOUT_S / 4, left_s))
         finally:
             self.stop()
-        self._clock.sleep(0.3)  # until it has rolled out
+        self._clock.sleep(0.3)  # until the robot stands
         after = self.rolled_m()
         return after[0] - before[0], after[1] - before[1]
 
@@ -226,7 +226,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ev3Options(ChassisOptions):
-    """How the robot is built, and where its devices are."""
+    """The robot's dimensions, and the ports of its devices."""
 
     brick_root: str = option("/", "folder that holds the brick's sys and dev")
 

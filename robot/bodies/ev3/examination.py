@@ -15,7 +15,7 @@ from robot.errors import DriveError
 ROUND_TRIPS = 20
 PICTURES_S = 5.0
 WHEEL_TEST = ((1, 0), (0, 1), (1, 1), (-1, -1))
-"""Which wheel turns which way, part by part; 2.5 s each make ten."""
+"""Directions of the wheels in each part of the test; 2.5 s each, ten in all."""
 WHEEL_PART_S = 2.5
 ROLL_OUT_S = 0.3
 WHEEL_DPS = 180.0
@@ -24,9 +24,9 @@ OPTIONS = ChassisOptions()
 
 
 def measure(link: BrickLink, may_turn_wheels: Callable[[], bool]) -> BrickFacts:
-    """Return all that can be known of the brick at the other end; DriveError if the line is lost.
+    """Return all measurements of a remote brick; DriveError if the connection is lost.
 
-    `may_turn_wheels` asks the person, once, before the only part that moves.
+    `may_turn_wheels` asks the person once, before the only part that moves the robot.
     """
     link.hold("doctor", "ping")
     try:
@@ -88,7 +88,7 @@ def _try_wheels(
 
 
 def _turn(link: BrickLink, body: RemoteBody, part: tuple[int, int]) -> WheelTurn:
-    """Turn the wheels for one part of the test, by short moves, so that they end with us."""
+    """Turn the wheels for one part of the test, by short moves that end with this program."""
     clock, stalled = link.clock, [False, False]
     asked_dps = [way * WHEEL_DPS for way in part]
     before, began_s = body.positions(), clock.now_s()

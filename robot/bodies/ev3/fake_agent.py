@@ -1,4 +1,4 @@
-"""A brick's agent on a thread, over a brick made of files, with a camera as an EV3 has it."""
+"""A brick's real agent on a thread, with a brick made of files and a fake EV3 camera."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ from robot.bodies.v4l2.device import VideoFrame
 SECRET = "the secret of a fake brick"
 PERIOD_S = 0.1
 AGE_S, AGE_SPREAD_S = 0.095, 0.05
-"""A Logitech C270 on an EV3's bus: how old a picture is when it arrives, by the kernel's stamp."""
+"""Least age of a C270's picture when an EV3 receives it, and the range above it, in seconds."""
 
 
 class FakeCameraReader:
-    """Stands in for `CameraReader`, and for its `video`: grey pictures, ten a second, 95 to 145 ms
-    old."""
+    """Replaces `CameraReader` and its `video`: grey pictures, ten a second, 95 to 145 ms old."""
 
     path, width, height, encoding = "/dev/video0", 160, 120, "yuyv"
 
@@ -35,7 +34,7 @@ class FakeCameraReader:
         self._n = 0
 
     def fileno(self) -> int:
-        """A descriptor that never becomes readable; the agent polls as well."""
+        """Return a descriptor that never becomes readable; the agent also polls."""
         return self._pipe[0]
 
     def poll(self, now_s: float) -> VideoFrame | None:
@@ -52,7 +51,7 @@ class FakeCameraReader:
 
 
 def inspect_as_ev3(root: str) -> dict[str, Any]:
-    """Return what a brick with ev3dev's stock image and a C270 would."""
+    """Return the inspection of a brick with ev3dev's stock image and a C270."""
     return {
         **inspect_brick(root),
         "release": release(),
@@ -65,7 +64,7 @@ def inspect_as_ev3(root: str) -> dict[str, Any]:
 
 @contextmanager
 def fake_agent(brick: FakeBrick) -> Iterator[str]:
-    """Run the real agent on a thread; yields the address where it listens."""
+    """Run the real agent on a thread; yield the address at which it listens."""
     listener, ending = socket.create_server(("127.0.0.1", 0)), threading.Event()
     agent = Agent(
         listener,

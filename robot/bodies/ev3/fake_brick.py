@@ -1,7 +1,8 @@
 """An EV3 made of files, with a thread that simulates the kernel's motor driver.
 
-Plain files keep old bytes behind a shorter value, so only the first line of each counts. A file
-cannot refuse a write (EINVAL): the thread keeps such a command in `refused`, and nothing moves.
+A plain file still contains old bytes after a shorter value, so only the first line of each file
+counts. A file cannot refuse a write (EINVAL), so the thread records a refused command in `refused`,
+and nothing moves.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from robot.types import StartStop
 
 POLL_S = 0.002
 _SEEN_NS = 0
-"""The time of a command that was obeyed: two may be written within one tick of a file's clock."""
+"""File time of an obeyed command: two commands may be written within one tick of file times."""
 MAX_SPEED = 1050
-"""Counts a second of a large motor; the kernel refuses more."""
+"""Maximum speed of a large motor in counts a second; the kernel refuses more."""
 DEFAULTS = {
     "polarity": "normal",
     "ramp_up_sp": "0",
@@ -29,7 +30,7 @@ DEFAULTS = {
     "time_sp": "0",
     "stop_action": "coast",
 }
-"""What `reset` brings a motor to."""
+"""The attributes of a motor after `reset`."""
 LEFTOVERS = {
     "polarity": "inversed",
     "ramp_up_sp": "2000",
@@ -38,7 +39,7 @@ LEFTOVERS = {
     "time_sp": "7000",
     "stop_action": "hold",
 }
-"""The state in which a brick is found: values that another program left behind."""
+"""The initial attributes of the motors, left by another program."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,11 @@ class Command:
 
 
 class FakeMotor:
-    """One motor: its folder, and what its wheel does."""
+    """One motor: its folder, and its simulated wheel."""
 
     def __init__(self, folder: Path, port: str) -> None:
         self.folder, self.port = folder, port
-        self.command = folder / "command"  # looked at all the time
+        self.command = folder / "command"  # polled continuously
         self.until_s = 0.0
         self.speed = 0
         self.position = 123456.0
@@ -69,7 +70,7 @@ class FakeMotor:
         return (self.folder / name).read_text().partition("\n")[0]
 
     def write(self, name: str, value: str) -> None:
-        """Set an attribute in place: readers keep it open."""
+        """Set an attribute in place, because readers hold the file open."""
         file = os.open(f"{self.folder}/{name}", os.O_WRONLY)
         try:
             os.write(file, value.encode() + b"\n")
@@ -80,8 +81,8 @@ class FakeMotor:
 class FakeBrick(StartStop):
     """The files and the kernel thread; a context manager. Motors at outB and outC.
 
-    Both motors have settings left over by another program. On a virtual `clock` only who waits
-    through it as well can use the brick; an agent's own process needs the real one.
+    Both motors have settings left by another program. With a virtual `clock`, only code that waits
+    by the same clock can use the brick; an agent in a separate process needs the real clock.
     """
 
     def __init__(self, root: Path, *, clock: Clock | None = None) -> None:
@@ -122,7 +123,7 @@ class FakeBrick(StartStop):
         for attribute, value in attributes.items():
             file = folder / attribute
             file.write_text(value + "\n")
-            file.chmod(0o664)  # python-ev3dev2 looks at the group's bits
+            file.chmod(0o664)  # python-ev3dev2 checks the group's bits
         return folder
 
     def add_motor(self, port: str) -> None:
@@ -140,12 +141,12 @@ class FakeBrick(StartStop):
         self.motors[port] = FakeMotor(folder, port)
 
     def unplug_motor(self, port: str) -> None:
-        """Take a motor out: its files vanish, open ones fail as the kernel's do not (see tests)."""
+        """Unplug a motor: its files vanish; open files fail, unlike the kernel's (see tests)."""
         motor = self.motors.pop(port)
         motor.folder.rename(self.root / f"unplugged-{port}")
 
     def add_sensor(self, port: str, driver: str, value: int, decimals: int = 0) -> None:
-        """Plug a sensor in; it may come late."""
+        """Plug in a sensor, which may appear late."""
         self._sensors[port] = self._make(
             f"lego-sensor/sensor{len(self._sensors)}",
             address=f"ev3-ports:{port}",
@@ -159,7 +160,7 @@ class FakeBrick(StartStop):
         (self._sensors[port] / "value0").write_text(f"{value}\n")
 
     def set_battery(self, volts: float) -> None:
-        """Set what the battery gives: 8 when full, 6.5 when empty."""
+        """Set the battery's voltage: 8 if full, 6.5 if empty."""
         battery = self.root / "sys/class/power_supply/lego-ev3-battery/voltage_now"
         battery.write_text(f"{volts * 1e6:.0f}\n")
 
@@ -179,7 +180,7 @@ class FakeBrick(StartStop):
         return {port: motor.speed for port, motor in self.motors.items()}
 
     def wait_until(self, is_so: Callable[[], bool], timeout_s: float = 3.0) -> float:
-        """Wait for a condition (a callable); return how long it took, or fail."""
+        """Wait for a condition (a callable); return the time it took, or fail."""
         started_s = self.clock.now_s()
         while not is_so():
             assert self.clock.now_s() - started_s <= timeout_s, "timed out waiting"
@@ -187,7 +188,7 @@ class FakeBrick(StartStop):
         return self.clock.now_s() - started_s
 
     def catch_up(self) -> None:
-        """Wait until the kernel thread has seen all that is written now."""
+        """Wait until the kernel thread has read everything written so far."""
         seen = self._rounds + 2
         self.wait_until(lambda: self._rounds >= seen)
 
@@ -209,11 +210,11 @@ class FakeBrick(StartStop):
             motor.write("state", "")
         if motor.speed and not motor.is_stalled:
             motor.position += motor.speed * past_s
-            # One width: never seen half written.
+            # A fixed width, so that no reader sees a half-written number.
             motor.write("position", f"{motor.position:012.0f}")
         if motor.command.stat().st_mtime_ns == _SEEN_NS:
             return
-        os.utime(motor.command, ns=(_SEEN_NS, _SEEN_NS))  # first: one that comes now is seen later
+        os.utime(motor.command, ns=(_SEEN_NS, _SEEN_NS))  # first: a command from now on counts
         if command := motor.read("command"):
             self._obey(motor, command, now_s)
 
@@ -233,7 +234,7 @@ class FakeBrick(StartStop):
             sign = -1 if motor.read("polarity") == "inversed" else 1
             motor.speed = sign * speed
             motor.until_s = now_s + time_ms / 1000 if is_timed else float("inf")
-        elif motor.speed and ramp_s:  # it slows down by and by, as the real one does
+        elif motor.speed and ramp_s:  # it slows down gradually, like a real motor
             motor.until_s = now_s + ramp_s
         else:
             motor.speed = 0
@@ -246,7 +247,7 @@ class FakeBrick(StartStop):
         for name, value in DEFAULTS.items():
             if name not in motor.kept:
                 motor.write(name, value)
-        motor.write("position", "000000000000")  # last: a reader that sees it sees the rest, too
+        motor.write("position", "000000000000")  # last: a reader that sees it sees the rest too
 
     def start(self) -> None:
         if self._thread is None:

@@ -1,4 +1,4 @@
-"""Joining the agent on a brick: both sides prove that they know the secret; then all is sealed."""
+"""Joining the agent on a brick: both sides prove that they know the secret, then seal messages."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from robot.bodies.remote.orders import split_address
 from robot.errors import DriveError, told_as
 
 PATIENCE_S = 3.0
-"""How long joining, or opening the body, may take."""
+"""Timeout of joining and of opening the body, in seconds."""
 
 
 class BrickConnection:
-    """One sealed connection to an agent that has proved that it is the right one.
+    """One sealed connection to an agent that has proved its identity.
 
     Raises:
-        DriveError: If it refuses, or is another than ours.
-        ValueError: On messages that were changed on the way or come from somebody else.
+        DriveError: If the agent refuses, or is not ours.
+        ValueError: If a message was changed on the way or is from somebody else.
     """
 
     def __init__(self, line: socket.socket, host: str, secret: str) -> None:
@@ -65,7 +65,7 @@ class BrickConnection:
         self.line.sendall(pack_json(message, self._seal))
 
     def receive(self) -> Iterator[tuple[bytes, bytes]]:
-        """Wait for data, for as long as the line's timeout; yield what is whole."""
+        """Wait for data, up to the socket's timeout; yield complete messages."""
         data = self.line.recv(65536)
         if not data:
             raise OSError("the brick closed the connection")
@@ -79,18 +79,18 @@ class BrickConnection:
 
 
 def dial(address: tuple[str, int]) -> socket.socket:
-    """Open a line to a host and port; reads on it time out after `PATIENCE_S`."""
+    """Open a connection to a host and port; reads time out after `PATIENCE_S`."""
     return socket.create_connection(address, timeout=PATIENCE_S)
 
 
 def join(
     address: str, secret: str = "", dial: Callable[[tuple[str, int]], socket.socket] = dial
 ) -> BrickConnection:
-    """Join the agent at `host` or `host:port`; with the kept secret unless one is given.
+    """Join the agent at `host` or `host:port`, with the saved secret unless one is given.
 
     Raises:
         ConfigurationError: If the address is not valid.
-        DriveError: If nobody answers, the agent refuses, or it is another than ours.
+        DriveError: If nobody answers, or the agent refuses or is not ours.
     """
     host, port = split_address(address, PORT, "--brick")
     do = f"start it with: {_renew(host)}"
@@ -116,13 +116,13 @@ def _renew(host: str) -> str:
 
 
 def secret_path(host: str) -> Path:
-    """Where `drivelesson brick agent` keeps the secret that it shares with a brick."""
+    """Return the path at which `drivelesson brick agent` saves the secret shared with a brick."""
     home = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
     return Path(home) / "drivelesson" / f"brick-{host}.secret"
 
 
 def kept_secret(host: str) -> str:
-    """Read the kept secret of a brick; DriveError if there is none."""
+    """Read the saved secret of a brick; DriveError if there is none."""
     given = os.environ.get("DRIVELESSON_BRICK_SECRET")
     if given:
         return given

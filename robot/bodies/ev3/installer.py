@@ -14,8 +14,8 @@ from robot.store.folder import whole_file
 
 
 def run_on_brick(target: str, script: str, files: Files | Path) -> str:
-    """Run a script on the brick, with files, or a tar, on its standard input; return its output.
-    DriveError if ssh or the script fails; carries their last line."""
+    """Run a script on the brick, with files or a tar on its standard input; return its output.
+    DriveError, with the last line of output, if ssh or the script fails."""
     with files.open("rb") if isinstance(files, Path) else TemporaryFile() as stream:
         if not isinstance(files, Path):
             write_tar(stream, files)
@@ -47,7 +47,7 @@ def start_agent(target: str, secret: str, port: int) -> str:
 
 
 def start_with_the_brick(target: str) -> None:
-    """Have the brick start the agent whenever it starts; sudo may ask for the password."""
+    """Let the brick start the agent at each boot; sudo may ask for the password."""
     sudo = "" if target.startswith("root@") else "sudo "
     done = subprocess.run(
         ["ssh", "-t", "-o", "ConnectTimeout=10", target, sudo + "sh drivelesson/autostart"],
@@ -61,20 +61,20 @@ def start_with_the_brick(target: str) -> None:
 
 
 def installed_packages(target: str) -> str:
-    """Return which userland a brick has; empty if none."""
+    """Return the name of the brick's userland; empty if it has none."""
     return run_on_brick(
         target, "cat >/dev/null; cat /opt/drivelesson/packages 2>/dev/null || true", []
     )
 
 
 def pack(file: Path, files: Files) -> None:
-    """Keep all that a brick needs in one file, its own script to install it first."""
+    """Write everything that a brick needs to one file, the installation script first."""
     with told_as(ConfigurationError, f"cannot write {file}"), whole_file(file) as stream:
         write_tar(stream, [("install", INSTALL_SCRIPT.encode()), *files])
 
 
 def install_packed(target: str, file: Path) -> str:
-    """Put the server on a brick from a file that `pack` made, with the script that is in it."""
+    """Install the server on a brick from a file made by `pack`, with the script in the file."""
     wrong = (OSError, tarfile.TarError, ValueError)
     with (
         told_as(ConfigurationError, f"cannot read {file}", *wrong),

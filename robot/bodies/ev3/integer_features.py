@@ -1,4 +1,4 @@
-"""Gradient histograms in whole numbers, by table lookup: features for a brick without an FPU."""
+"""Gradient histograms in whole numbers, by look-up tables: features for a brick without an FPU."""
 
 from __future__ import annotations
 
@@ -17,29 +17,30 @@ from robot.types import Frame
 Integers = NDArray[np.int64]
 N_BINS = 8
 _EDGES = (1, 2, 3, 4, 6, 9, 14, 21, 32, 48, 72)
-"""Where the steps of a gradient's length begin, in half grey levels; below the first it counts as
-none. Each is half as long again as the one before."""
+"""Lower bounds of a gradient's magnitude steps, in half grey levels. A smaller gradient counts as
+zero. Each bound is about 1.5 times the one before."""
 _N_STEPS = len(_EDGES) + 1
 _BEYOND = 108
 _SCALE = 4
 _LINE, _TWO_LINES = THUMBNAIL_WIDTH, 2 * THUMBNAIL_WIDTH
 _NOISE = 400
-"""A neighbourhood with less gradient than this counts as plain: a grey level at each pixel."""
+"""Sum of gradients below which a neighbourhood counts as plain: a grey level at each pixel."""
 _FULL = 1023
-"""Share of its neighbourhood's gradients, in 1/4096, at which a bin is full."""
+"""Share of the neighbourhood's gradients at which a bin saturates, in 1/4096."""
 
 
 class IntegerGradientFeatures:
     """Histograms of gradient orientations beside a grey picture at half contrast: 1360 bytes.
 
-    `GradientFeatures` at a tenth of its cost on a processor without a floating-point unit: the
-    gradients are those of the small picture, in 5x4 cells of 6x10 of its pixels. Two differences of
-    seven bits are the index into a table of direction and length, and one count over all pixels
-    gives the histograms of all cells. A cell is divided by the sum of its 3x3 neighbourhood; the
-    square root is a table as well. The same bytes come out on every machine.
+    Like `GradientFeatures`, at a tenth of the cost on a processor without a floating-point unit.
+    The gradients are computed on the small picture, in 5x4 cells of 6x10 pixels. Two differences of
+    seven bits are the index into a table of direction and magnitude, and one count over all pixels
+    yields the histograms of all cells. A cell is divided by the sum of its 3x3 neighbourhood; the
+    square root is also a table. The result is the same on every machine.
 
-    A gradient byte is a multiple of 4: `IntegerRidge` takes the upper six bits. The grey picture
-    begins with every second pixel of every second line, which is enough to compare.
+    A gradient byte is a multiple of 4, because `IntegerRidge` uses the upper six bits. The grey
+    picture begins with every second pixel of every second line, which is enough to compare
+    pictures.
     """
 
     name = "integer-gradient"
@@ -65,7 +66,7 @@ class IntegerGradientFeatures:
         return picture
 
     def grey(self, x: Vector) -> NDArray[np.uint8]:
-        """Return shape (300,), at half contrast: every second pixel of every second line."""
+        """Return every second pixel of every second line at half contrast, shape (300,)."""
         return x[self.n_gradients : self.n_compared]
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -78,8 +79,8 @@ class IntegerGradientFeatures:
     def _histograms(self, half: NDArray[np.int16]) -> NDArray[np.uint8]:
         tables = _tables()
         across, down = np.zeros_like(half), np.zeros_like(half)
-        # Of the picture as one line, so that each operation is one loop. At the left and right
-        # edge that compares with the line above or below: there is no gradient there.
+        # Treat the picture as one line, so that each operation is one loop. At the left and right
+        # edge this compares with the line above or below, so the gradient there is discarded.
         np.subtract(half[2:], half[:-2], out=across[1:-1])
         across[::THUMBNAIL_WIDTH] = across[THUMBNAIL_WIDTH - 1 :: THUMBNAIL_WIDTH] = 0
         np.subtract(half[_TWO_LINES:], half[:-_TWO_LINES], out=down[_LINE:-_LINE])
@@ -102,13 +103,13 @@ class IntegerGradientFeatures:
 
 
 class _Tables(NamedTuple):
-    """All that is computed once, 70 KB; without a float, because that takes seconds on a brick.
+    """Tables computed once, 70 KB; without floats, which would take seconds on a brick.
 
     Attributes:
-        codes: Direction and step of length of a gradient, by its two differences: the index is
-            256 times the one across plus the one down, as an unsigned number of 16 bits.
+        codes: Direction and magnitude step of a gradient, by its two differences: the index is 256
+            times the horizontal difference plus the vertical one, as an unsigned number of 16 bits.
         cells: The number added to a pixel's code for its cell.
-        lengths: The length that a step stands for.
+        lengths: The magnitude of each step.
         roots: The square root of a share of `_FULL`.
     """
 
@@ -123,7 +124,7 @@ def _tables() -> _Tables:
     codes = np.zeros(1 << 16, np.uint8)
     edges = np.array(_EDGES, np.int32) ** 2
     down = np.arange(-127, 128, dtype=np.int32)
-    for across in range(-127, 128):  # by rows, for memory
+    for across in range(-127, 128):  # row by row, to save memory
         step = np.searchsorted(edges, across * across + down * down, side="right")
         index = ((across << 8) + down).astype(np.int16).view(np.uint16)
         codes[index] = _direction(across, down) * _N_STEPS + step
@@ -142,7 +143,7 @@ def _tables() -> _Tables:
 
 
 def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the nearest of 8 directions: 0 is right, 2 down, 4 left, 6 up, odd ones between."""
+    """Return the nearest of 8 directions: 0 is right, 2 down, 4 left, 6 up, odd numbers between."""
     width, height = abs(across), np.abs(down)
     is_level, is_upright = 29 * height <= 12 * width, 29 * width <= 12 * height  # tan 22.5 degrees
     right_or_left = 0 if across > 0 else 4
@@ -155,8 +156,9 @@ def _direction(across: int, down: NDArray[np.int32]) -> NDArray[np.int32]:
 def _small_at_half_contrast(frame: Frame) -> NDArray[np.int16]:
     """Return 40x30 grey values from 0 to 127, shape (30, 40).
 
-    Of 160x120 the middle four pixels of each 4x4 are averaged, which costs a quarter of all sixteen
-    and measures no worse (docs/explanation/learner.md); of other sizes, whole areas.
+    In a picture of 160x120, the middle four pixels of each 4x4 block are averaged, which costs a
+    quarter of all sixteen and measures no worse (docs/explanation/learner.md). In other sizes,
+    whole areas are averaged.
     """
     grey = image.to_grey(frame)
     if grey.shape != (4 * THUMBNAIL_HEIGHT, 4 * THUMBNAIL_WIDTH):

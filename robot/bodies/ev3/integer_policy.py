@@ -11,7 +11,7 @@ from robot.types import Action
 
 
 def make_integer(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the default's parts in whole numbers, the same bit for bit on every machine."""
+    """Return the default learner in whole numbers, identical bit for bit on every machine."""
     features = IntegerGradientFeatures()
     ridge = IntegerRidge(features.n_gradients)
     nodes = BSOC(number, group_cost=GROUP_COST, integer=True, n_compared=features.n_compared)

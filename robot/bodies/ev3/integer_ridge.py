@@ -1,9 +1,9 @@
 """Online ridge regression in whole numbers, for processors without a floating-point unit.
 
 Source: Zakharov, White and Liu, "Low-complexity RLS algorithms using dichotomous coordinate
-descent iterations" (IEEE Transactions on Signal Processing, 2008): the normal equations grow by a
-frame at a time, and a few steps of coordinate descent follow each in place of an exact solution.
-Here a step goes all the way to the least error of its coordinate.
+descent iterations" (IEEE Transactions on Signal Processing, 2008): each frame is added to the
+normal equations, and a few steps of coordinate descent follow instead of an exact solution. Here
+each step minimises the error in its coordinate exactly.
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ _SHIFT = 2
 """Values are used in steps of 4, so that they take six bits: a product of two takes twelve."""
 _TOP = 63
 _FULL = 1 << 30
-"""Where a sum of products must not go beyond: all are halved then, after seven hours of teaching at
-ten frames a second."""
+"""Upper bound of a sum of products. When it is reached, all sums are halved: after seven hours of
+teaching at ten frames a second."""
 _MOST_HALVINGS = 62
 _PENALTY = 3 * _TOP**2
-"""Weight of the squared coefficients, where a value of 252 is 1."""
+"""Weight of the squared coefficients, in units in which a value of 252 is 1."""
 STEPS = 4
-"""Coordinates that are improved after each frame."""
+"""Number of coordinates that are improved after each frame."""
 
 
 class IntegerRidge(LinearPart):
     """A linear score per label, from the first `n_features` values of a vector of bytes.
 
-    Follows what `RecursiveRidge` computes, a few steps behind. Every operation is exact in whole
-    numbers, so that machines agree bit for bit and nothing drifts: `residual` is at any time
-    `moments - weights @ products`, where products are the sums of z z' (with the penalty on the
-    diagonal), and moments those of target z.
+    Approaches the solution of `RecursiveRidge` with a few steps after each frame. Every operation
+    is exact in whole numbers, so machines agree bit for bit and nothing drifts: `residual` always
+    equals `moments - weights @ products`. Here `products` is the sum of z z' (with the penalty on
+    the diagonal), and `moments` is the sum of target z.
 
     A frame costs n_features ** 2 additions and multiplications, and each step a few times
-    n_features. No angle is learned: on a brick only the images steer.
+    n_features. Angles are not learned: on a brick only the images decide the steering.
 
     Args:
-        n_features: How many values are used, of 0 to 255; a constant is added to them.
-        steps: Coordinates that are improved after each frame.
+        n_features: The number of values used, from 0 to 255 each; a constant is appended.
+        steps: Number of coordinates that are improved after each frame.
     """
 
     fields = (
@@ -94,7 +94,7 @@ class IntegerRidge(LinearPart):
         z = self._mean_input(x)
         weight = -frames / 2.0 ** self._halvings[0]
         added = np.rint(weight * np.outer(z, z)).astype(np.int64)
-        np.maximum(added, -self._products, out=added)  # by rounding, a sum could fall below 0
+        np.maximum(added, -self._products, out=added)  # rounding could make a sum negative
         self._products += added.astype(np.int32)
         self._residual += np.rint(weight * _ONE * np.outer(targets, z)).astype(np.int64)
         self._residual -= self._weights.dot(added)
@@ -106,7 +106,7 @@ class IntegerRidge(LinearPart):
         self._improve(self.n_features)
 
     def _improve(self, steps: int) -> None:
-        """Take single weights to the least error, those first that matter most."""
+        """Minimise the error in single weights, those with the largest effect first."""
         weights, residual, products = self._weights, self._residual, self._products
         for _ in range(steps):
             label, i = divmod(int(np.abs(residual).argmax()), self.size)
@@ -118,7 +118,7 @@ class IntegerRidge(LinearPart):
             residual[label] -= change * products[i].astype(np.int64)
 
     def _halve(self) -> None:
-        """Halve the weight of all frames so far; the scores stay as they are."""
+        """Halve the weight of all frames so far; the scores do not change."""
         moments = self._residual + self._weights.dot(self._products.astype(np.int64))
         self._products >>= 1
         np.fill_diagonal(self._products, self._products.diagonal() + _PENALTY // 2)
@@ -133,7 +133,7 @@ class IntegerRidge(LinearPart):
         return z
 
     def _mean_input(self, x: Vector) -> Floats:
-        """The same of the mean of some frames, which is not a vector of whole numbers."""
+        """The same for the mean of some frames, which is not a vector of whole numbers."""
         return np.append(np.asarray(x[: self.n_features], np.float64) / (1 << _SHIFT), _TOP)
 
     def faults(self) -> Iterator[str]:

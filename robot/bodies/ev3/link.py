@@ -1,7 +1,7 @@
-"""The line to a brick that stands elsewhere: the other end of `robot.bodies.ev3.agent`.
+"""The connection to a remote brick: the counterpart of `robot.bodies.ev3.agent`.
 
-One thread owns the connection: it joins, receives, pings ten times a second, and joins again when
-the line was lost. Commands go out on the caller's thread and never wait for an answer.
+One thread owns the connection: it joins, receives, pings ten times a second, and joins again after
+the connection was lost. Commands are sent on the caller's thread and never wait for an answer.
 """
 
 from __future__ import annotations
@@ -23,18 +23,19 @@ from robot.errors import ConfigurationError, DriveError
 from robot.types import Encoding
 
 SILENCE_S = 0.4
-"""Time without a report after which a brick counts as silent, in seconds: it sends ten a second,
-and its last move has ended by itself."""
+"""Time without a report after which a brick counts as silent, in seconds. A brick sends ten reports
+a second, and by then its last move has ended."""
 GONE_S = PATIENCE_S + 1.0
-"""Time of silence after which a brick is joined anew, in seconds. It is longer than its body takes
-to open. TCP would retry a line that was lost for a minute only a minute later."""
+"""Time of silence after which a brick is joined again, in seconds. It is longer than the brick's
+body takes to open. After a minute without a connection, TCP would retry only another minute
+later."""
 PING_S = 0.1
 REJOIN_S = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemotePicture(Picture):
-    """One frame from the brick; when it was taken and when it came, on the link's clock."""
+    """One frame from the brick, with the times of exposure and arrival on the link's clock."""
 
     taken_s: float
     came_s: float
@@ -45,13 +46,13 @@ class BrickLink:
 
     Args:
         address: Host, or host:port.
-        secret: That it shares with the agent; else the one that is kept for this host.
-        clock: By which silence is judged.
-        dial: Opens the line.
+        secret: The secret shared with the agent; by default the saved one of this host.
+        clock: The clock that times silence.
+        dial: Opens the connection.
 
     Attributes:
-        report: The agent's newest; empty before the first.
-        buttons: Those that were pressed, until the caller takes them.
+        report: The agent's newest report; empty before the first.
+        buttons: The buttons that were pressed, until the caller takes them.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class BrickLink:
 
     @property
     def fault(self) -> str | None:
-        """The fault of the line, as a sentence; None if the brick answers."""
+        """The connection's fault, as a sentence; None if the brick answers."""
         if self._lost is None and self.clock.now_s() - self._received_s > SILENCE_S:
             return f"the brick at {self.address} does not answer; is it on, and in the network?"
         return self._lost
@@ -91,9 +92,9 @@ class BrickLink:
         return f"the line to the brick at {self.address} is lost ({why}); trying again"
 
     def hold(self, key: str, do: str, **rest: Any) -> None:
-        """Send a command that holds until `release`: again, too, whenever the line is joined anew.
+        """Send a command that holds until `release`; every new connection repeats it.
 
-        The first one joins the agent.
+        The first command joins the agent.
 
         Raises:
             DriveError: If nobody answers, or the agent refuses.
@@ -109,7 +110,7 @@ class BrickLink:
         self.send(do, **rest)
 
     def release(self, *keys: str) -> None:
-        """Forget what was held; the connection is closed when nothing is. Idempotent."""
+        """Forget a held command; without held commands the connection is closed. Idempotent."""
         for key in keys:
             self._held.pop(key, None)
         if self._held or self._thread is None:
@@ -120,20 +121,20 @@ class BrickLink:
         self._thread = None
 
     def send(self, do: str, **rest: Any) -> None:
-        """Send one command. A brick that is silent is asked, too: it may just have been held up.
-        DriveError if the line is lost; the brick stops by itself then."""
-        lost = self._lost  # the thread may join anew meanwhile
+        """Send one command, also to a silent brick, which may only be delayed. DriveError if the
+        connection is lost; then the brick stops by itself."""
+        lost = self._lost  # the thread may join again meanwhile
         if lost is not None:
             raise DriveError(lost)
         try:
             self._send(do, **rest)
         except OSError as error:
-            self._hang_up()  # half a message may be on the way
+            self._hang_up()  # half a message may have been sent
             raise DriveError(self._say_lost(error)) from error
 
     def answer(self, name: str) -> Any:
-        """Wait for the answer to a question just asked; DriveError if the agent reports a failure,
-        or nothing."""
+        """Wait for the answer to the last question; DriveError if the agent reports a failure or
+        does not answer."""
         deadline_s = self.clock.now_s() + PATIENCE_S
         while True:
             if not self._answers:
@@ -177,7 +178,7 @@ class BrickLink:
             self._send(**command)
 
     def _receive(self, connection: BrickConnection) -> None:
-        """Take in messages until the line breaks, and ping meanwhile."""
+        """Receive messages until the connection breaks, and ping meanwhile."""
         pinged_s = 0.0
         while not self._ending.is_set():
             if self.clock.now_s() - pinged_s > PING_S:
@@ -203,14 +204,14 @@ class BrickLink:
         elif "fault" in message:
             self.report = {**self.report, "fault": message["fault"]}
         else:
-            if self._opens_again and "failed" in message:  # nobody asked; it is tried again
+            if self._opens_again and "failed" in message:  # not an answer; it is retried
                 raise OSError(message["failed"])
             self._opens_again = self._opens_again and "opened" not in message
             self._answers.append(message)
             self._answered.set()
 
     def _measure_offset(self, sent_s: float) -> None:
-        """Learn how far the clocks are apart from the quickest message; 1 ms/s may drift."""
+        """Estimate the clocks' offset from the quickest message; allows for a drift of 1 ms/s."""
         offset_s = self._received_s - sent_s
         if self._offset_s is None:
             self._offset_s = offset_s

@@ -1,4 +1,4 @@
-"""The camera on a brick elsewhere, through the agent that also moves its motors."""
+"""The camera on a remote brick, through the agent that also moves its motors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot.errors import CameraError, ConfigurationError, DriveError
 
 
 class Ev3RemoteCamera(WatchedCamera):
-    """Frames as the brick's camera gives them, the newest only, on this machine's clock."""
+    """Unchanged frames of the brick's camera, only the newest, with this machine's times."""
 
     name: ClassVar[str] = "ev3-remote"
     options_type: ClassVar[type[Any]] = UsbCameraOptions
@@ -34,7 +34,7 @@ class Ev3RemoteCamera(WatchedCamera):
         return cls(options, clock, link)
 
     def _begin(self) -> None:
-        """Have the agent open its camera and send what it sees."""
+        """Have the agent open its camera and send the pictures."""
         self._link.on_picture = self._take
         wanted = asdict(self.options)
         try:
@@ -45,7 +45,7 @@ class Ev3RemoteCamera(WatchedCamera):
 
     def _let_go(self) -> None:
         self._link.on_picture = None
-        with contextlib.suppress(DriveError):  # a lost line closes the camera by itself
+        with contextlib.suppress(DriveError):  # without a connection the brick closes its camera
             self._link.send("blind")
         self._link.release("camera")
 
@@ -53,7 +53,7 @@ class Ev3RemoteCamera(WatchedCamera):
         age_s = self._link.report.get("picture_age_s")
         self.source_age_s = max(0.0, float(age_s)) if isinstance(age_s, int | float) else None
         self._freshness.is_new(picture.data, self.clock.now_s())
-        # Read first: a delay in between then makes the picture older than it is, never younger.
+        # Read the clock first: a delay after it makes the picture seem older, never younger.
         now_s = self.clock.now_s()
         self._show_picture(picture, now_s - max(0.0, self._link.clock.now_s() - picture.taken_s))
 

@@ -1,4 +1,4 @@
-"""A brick elsewhere: its motors, sensors and camera through the agent that runs on it."""
+"""A remote brick: its motors and sensors through the agent that runs on it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robot.errors import DriveError
 
 
 class RemoteBody:
-    """A body at the other end of a link, with the same methods as the brick's own."""
+    """A body at the other end of a link, with the same methods as `BrickBody`."""
 
     def __init__(self, link: BrickLink, ports: Mapping[str, str]) -> None:
         self._link = link
@@ -25,15 +25,16 @@ class RemoteBody:
         return [float(dps) for dps in self._link.answer("opened")["top_speeds_dps"]]
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
-        """Turn the wheels for at most `time_ms`. The brick refuses an order that comes late.
-        DriveError if the line is lost or the brick silent; it stops by itself then."""
+        """Turn the wheels for at most `time_ms`. The brick refuses an order that arrives late.
+        DriveError if the connection is lost or the brick is silent; then the brick stops by
+        itself."""
         after_s, fault = self._link.report.get("t"), self._link.fault
         if after_s is None or fault is not None:
             raise DriveError(fault or "the brick has not reported yet")
         self._link.send("run", left=left_dps, right=right_dps, ms=time_ms, after=after_s)
 
     def stop(self) -> None:
-        """Stop the motors; if the line is lost the brick does so by itself."""
+        """Stop the motors; if the connection is lost, the brick stops them itself."""
         with contextlib.suppress(DriveError):
             self._link.send("stop")
 
@@ -64,7 +65,7 @@ class RemoteBody:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ev3RemoteOptions(ChassisOptions):
-    """How the robot is built, and where its brick is."""
+    """The robot's dimensions, and its brick's address."""
 
     brick: str = option("", "address of the brick, as ev3dev.local or 192.168.1.7:8765")
     brick_secret: str = option(
@@ -73,7 +74,7 @@ class Ev3RemoteOptions(ChassisOptions):
 
 
 class Ev3RemoteDriver(ChassisDriver):
-    """A Lego Mindstorms EV3 that lends its body to a server elsewhere."""
+    """A Lego Mindstorms EV3 that lends its body to a remote server."""
 
     name: ClassVar[str] = "ev3-remote"
     default_camera: ClassVar[str] = "ev3-remote"

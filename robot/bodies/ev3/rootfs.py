@@ -1,4 +1,4 @@
-"""The Debian that runs the server on a brick: Debian's own packages for armel, and no more."""
+"""The minimal Debian that runs the server on a brick: only Debian's packages for armel."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from robot.errors import ConfigurationError, RobotError
 
 PYTHON_VERSIONS = {"bookworm": (3, 11), "trixie": (3, 13)}
-"""The releases that are known to work, and their Python. Trixie is the last one with armel."""
+"""The releases that are known to work, and their Python. Trixie is the last release with armel."""
 DEFAULT_RELEASE = "bookworm"
 """Its pydantic 1 takes 14 MB less than trixie's pydantic 2, and imports in half the time."""
 PACKAGES = (
@@ -35,7 +35,7 @@ UNUSED = (
     "usr/lib/python3.*/lib2to3",
     "usr/lib/python3.*/idlelib",
 )
-"""Left out, for the card's sake: nothing of it is ever imported."""
+"""Folders left out to save space on the card; nothing in them is ever imported."""
 LIBRARIES = "usr/lib/arm-linux-gnueabi"
 
 
@@ -44,15 +44,15 @@ def userland_stamp(release: str) -> str:
 
 
 def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "") -> None:
-    """Unpack the packages into `folder`; runs no program of them, so it works on any processor.
+    """Unpack the packages into `folder`, without running their programs: works on any processor.
 
-    Takes about ten seconds with a near mirror, and 80 MB.
+    Takes about ten seconds with a nearby mirror, and 80 MB.
 
     Args:
-        folder: Where to.
+        folder: The target folder.
         release: Name of the Debian release.
-        mirror: Address to get it from, as http://deb.debian.org/debian; empty takes this
-            machine's own, or Debian's. Old releases move to http://archive.debian.org/debian.
+        mirror: Address of a mirror, for example http://deb.debian.org/debian; empty: this machine's
+            mirror, or Debian's. Old releases move to http://archive.debian.org/debian.
 
     Raises:
         ConfigurationError: If mmdebstrap is not installed, or the release is unknown.
@@ -94,8 +94,8 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
 
 
 def _choose_alternatives(folder: Path) -> None:
-    """Do what the packages' own scripts would: they were unpacked, not installed."""
-    for name in ("bin", "sbin", "lib"):  # all is below usr since trixie, by these links
+    """Replace the packages' scripts, which did not run, because packages were only unpacked."""
+    for name in ("bin", "sbin", "lib"):  # since trixie these are links into usr
         if not (folder / name).exists():
             (folder / name).symlink_to(f"usr/{name}")
     for name in ("blas", "lapack"):
@@ -105,17 +105,17 @@ def _choose_alternatives(folder: Path) -> None:
 
 
 def precompile(root: Path, folders: tuple[str, ...], release: str = DEFAULT_RELEASE) -> bool:
-    """Compile Python files of a userland ahead, without docstrings, as the brick runs them (-OO).
+    """Compile Python files of a userland in advance, without docstrings, for the brick's `-OO`.
 
-    Compiling at each start would cost a brick minutes, and the process 6 MB that it keeps.
+    Compiling at each start would take minutes on a brick, and 6 MB that the process never frees.
     `folders` are glob patterns below the userland. False if this machine has no Python of the
-    brick's version: the brick must then do it.
+    brick's version; then the brick must compile the files.
     """
     python = _python_of(PYTHON_VERSIONS[release])
     if python is None:
         return False
     command = [python, "-OO", "-m", "compileall", "-q", "-s", str(root), "-p", "/"]
-    # A file that does not compile is one of another Python's tests; nobody imports it.
+    # Files that do not compile are tests of another Python, which nobody imports.
     subprocess.run(
         [*command, *(str(found) for folder in folders for found in root.glob(folder))],
         stdout=subprocess.DEVNULL,
@@ -125,11 +125,11 @@ def precompile(root: Path, folders: tuple[str, ...], release: str = DEFAULT_RELE
 
 
 def _python_of(version: tuple[int, int]) -> str | None:
-    """Return an interpreter of this version: the running one, or one on the PATH."""
+    """Return an interpreter of this version: the running one, or another on the PATH."""
     if sys.version_info[:2] == version:
         return sys.executable
     other = shutil.which(f"python{version[0]}.{version[1]}")
-    # A version manager's stand-in may be there and run nothing.
+    # It may be a version manager's stub that runs nothing.
     if other is None or subprocess.run([other, "-V"], capture_output=True).returncode != 0:
         return None
     return other

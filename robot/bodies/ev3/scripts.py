@@ -1,6 +1,6 @@
-"""Scripts for a brick's own shell: start the agent, keep it, and install the server. Only texts.
+"""Shell scripts for a brick: start the agent, keep it running, install the server. Only texts.
 
-The scripts are safe to run twice and leave the old version in place until the new one is whole.
+The scripts can be run twice, and leave the old version in place until the new one is complete.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ done
 cat agent.log >&2
 exit 1
 """
-"""Receives agent.pyz, keep-agent, autostart and secret as a tar; starts the agent."""
+"""Receives a tar of agent.pyz, keep-agent, autostart and secret; starts the agent."""
 
 KEEP_SCRIPT = """\
 #!/bin/sh
 # Starts the agent, and again whenever it ends; not if a person must put something right (2).
 cd "$(dirname "$0")" || exit 2
-echo $$ >agent.pid.new && mv -f agent.pid.new agent.pid  # it is whole whenever it is read
+echo $$ >agent.pid.new && mv -f agent.pid.new agent.pid  # atomic: nobody reads half a file
 trap 'kill $agent 2>/dev/null; exit 0' TERM INT
 while :; do
   python3 agent.pyz --secret-file secret --port @PORT@ --root "${DRIVELESSON_ROOT:-/}" \\
@@ -165,4 +165,4 @@ systemctl enable drivelesson
 systemctl restart drivelesson
 echo 'installed; the page is there when the brick no longer says "starting"'
 """
-"""Receives program, start, unit and, if they are new, the userland as a tar; installs them."""
+"""Receives a tar of program, start, unit and, if it is new, the userland; installs them."""

@@ -1,4 +1,4 @@
-"""An EV3 as it came out of the box: LEGO's own firmware, no card, over Wi-Fi, Bluetooth or USB."""
+"""An EV3 with LEGO's original firmware, without a card, over Wi-Fi, Bluetooth or USB."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _SENSOR_PORTS = {f"in{place + 1}": place for place in range(4)}
 
 
 class StockBody:
-    """A brick as a `ChassisBody`: two motors, and what sensors it has.
+    """A brick as a `ChassisBody`: two motors, and the sensors that are plugged in.
 
-    A message is answered before the next is sent, so at most one order can be on its way when a
-    line stalls: delivered late, it moves the robot for its 0.4 s and no longer.
+    The next message is sent only after an answer, so at most one order can be on its way when a
+    connection stalls. Delivered late, this order moves the robot for at most 0.4 s.
     """
 
     def __init__(self, open_line: Callable[[], BrickLine], ports: Mapping[str, str]) -> None:
@@ -45,10 +45,10 @@ class StockBody:
         return sum(1 << port for port in self._motors)
 
     def open(self) -> Sequence[float]:
-        """Connect, stop what another program left running, and find motors and sensors."""
+        """Connect, stop motors that another program left running, and find motors and sensors."""
         self._is_lost = self._is_closed = False
         self._line = self._open_line()
-        if self._is_closed:  # meanwhile, by another thread that did not want to wait
+        if self._is_closed:  # by another thread in the meantime
             self.close()
         self._ask(codec.stop(self._both) + codec.reset(self._both))
         ports = [*range(4), *(codec.OUTPUTS + port for port in self._motors)]
@@ -76,7 +76,7 @@ class StockBody:
         return ports
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
-        """Turn the wheels for at most `time_ms`; a wheel that is to stand is stopped."""
+        """Turn the wheels for at most `time_ms`; a wheel with speed 0 is stopped."""
         codes = b""
         for port, dps, top in zip(self._motors, (left_dps, right_dps), self._top_dps, strict=True):
             percent = max(-100, min(100, round(100 * dps / top)))
@@ -88,7 +88,7 @@ class StockBody:
         self._ask(codes)
 
     def stop(self) -> None:
-        """Stop the motors; a lost line ends the move by itself."""
+        """Stop the motors; if the connection is lost, the firmware ends the move."""
         with contextlib.suppress(DriveError):
             self._ask(codec.stop(self._both))
 
@@ -97,7 +97,7 @@ class StockBody:
         return [float(count) for count in struct.unpack("<2i", self._ask(asked, 8))]
 
     def sense(self) -> dict[str, Any]:
-        """Read distance, bumpers and battery in one question; first of all, find a lost brick."""
+        """Read distance, bumpers and battery in one question; first reconnect if needed."""
         if self._is_lost:
             self.open()
         sensors = [(port, codec.ULTRASONIC) for port in self._ultrasonic]
@@ -153,7 +153,7 @@ def _known(name: str, ports: dict[str, int]) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ev3StockOptions(ChassisOptions):
-    """How the robot is built, and how to reach its brick."""
+    """The robot's dimensions, and its brick's connection."""
 
     line: str = option("usb", "way to the brick", choices=("usb", "bluetooth", "wifi"))
     brick: str = option("", "its ID, as 00:16:53:3f:0c:1e: for Bluetooth, or if there are several")
@@ -172,7 +172,7 @@ class Ev3StockDriver(ChassisDriver):
     def __init__(self, options: Ev3StockOptions, clock: Clock | None = None) -> None:
         super().__init__(options, clock)
         self._serial = options.brick
-        """Of the brick that is driven: after a lost line no other one is taken."""
+        """The brick's serial number: after a lost connection no other brick is driven."""
 
     @property
     def device(self) -> str:

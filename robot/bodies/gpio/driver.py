@@ -1,4 +1,4 @@
-"""Motors on the pins of a Raspberry Pi, by gpiozero, in a process of their own."""
+"""Motors on the pins of a Raspberry Pi, by gpiozero, in a separate process."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MAX_PIN = 27
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GpioOptions(Options):
-    """How the motors are wired. Pins are GPIO numbers, as gpiozero has them."""
+    """The wiring of the motors. Pins are gpiozero's GPIO numbers."""
 
     left_pins: str = option("17,18", "the left motor's two pins: forward,backward")
     right_pins: str = option("22,23", "the right motor's two pins: forward,backward")
@@ -46,8 +46,8 @@ class GpioOptions(Options):
         self.settings()
 
     def settings(self) -> dict[str, Any]:
-        """Return what the process that holds the pins needs; ConfigurationError if a pin is none,
-        or named twice."""
+        """Return the settings for the process that owns the pins; ConfigurationError if a pin does
+        not exist or is used twice."""
         names = ("esc_pin", "servo_pin") if self.is_car else ("left_pins", "right_pins")
         motors = [self._pins(name, 1 if self.is_car else 2) for name in names]
         bumper = self._pins("bumper_pin", 1) if self.bumper_pin else []
@@ -66,7 +66,7 @@ class GpioOptions(Options):
 
     @property
     def is_car(self) -> bool:
-        """True for a servo that steers and one motor."""
+        """True for a car: one motor, and a servo that steers."""
         return self.motor_board == "servo-esc"
 
     def _pins(self, name: str, count: int) -> list[int]:
@@ -96,7 +96,7 @@ def _flag(name: str) -> str:
 
 
 class GpioDriver(ReportingDriver):
-    """A Raspberry Pi with a motor driver board; the process that holds the pins times each move."""
+    """A Raspberry Pi with a motor driver board; the process that owns the pins times each move."""
 
     name: ClassVar[str] = "gpio"
     default_camera: ClassVar[str] = "picamera2"
@@ -119,14 +119,14 @@ class GpioDriver(ReportingDriver):
         return KeeperLine([sys.executable, "-m", "robot.bodies.gpio.keeper", settings], self._clock)
 
     def settings(self) -> dict[str, Any]:
-        """Return what the process that holds the pins needs, corrections included."""
+        """Return the settings for the process that owns the pins, including corrections."""
         left, right = self.correction.signs
-        # A car has one motor, which is the first; its servo is turned by `--servo-ends`.
+        # A car has one motor, the first; `--servo-ends` reverses its servo.
         signs = (min(left, right), 1.0) if self.options.is_car else (left, right)
         return {**self.options.settings(), "signs": signs}
 
     def correct(self, correction: BodyCorrection) -> None:
-        """See `Driver`; for other motors to be reversed another process takes the pins."""
+        """See `Driver`; to reverse other motors, a new process takes the pins."""
         is_rewired = self.is_connected and correction.signs != self.correction.signs
         super().correct(correction)
         if is_rewired:

@@ -1,9 +1,9 @@
-"""The process that holds the pins: it stops the motors when the robot's program dies or freezes.
+"""The process that owns the pins: it stops the motors when the robot's program dies or freezes.
 
-`python -m robot.bodies.gpio.keeper JSON` takes orders from the pipe that is its standard input, and
-answers each with a report there. A pin keeps what it was set to when the program that set it is
-killed or held up, so the one that holds it does nothing else: no camera, no learner, no network.
-It is a child of one that does still less, and waits to put another in its place.
+`python -m robot.bodies.gpio.keeper JSON` reads orders from the socket that is its standard input,
+and answers each with a report there. If the program that set a pin is killed or hangs, the pin
+keeps its level. So the process that owns the pins does nothing else: no camera, no learner, no
+network. Its parent process does even less: it waits, and replaces the child if it is killed.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _LONGEST_ORDER = 200
 
 
 def make_motors(settings: dict[str, Any]) -> TimedMotors:
-    """Take the pins; raises whatever gpiozero does."""
+    """Claim the pins; raises gpiozero's errors."""
     import gpiozero
 
     kind = {"two-pwm": "Motor", "phase-enable": "PhaseEnableMotor", "servo-esc": "Servo"}
@@ -46,7 +46,7 @@ def make_motors(settings: dict[str, Any]) -> TimedMotors:
 
 
 def keep(motors: TimedMotors, line: Connection, clock: Clock) -> None:
-    """Obey until the line ends, which it does when the robot's program is gone; then stand."""
+    """Obey orders until the connection ends, as after the robot's program; then stop."""
     try:
         while True:
             left_ms = motors.left_ms(_ms(clock))
@@ -55,7 +55,7 @@ def keep(motors: TimedMotors, line: Connection, clock: Clock) -> None:
             if is_asked:
                 report = motors.obey(line.recv_bytes(_LONGEST_ORDER), _ms(clock))
                 line.send_bytes(encode_plain_report(report))
-    except (EOFError, ConnectionError):  # a fault of the pins is none of these: it is shown
+    except (EOFError, ConnectionError):  # errors of the pins are not caught, but reported
         return
     finally:
         motors.stand()
@@ -66,11 +66,11 @@ def _ms(clock: Clock) -> int:
 
 
 def hold(settings: dict[str, Any]) -> None:
-    """Take the pins, and keep them; tell the caller that it can, or why it cannot."""
+    """Claim the pins and obey orders; report to the caller success, or the reason for a failure."""
     line = Connection(0)
     try:
         motors = make_motors(settings)
-    except Exception as error:  # a sentence, whatever the library says
+    except Exception as error:  # report any error of the library as a sentence
         reason = NO_PINS if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
         line.send_bytes(FAILED + " ".join(reason.split()).encode())
         return
@@ -79,15 +79,15 @@ def hold(settings: dict[str, Any]) -> None:
 
 
 def _kill(pid: int, *_: object) -> None:
-    with contextlib.suppress(ProcessLookupError):  # it ended in the very moment it was given up
+    with contextlib.suppress(ProcessLookupError):  # it has just ended
         os.kill(pid, signal.SIGKILL)
 
 
 def outlive(work: Callable[[], None]) -> None:
-    """Have a child do it, and another one if that is killed, until one has ended by itself.
+    """Run the work in a child; replace a killed child, until a child ends by itself.
 
-    SIGUSR1 kills one that hangs. The next has the pins within milliseconds, and stops the motors:
-    a program that has to be started first needs seconds, in which they go on.
+    SIGUSR1 kills a child that hangs. The next child has the pins within milliseconds, and stops the
+    motors. A newly started program would need seconds, while the motors run on.
     """
     while child := os.fork():
         signal.signal(signal.SIGUSR1, partial(_kill, child))
@@ -98,10 +98,13 @@ def outlive(work: Callable[[], None]) -> None:
 
 
 def main() -> None:
-    # They are meant for the robot's program, after which this one ends with its motors at rest.
+    # These signals are for the robot's program; this process ends after it, with the motors
+    # stopped.
     for quiet in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(quiet, signal.SIG_IGN)
-    with contextlib.suppress(ImportError):  # before there are children: each says what is missing
+    # Import before the forks, so that each child starts at once. If gpiozero is missing, the child
+    # reports it.
+    with contextlib.suppress(ImportError):
         import gpiozero  # noqa: F401
     outlive(lambda: hold(json.loads(sys.argv[1])))
 

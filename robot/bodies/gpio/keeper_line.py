@@ -1,4 +1,4 @@
-"""The line to the process that holds the pins; it has another one take over if that hangs."""
+"""The connection to the keeper, the process that owns the pins; replaces a keeper that hangs."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ START_S = 30.0
 """Time limit for a keeper to start, in seconds: Python's imports take long on a small Raspberry
 Pi."""
 HANGS_S = 0.3
-"""Time without an answer after which a keeper is killed, in seconds; the next one stops the
+"""Time without an answer after which a keeper is killed, in seconds; its successor stops the
 motors."""
 
 
 class KeeperLine:
-    """A line as `MessageLine` has it; OSError if the pins cannot be had."""
+    """A `MessageLine` to the keeper process. Raises OSError if the keeper cannot claim the pins."""
 
     def __init__(self, command: Sequence[str], clock: Clock) -> None:
         self._command, self._clock = command, clock
         self._trouble = "the process that holds the pins did not start"
-        """Why nobody holds the pins now; empty if somebody does."""
+        """The reason why no keeper owns the pins now; empty if one does."""
         self._start()
         self._next(START_S)
         if self._trouble:
@@ -41,16 +41,16 @@ class KeeperLine:
             self._process = subprocess.Popen(
                 self._command,
                 stdin=theirs.fileno(),
-                start_new_session=True,  # Ctrl+C ends the robot's program, which stops
+                start_new_session=True,  # Ctrl+C must end only the robot's program
             )
 
     def send(self, message: bytes) -> None:
-        """Send one message, without ever waiting; it is dropped while nobody holds the pins."""
+        """Send one message without waiting; it is dropped while no keeper owns the pins."""
         now_s = self._clock.now_s()
         if self._waits_s is None:
             self._waits_s = now_s
         if self._next(0.0) is not None:
-            self._waits_s = now_s  # it answered, but later than anybody waited
+            self._waits_s = now_s  # its answer came after the timeout
         silent_s = now_s - self._waits_s
         if self._has_ended or silent_s > START_S:
             self._trouble = self._trouble or "it ended, and another one starts"
@@ -89,7 +89,7 @@ class KeeperLine:
         self._end()
 
     def _end(self) -> None:
-        """Kill the keepers that are left."""
+        """Kill the remaining keepers."""
         self._pipe.close()
         with self._process, contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)

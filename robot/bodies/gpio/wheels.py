@@ -12,14 +12,14 @@ from robot.types import Action, Point, Sensors
 
 
 class PinMotor(Protocol):
-    """A motor or a servo as gpiozero has it."""
+    """A motor or a servo with gpiozero's interface."""
 
     value: float
-    """From -1 (full speed backward, or one end) to 1; 0 stands."""
+    """From -1 (full speed backward, or one end) to 1; 0: stopped."""
 
 
 Build = Callable[[Point, float], Pair]
-"""Returns the two values, each at most 1, for a point and a share of full speed."""
+"""Returns the values of both motors, each at most 1, for a point and a share of full speed."""
 
 
 def tracked(straight_speed: float, turn_speed: float) -> Build:
@@ -51,12 +51,12 @@ def steered(straight_speed: float, turn_speed: float, servo_ends: Pair) -> Build
 
 
 class TimedMotors:
-    """Obeys orders of `robot.bodies.remote.plain`, each at most once and never late.
+    """Obeys orders of `robot.bodies.remote.plain`, each order at most once and never late.
 
     Args:
         motors: The left and the right motor, or the ESC and the servo.
         bumped: Reads the bumper; None if there is none.
-        signs: Factors of the motors' values: -1 for one that turns the other way.
+        signs: Factors of the motors' values: -1 for a reversed motor.
     """
 
     def __init__(
@@ -77,21 +77,21 @@ class TimedMotors:
         self._set(CLASSIC_POINTS[Action.STOP], 1.0)
 
     def left_ms(self, now_ms: int) -> int | None:
-        """Return in how many milliseconds the move must end; None if it stands."""
+        """Return the milliseconds until the move must end; None if no motor turns."""
         return None if self._ends_ms is None else max(0, self._ends_ms - now_ms)
 
     def tick(self, now_ms: int) -> None:
-        """End a move whose time is over; to be called before anything else is done."""
+        """End a move whose time is over; to be called before anything else."""
         if self.left_ms(now_ms) == 0:
             self.stand()
 
     def obey(self, line: bytes, now_ms: int) -> BodyReport:
-        """Take one line, and report; a line that is not an order only asks for the report."""
+        """Obey one line and return the report; a line that is not an order only requests it."""
         self.tick(now_ms)
         order = parse_plain_order(line, CLASSIC_POINTS)
         if order is not None and order.seq > self._seq:
             self._seq = order.seq
-            # An order sent after `seen_ms` ends `LATE_MS` after it at most, even if it comes late.
+            # An order ends at most `LATE_MS` after its `seen_ms`, even if it arrives late.
             left_ms = min(order.for_ms, LONGEST_MS, LATE_MS - (now_ms - order.seen_ms))
             if order.move is Action.STOP or left_ms <= 0:
                 self.stand()

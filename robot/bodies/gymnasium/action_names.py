@@ -1,8 +1,8 @@
-"""Finds an environment's names of its numbered actions, wherever it keeps them.
+"""Finds an environment's names of its numbered actions, wherever they are.
 
-There is no rule for it: Atari and NES have `get_action_meanings()`, MiniGrid and MiniWorld an
-enumeration `actions`, highway-env a dictionary in `action_type`, Stable-Retro a list `buttons`,
-ViZDoom the buttons of its game and a table of which are pressed.
+There is no standard: Atari and NES have `get_action_meanings()`, MiniGrid and MiniWorld an
+enumeration `actions`, highway-env a dictionary in `action_type`, Stable-Retro a list `buttons`, and
+ViZDoom the buttons of its game with a table of the pressed ones.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ _KEPT_IN = (
     "Actions",
     "buttons",
 )
-"""Attributes and methods that are known to hold names, the surest first."""
+"""Attributes and methods that are known to contain names, the most reliable first."""
 _NOTHING_PRESSED = "noop"
 
 
 def names_of(env: Any, first: int, n: int) -> dict[int, str]:
-    """Return the names of the actions `first` to `first + n - 1`, as far as there are any.
+    """Return the names of the actions `first` to `first + n - 1`, if there are any.
 
-    The outermost wrapper that has names for exactly these actions is believed.
+    The outermost wrapper with names for exactly these actions counts.
     """
     for layer in _layers(env):
         for path in _KEPT_IN:
@@ -44,7 +44,7 @@ def names_of(env: Any, first: int, n: int) -> dict[int, str]:
 
 
 def _layers(env: Any) -> Iterator[Any]:
-    """Yield the environment and all that it wraps."""
+    """Yield the environment and each one that it wraps."""
     for _ in range(32):
         yield env
         inner = getattr(env, "env", None)
@@ -59,12 +59,12 @@ def _find(owner: Any, path: str) -> Any:
             owner = getattr(owner, name)
         is_enumeration = isinstance(owner, type)
         return owner() if callable(owner) and not is_enumeration else owner
-    except Exception:  # other people's code, and names are no need
+    except Exception:  # foreign code may raise anything; names are optional
         return None
 
 
 def _read(kept: Any, first: int, n: int) -> dict[int, str]:
-    """Return the names in a mapping of either direction, an enumeration or a list; or nothing."""
+    """Return the names in a mapping of either direction, an enumeration or a list; else none."""
     members = getattr(kept, "__members__", None)
     if isinstance(members, Mapping):
         kept = {name: getattr(member, "value", member) for name, member in members.items()}
@@ -92,13 +92,13 @@ def _is_whole(value: Any) -> bool:
 
 
 def _pressed(layer: Any, first: int, n: int) -> dict[int, str]:
-    """Return the names of combinations of buttons, as ViZDoom has them."""
+    """Return the names of ViZDoom's combinations of buttons."""
     table, game = getattr(layer, "button_map", None), getattr(layer, "game", None)
     if table is None or game is None or len(table) != n:
         return {}
     try:
         buttons = [button.name for button in game.get_available_buttons()][-len(table[0]) :]
         rows = [[one for one, on in zip(buttons, row, strict=True) if on] for row in table]
-    except Exception:  # as above
+    except Exception:  # foreign code, see above
         return {}
     return {first + i: "_".join(row) or _NOTHING_PRESSED for i, row in enumerate(rows)}

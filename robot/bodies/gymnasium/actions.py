@@ -1,8 +1,8 @@
-"""Any action space as a list of numbers, and the moves that these become.
+"""Converts any action space to a list of numbers, and the numbers to moves.
 
-An action of a nested space is the list of all its numbers, in the order of its parts: a table of
-moves gives them so. Without a table the moves have the environment's own names if it has any, or
-each number is moved by itself.
+An action of a nested space is the list of all its numbers in the order of its parts; a table of
+moves uses this order. Without a table, the moves get the environment's names for its actions if
+there are any; otherwise each move changes one number.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from robot.errors import ConfigurationError
 from robot.types import Action, Point
 
 _MOST_NUMBERS = 64
-"""Of one action that a person can give in a table."""
+"""Maximum number of numbers in one action, so that a person can write them in a table."""
 _MOST_MOVES = 32
-"""That a model can have."""
+"""Maximum number of moves in a model."""
 _NO_BOUND = 1e6
 """A larger bound of a space only says "no bound"."""
 _LONGEST_NAME, _LONGEST_LABEL = 32, 24
@@ -32,9 +32,9 @@ _CAR_RACING = (
     "left=-0.6,0.1,0; right=0.6,0.1,0; forward=0,0.3,0; brake=0,0,0.5; coast=0,0,0",
     "left=2; right=1; forward=3; brake=4; coast=0",
 )
-"""Its moves have no names: tables for its continuous and its discrete form."""
+"""Tables for CarRacing's continuous and discrete form, because its moves have no names."""
 _SIDES = {"left": -1.0, "right": 1.0}
-"""Steering of moves with such a word in their names: on the page they stand on that side."""
+"""Steering of moves whose names contain one of these words; the page shows them on this side."""
 _STANDING = ("noop", "no_op", "idle", "rest", "coast", "nothing", "do_nothing", "stop", "wait")
 _BACK = ("back", "down", "brake", "slower", "reverse")
 
@@ -50,12 +50,12 @@ class Number:
 
     @property
     def rest(self) -> float:
-        """Its value while nothing is done: the nearest to 0."""
+        """Return the number's value at rest, the nearest to 0."""
         return min(max(0.0, self.least), self.most)
 
     @property
     def others(self) -> list[tuple[str, float]]:
-        """The values that are worth a move of their own, each with its name."""
+        """Return the values that get a separate move, each with its name."""
         if self.is_whole and (self.least, self.most) == (0.0, 1.0):
             return [(self.name, 1.0)]
         if self.is_whole and self.most - self.least <= _MOST_MOVES:
@@ -79,12 +79,12 @@ class ActionForm:
     """An action space as numbers.
 
     Attributes:
-        numbers: In the order of the space's parts.
-        is_one_choice: An action is one of some numbered ones.
-        is_buttons: An action is a list of buttons, each pressed or not.
+        numbers: The numbers of an action, in the order of the space's parts.
+        is_one_choice: True if an action is one choice among numbered actions.
+        is_buttons: True if an action is a list of buttons, each pressed or not.
 
     Raises:
-        ConfigurationError: If an action is more than numbers, or too many of them.
+        ConfigurationError: If an action contains anything but numbers, or too many numbers.
     """
 
     def __init__(self, space: Any, name: str) -> None:
@@ -95,12 +95,12 @@ class ActionForm:
 
     @property
     def n_choices(self) -> int:
-        """How many numbered actions there are to choose from; 0 if an action is more than one."""
+        """Return the number of numbered actions; 0 if an action is not one choice."""
         number = self.numbers[0]
         return int(number.most - number.least) + 1 if self.is_one_choice else 0
 
     def action(self, values: Sequence[float]) -> Any:
-        """Return the action of these numbers, as the environment takes it."""
+        """Return the environment's action for these numbers."""
         return _action_of(self._space, iter(values))
 
     def __str__(self) -> str:
@@ -109,14 +109,14 @@ class ActionForm:
 
 
 def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
-    """Return each move with the action that the environment is given for it, in their order.
+    """Return the moves in their order, each with its action for the environment.
 
-    `table` is a person's own, as `left=-0.6,0,0; right=0.6,0,0`; empty: the environment's names, or
-    each number by itself.
+    `table` is a person's table, for example `left=-0.6,0,0; right=0.6,0,0`; empty: the
+    environment's names, or a move for each number.
 
     Raises:
-        ConfigurationError: If the table cannot be read or does not fit, or there are too many moves
-            to choose from, or too few.
+        ConfigurationError: If the table cannot be read or does not fit, or the number of moves is
+            too large or too small.
     """
     form = ActionForm(env.action_space, name)
     if not table and is_car_racing(name):
@@ -136,16 +136,16 @@ def moves_of(name: str, env: Any, table: str = "") -> dict[Move, Any]:
 
 
 def steering_of(table: Mapping[Move, Any], space: Any) -> Callable[[Point], Any] | None:
-    """Return what tells the action for a point, in a box of fractions; None for other spaces.
+    """Return the function from a point to an action, for a box of fractions; None for other spaces.
 
-    Steering leads from the move ahead to the turns, throttle from what coasts to the moves ahead
-    and back. None, too, if the table has no move ahead, or no turn to either side.
+    Steering interpolates between the move ahead and the turns, throttle between coasting and the
+    moves ahead and back. None also if the table has no move ahead, or no turn to either side.
     """
     if _kind_of(space) != "Box" or not np.issubdtype(space.dtype, np.floating):
         return None
     known = {
         (side_of(move.point.steering), side_of(move.point.throttle, 0.0)): np.asarray(action, float)
-        for move, action in reversed(list(table.items()))  # the first of those alike
+        for move, action in reversed(list(table.items()))  # of equal ones the first counts
         if move.point is not None
     }
     if not {(0, 1), (-1, 1), (1, 1)} <= set(known):
@@ -172,7 +172,7 @@ def is_car_racing(name: str) -> bool:
 
 
 def _kind_of(space: Any) -> str:
-    """Return the kind of a space: Gymnasium's, or that of the older library of the same names."""
+    """Return the kind of a space: Gymnasium's, or the same-named one of the older library."""
     names = [base.__name__ for base in type(space).__mro__]
     kinds = ("Discrete", "MultiDiscrete", "MultiBinary", "Box", "Tuple", "Dict")
     return next((name for name in names if name in kinds), type(space).__name__)
@@ -232,7 +232,7 @@ def _action_of(space: Any, values: Iterator[float]) -> Any:
 # Moves ----------------------------------------------------------------------------------------
 
 _Chosen = list[tuple[str, list[float]]]
-"""The name of each move, and the numbers of its action."""
+"""Moves, each with its name and the numbers of its action."""
 
 
 def _read(table: str, form: ActionForm) -> _Chosen:
@@ -258,7 +258,7 @@ def _read(table: str, form: ActionForm) -> _Chosen:
 
 
 def _named(env: Any, form: ActionForm) -> Iterator[tuple[str, list[float]]]:
-    """Yield the moves of an environment that nobody has made a table for."""
+    """Yield the moves of an environment without a table."""
     if form.is_one_choice:
         [number] = form.numbers
         first, n = int(number.least), int(number.most - number.least) + 1
@@ -279,7 +279,7 @@ def _named(env: Any, form: ActionForm) -> Iterator[tuple[str, list[float]]]:
 
 
 def _distinct(chosen: _Chosen) -> Iterator[tuple[Move, list[float]]]:
-    """Yield a move for each; of those of one name the second is numbered, and so on."""
+    """Yield a move for each entry; the second and later moves of a name are numbered."""
     taken: set[str] = set()
     for word, values in chosen:
         name, n = _as_action(word), 1
@@ -292,7 +292,7 @@ def _distinct(chosen: _Chosen) -> Iterator[tuple[Move, list[float]]]:
 
 
 def _as_action(word: str) -> str:
-    """Return the name of a move for what an environment calls an action."""
+    """Return the name of a move for an environment's name of an action."""
     name = re.sub(r"[^a-z0-9]+", "_", word.lower()).strip("_")
     name = re.sub(r"^(turn|move)_(?=[a-z])(?!minus_\d)", "", name)
     name = {"up": "forward", "back": "backward", "stop": "noop"}.get(name, name)

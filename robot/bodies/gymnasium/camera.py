@@ -1,4 +1,4 @@
-"""The camera of a Gymnasium environment: its thread is also what moves the environment on."""
+"""The camera of a Gymnasium environment; its thread also steps the environment."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot.types import Encoding, Frame
 
 _JPEG_QUALITY = 90
 _REMEMBERED_FRAMES = 128
-"""How many frames back `world_s` is exact: twice what the loop remembers."""
+"""Number of frames for which `world_s` is exact: twice the number that the loop remembers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,11 +27,12 @@ class GymnasiumCameraOptions(Options):
 
 
 class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
-    """Sees what the environment gives to see.
+    """Takes pictures of the environment.
 
-    The environment waits for the loop: it goes on only after the loop has acted on the picture
-    before. A slow computer makes it slower, and misses nothing. Its clock goes on between a picture
-    and the next step, for one period at most, and stands during the step.
+    The environment waits for the loop: the next step comes only after the loop has acted on the
+    previous picture. So a slow computer slows the environment down, but skips no picture. The
+    environment's clock runs between a picture and the next step, for one period at most, and stops
+    during the step.
     """
 
     name: ClassVar[str] = "gymnasium"
@@ -47,7 +48,7 @@ class GymnasiumCamera(WorldCamera[GymnasiumDriver]):
         self._period_s = 1.0 / options.env_rate_hz
         self._compress = jpeg_encoder(_JPEG_QUALITY, "the camera of a simulated world")
         self._shown_s: deque[tuple[float, float]] = deque(maxlen=_REMEMBERED_FRAMES)
-        """When each picture was shown, and what the world's clock showed then."""
+        """The time at which each picture was shown, and the world's time then."""
 
     def world_s(self, at_s: float) -> float:
         shown = tuple(self._shown_s)

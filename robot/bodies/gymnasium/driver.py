@@ -1,4 +1,4 @@
-"""Any Gymnasium environment with pictures as a robot: its actions are the moves."""
+"""Any Gymnasium environment with pictures as a robot, whose moves are the environment's actions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Action, Point, Sensors
 
 OVER_S = 1.5
-"""Time for which the last picture of a game stays before the next game begins, in seconds."""
+"""Time for which the last picture of a game is shown before the next game begins, in seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,10 +39,10 @@ class GymnasiumOptions(Options):
 
 
 class GymnasiumDriver(ConnectedDriver[bool]):
-    """Acts in an environment. Time passes when its camera, or a test, calls `advance`.
+    """Acts in an environment. Its time passes only when the camera, or a test, calls `advance`.
 
-    An environment may belong to the thread that made it (a renderer often does), so `advance`,
-    `picture` and `close` are for one thread; it is made anew there.
+    An environment may belong to the thread that made it (a renderer often does), so one thread must
+    call `advance`, `picture` and `close`; the environment is made again on that thread.
     """
 
     name: ClassVar[str] = "gymnasium"
@@ -63,7 +63,7 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         self._action: Any = None
         self._left_s = self._over_s = 0.0
         self.acted = threading.Event()
-        """Set by each `send_action`: the loop has done what it does with a picture."""
+        """Set by each `send_action`: the loop has finished with a picture."""
 
     def _make(self) -> Environment:
         chosen = self.options
@@ -72,14 +72,14 @@ class GymnasiumDriver(ConnectedDriver[bool]):
 
     @property
     def first_moves(self) -> tuple[Action, ...]:
-        """All moves: a game that can be braked wants braking."""
+        """Return all moves, because a game with a brake needs braking."""
         return self.moves
 
     def _open(self) -> bool:
-        return True  # the environment is made where it is stepped
+        return True  # the thread that steps the environment makes it
 
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
-        """Act so for at most `ACTION_TIMEOUT_S`; an environment has one speed."""
+        """Apply an action for at most `ACTION_TIMEOUT_S`; an environment has one speed."""
         by_degrees = None if self._action_at is None or point is None else self._action_at(point)
         with self._lock:
             self._action = self._actions.get(action) if by_degrees is None else by_degrees
@@ -94,10 +94,10 @@ class GymnasiumDriver(ConnectedDriver[bool]):
         with self._lock:
             self._action = None
 
-    # On the thread that the environment belongs to ----------------------------------------------
+    # On the environment's thread ----------------------------------------------------------------
 
     def advance(self, dt_s: float) -> None:
-        """Let time pass: some steps if a move is under way, none otherwise: it stands then."""
+        """Let time pass: make some steps if a move is under way, otherwise none."""
         environment = self._opened()
         with self._lock:
             action = self._action if self._left_s > 0.0 else None
@@ -112,14 +112,14 @@ class GymnasiumDriver(ConnectedDriver[bool]):
                 environment.step(action)
 
     def picture(self) -> Any:
-        """Return what there is to see, shape (height, width, 3), uint8; raises CameraError."""
+        """Return the current picture, shape (height, width, 3), uint8; raises CameraError."""
         return self._opened().picture()
 
     def close(self) -> None:
-        """Let go of the environment; the next `advance` or `picture` opens it again."""
+        """Close the environment; the next `advance` or `picture` opens it again."""
         environment, self._environment = self._environment, None
         if environment is not None:
-            with contextlib.suppress(Exception):  # other people's code, and nothing is lost
+            with contextlib.suppress(Exception):  # foreign code may raise anything; nothing is lost
                 environment.close()
 
     def _opened(self) -> Environment:

@@ -1,7 +1,7 @@
 """A Gymnasium environment with pictures: opened, stepped and closed on one thread.
 
-Environments differ in more than their pictures and actions: some take no seed or no `render_mode`,
-some have rewards that are lists, some keep the older form of `reset` and `step`.
+Environments differ in more than their pictures and actions: some accept no seed or no
+`render_mode`, some return lists as rewards, and some use the older form of `reset` and `step`.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from robot.types import Game
 
 PICTURES = ("auto", "observed", "rendered")
 _LEAST_OBSERVED = (120, 160)
-"""Least height and width of an observation that is shown, in pixels; instead of a smaller one the
-rendering is shown."""
+"""Minimum height and width of an observation that is shown, in pixels; if it is smaller, the
+rendering is shown instead."""
 _RENDER_MODES = ("rgb_array", "rgb_array_list", None)
-"""The render modes to try in turn; None for environments that take no such argument."""
+"""The render modes to try in turn; None for environments without this argument."""
 _LARGEST_REWARD = 1e12
-"""Upper bound of a reward's size, so that a score stays a number that can be written."""
+"""Upper bound of a reward's magnitude, so that a score stays a number that can be written."""
 
 
 def read_options(text: str) -> dict[str, Any]:
-    """Return what `obs_width=160,domain_rand=true` says, for the environment's maker;
-    ConfigurationError if it says nothing of the kind."""
+    """Parse options such as `obs_width=160,domain_rand=true` for the environment's constructor;
+    ConfigurationError if they are not valid."""
     options: dict[str, Any] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, equals, value = part.partition("=")
@@ -49,8 +49,8 @@ def read_options(text: str) -> dict[str, Any]:
 
 
 def render_without_a_screen() -> None:
-    """Have libraries that draw do it in memory where there is no screen, unless a person has chosen
-    otherwise. On macOS and Windows there always is one."""
+    """Let libraries draw in memory if there is no screen, unless the environment variables are set
+    already. On macOS and Windows there is always a screen."""
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
         return
     gl = "osmesa" if find_library("OSMesa") and not find_library("EGL") else "egl"
@@ -65,16 +65,16 @@ def render_without_a_screen() -> None:
 
 
 def make(name: str, options: Mapping[str, Any]) -> Any:
-    """Return a Gymnasium environment that renders pictures, if it can.
+    """Return a Gymnasium environment, one that renders pictures if possible.
 
     Args:
         name: `CarRacing-v3`, `module:CarRacing-v3` for one that a module registers, or
             `module:Class` for one that is not registered.
-        options: For its maker.
+        options: Options for the environment's constructor.
 
     Raises:
-        ConfigurationError: If there is no such environment, or it is of another kind; says what
-            Gymnasium says.
+        ConfigurationError: If there is no such environment, or it is of another kind; contains
+            Gymnasium's message.
         MissingExtraError: If Gymnasium is not installed.
     """
     gymnasium = need("gymnasium", "the robot gymnasium", "gymnasium")
@@ -82,7 +82,7 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
     module, _, attribute = name.rpartition(":")
     wrong = f"the environment {name!r} cannot be made"
     do = "--env is a name such as CarRacing-v3, or MODULE:NAME for one that another package brings"
-    with told_as(ConfigurationError, wrong, Exception, do=do):  # it is other people's code
+    with told_as(ConfigurationError, wrong, Exception, do=do):  # foreign code may raise anything
         made = getattr(importlib.import_module(module), attribute, None) if module else None
         maker = made or partial(gymnasium.make, name, disable_env_checker=True)
         env = _made(maker, options)
@@ -94,7 +94,7 @@ def make(name: str, options: Mapping[str, Any]) -> Any:
 
 
 def _made(maker: Any, options: Mapping[str, Any]) -> Any:
-    """Return what a maker makes with the first render mode that it takes."""
+    """Return the environment, made with the first render mode that its constructor accepts."""
     modes = (options["render_mode"],) if "render_mode" in options else _RENDER_MODES
     failures: list[Exception] = []
     for mode in modes:
@@ -107,11 +107,12 @@ def _made(maker: Any, options: Mapping[str, Any]) -> Any:
 
 
 class Environment:
-    """An environment as a world to drive in, and the `game` under way. Time passes only by `step`.
+    """An environment as a world, with the `game` under way. Time passes only by `step`.
 
     Args:
-        picture: `observed`, `rendered`, or `auto`: observed if 160x120 or more.
-        seed: Of the first game; each further game has the next, if the environment takes seeds.
+        picture: `observed`, `rendered`, or `auto`, which means observed if 160x120 or larger.
+        seed: The first game's seed; each further game gets the next number, if the environment
+            accepts seeds.
     """
 
     def __init__(self, name: str, options: Mapping[str, Any], picture: str, seed: int) -> None:
@@ -134,7 +135,7 @@ class Environment:
         self.game = Game(number=before + 1, score=0.0, reward=0.0, is_over=False)
 
     def step(self, action: Any) -> None:
-        """Act once; after the end of a game this does nothing."""
+        """Make one step; does nothing after the end of a game."""
         if self.game.is_over:
             return
         with self._told("failed in a step"):
@@ -151,8 +152,8 @@ class Environment:
         self.game = Game(number=self.game.number, score=score, reward=reward, is_over=is_over)
 
     def picture(self) -> Pixels:
-        """Return what there is to see, RGB, shape (height, width, 3); CameraError if the
-        environment gives no picture."""
+        """Return the current picture, RGB, shape (height, width, 3); CameraError if the environment
+        returns no picture."""
         observed = rendered = None
         if self._picture != "rendered":
             observed = picture_in(self._seen, getattr(self.env, "observation_space", None))
@@ -180,16 +181,16 @@ class Environment:
         return self.env.reset()
 
     def _rendered(self) -> Pixels | None:
-        """Return what the environment renders; None, from then on, for one that cannot."""
+        """Return the rendered picture; None, from then on, if the environment cannot render."""
         if self._render_failure:
             return None
         try:
             takes_mode = "mode" in inspect.signature(self.env.unwrapped.render).parameters
             came = self.env.render(mode="rgb_array") if takes_mode else self.env.render()
-        except Exception as error:  # other people's code, which may lack a library or a screen
+        except Exception as error:  # foreign code; a library or a screen may be missing
             self._render_failure = f"rendering failed: {str(error)[:200] or repr(error)}"
             return None
-        if not (isinstance(came, list) and not came):  # no frame is new since the last time
+        if not (isinstance(came, list) and not came):  # an empty list: no new frame
             self._shown = picture_in(came)
         if self._shown is None:
             self._render_failure = f"it renders {describe(came)}"
@@ -206,12 +207,12 @@ class Environment:
         return ", and ".join(told)
 
     def _told(self, what: str) -> contextlib.AbstractContextManager[None]:
-        """Tell what goes wrong in other people's code as a sentence about this environment."""
+        """Raise errors of foreign code as a sentence about this environment."""
         return told_as(CameraError, f"the environment {self.name!r} {what}", Exception)
 
 
 def reward_in(given: Any) -> float:
-    """Return a reward as one number: the sum of one that has parts; what is no number counts 0.
+    """Return a reward as one number: the sum of its parts, in which NaN and non-numbers count 0.
 
     Example:
         >>> reward_in([1.5]), reward_in({"speed": 1, "crash": -2.0}), reward_in(float("nan"))

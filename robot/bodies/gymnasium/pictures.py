@@ -1,6 +1,6 @@
-"""Any picture that an environment gives, as RGB bytes.
+"""Converts any picture of an environment to RGB bytes.
 
-Environments give pictures as bytes, whole numbers or fractions, with the channels last or first,
+Environments return pictures as bytes, whole numbers or fractions, with the channels last or first,
 with an alpha channel, as a list of the newest frames, or as one part of an observation.
 """
 
@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 Pixels = NDArray[np.uint8]
 _LEAST_PX = 16
-"""A side of a picture, at least: what is smaller is a board or a table."""
+"""Minimum side of a picture in pixels; a smaller array is a board or a table."""
 _MOST_PX = 1920
-"""A side of a picture, at most: of larger ones every second pixel is taken, or every third."""
+"""Maximum side of a picture in pixels; larger pictures are reduced to every n-th pixel."""
 _MOST_CHANNELS = 48
-"""Of a stack of frames; more would be a third dimension."""
+"""Maximum number of channels in a stack of frames; more would be a third dimension."""
 _LARGEST = 65535.0
-"""The whitest white that is taken for one; a larger bound of a space only says "no bound"."""
+"""Maximum value that counts as white; a larger bound of a space means "no bound"."""
 _MADE_OF_IT = re.compile(r"mask|depth|segment|semantic|label|map|flow|normals|heat", re.I)
-"""Names of parts that are made of the picture."""
+"""Names of observation parts that are derived from the picture."""
 _PICTURE = re.compile(r"rgb|image|img|pixel|screen|camera|visual|frame", re.I)
 
 
@@ -37,20 +37,22 @@ class _Found(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, int]:
-        """The larger, the sooner this is what a person would look at."""
+        """Sort key: larger for a picture that a person would rather look at."""
         is_made_of_it = _MADE_OF_IT.search(self.name) is not None
         is_called_so = _PICTURE.search(self.name) is not None
         return self.has_colours, not is_made_of_it, is_called_so, self.pixels.size
 
 
 def picture_in(seen: Any, space: Any = None) -> Pixels | None:
-    """Return the picture that an observation is, or that is among its parts; None without one.
+    """Return the picture in an observation; None if there is none.
 
-    Of several, one with colours comes first, then one whose name says picture, then the largest.
+    Of several pictures, one with colours has priority, then one with a picture's name, then the
+    largest.
 
     Args:
-        seen: An observation, or what an environment renders; of a list of frames the newest counts.
-        space: Its space, if it has one: the bounds say which numbers are black and white.
+        seen: An observation, or a rendering; in a list of frames the newest counts.
+        space: The observation's space, if it has one; its bounds are the numbers for black and
+            white.
 
     Returns:
         RGB, shape (height, width, 3), uint8.
@@ -64,7 +66,7 @@ def picture_in(seen: Any, space: Any = None) -> Pixels | None:
 
 
 def describe(seen: Any) -> str:
-    """Return in words what came where a picture was expected."""
+    """Describe in words a value that was found instead of a picture."""
     if seen is None:
         return "nothing"
     if isinstance(seen, Mapping):
@@ -104,7 +106,7 @@ def _as_array(seen: Any) -> NDArray[Any] | None:
         seen = seen.convert("RGB")
     try:
         array = np.asarray(seen)
-    except (ValueError, TypeError, RuntimeError):  # a list of parts of several shapes
+    except (ValueError, TypeError, RuntimeError):  # a ragged list: its items differ in shape
         return None
     return array if array.dtype.kind in "buif" else None
 
@@ -125,14 +127,14 @@ def _channels_last(array: NDArray[Any]) -> NDArray[Any] | None:
     n_channels = array.shape[2]
     if min(array.shape[:2]) < _LEAST_PX or not 0 < n_channels <= _MOST_CHANNELS:
         return None
-    if n_channels == 4:  # with an alpha channel, unless it is a stack of four grey frames
+    if n_channels == 4:  # an alpha channel, or a stack of four grey frames
         is_stack = is_first and bool((array[:, :, 3] != array[0, 0, 3]).any())
         return array[:, :, 3:] if is_stack else array[:, :, :3]
     return array[:, :, -3:] if n_channels % 3 == 0 else array[:, :, -1:]
 
 
 def _as_bytes(array: NDArray[Any], space: Any) -> Pixels | None:
-    """Return the numbers as bytes; None if nothing says which of them is white."""
+    """Return the numbers as bytes; None if the value of white is unknown."""
     bounds = _bounds_of(space)
     if array.dtype == np.uint8 and bounds != (0.0, 1.0):
         return array
@@ -141,7 +143,7 @@ def _as_bytes(array: NDArray[Any], space: Any) -> Pixels | None:
     if bounds is None or least < bounds[0] - 0.01 or most > bounds[1] + 0.01:
         bounds = _usual_bounds(least, most, array.dtype)
     elif bounds == (0.0, 255.0) and most <= 1.0 and (numbers % 1.0).any():
-        bounds = (0.0, 1.0)  # the space says bytes, and fractions come
+        bounds = (0.0, 1.0)  # the space declares bytes, but the values are fractions
     if bounds is None:
         return None
     black, white = bounds

@@ -1,4 +1,4 @@
-"""LEGO Education CS & AI: its double motor, over Bluetooth LE, by LEGO's own library."""
+"""LEGO Education CS & AI: its double motor, over Bluetooth LE, by LEGO's library."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from robot.types import Action, Point, Sensors
 
 SEARCH_S = 8.0
 GONE_S = 0.4
-"""Time without a report after which the motor counts as gone, in seconds: it sends ten a second."""
+"""Time without a report after which the motor counts as gone, in s; it sends ten a second."""
 AGAIN_S = 2.0
 _NOTE_EVERY_MS = 100
 FULL_PERCENT = 100
-"""Acceleration and deceleration, in percent: a motor that brakes gently stops too late."""
+"""Acceleration and deceleration in percent; a motor that brakes gently would stop too late."""
 TURN_STEERING = 50
-"""A turn goes about the inner wheel, as `left` and `right` are declared; 100 would spin."""
+"""A turn is about the inner wheel, like `left` and `right` by definition; 100 would spin."""
 _ADDRESS = re.compile(
     r"(?:[\dA-F]{2}:){5}[\dA-F]{2}|[\dA-F]{8}(?:-[\dA-F]{4}){3}-[\dA-F]{12}", re.I
 )
@@ -42,7 +42,7 @@ _DIRECTIONS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LegoEducationOptions(Options):
-    """Which double motor, and how fast."""
+    """The double motor to use, and its speed."""
 
     hub: str = option("", "part of the double motor's name, or its address; needed for several")
     straight_percent: int = option(50, "speed straight on, in percent", range=(1, 100))
@@ -80,7 +80,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
                 f"no double motor{name} is in reach; is it on, and not connected elsewhere?"
             )
         nameless = [one for one in found if one.address == one.name]
-        if nameless and len(found) < len(searched):  # the library shows their names only
+        if nameless and len(found) < len(searched):  # the library logs only their names
             raise DriveError(
                 f"which double motor? Several in reach are called {nameless[0]}; give each a name "
                 "of its own, or install a newer version of LEGO's library, which shows addresses"
@@ -94,9 +94,9 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         return motor
 
     def _search(self, motor: Any) -> list[Any]:
-        """Return the double motors in reach whose name or address fits.
+        """Return the double motors in range whose name or address matches.
 
-        The library logs what fails in a search, with its traceback, and returns None.
+        If a search fails, the library logs a traceback and returns None.
         """
         wanted = self.options.hub
         name = None if _ADDRESS.fullmatch(wanted) else wanted or None
@@ -120,7 +120,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
 
     def _reach(self, motor: Any) -> None:
         self._tried_s = self._clock.now_s()
-        # Also that library and firmware do not fit: it says what to do.
+        # For example, library and firmware do not match; the message then says what to do.
         with told_as(DriveError, "the double motor cannot be used", Exception):
             motor.connect(self._found, device_notification_delay=_NOTE_EVERY_MS)
         if not motor.connected:
@@ -129,7 +129,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         self._heard_s = self._clock.now_s()
 
     def _set_up(self, motor: Any) -> None:
-        """Set all that a motor keeps from the program before: it drives as declared, and brakes."""
+        """Set every value that a motor may retain from another program, for example its braking."""
         with told_as(DriveError, "the double motor takes no settings", Exception):
             motor.movement_set_end_state(self._library.MOTOR_END_STATE_BRAKE)
             motor.movement_set_acceleration(FULL_PERCENT, FULL_PERCENT)
@@ -156,7 +156,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
             )
 
     def sense(self) -> Sensors:
-        """Return what the double motor told last; a lost one is looked for now and then."""
+        """Return the double motor's last report; a lost motor is searched for from time to time."""
         motor = self._connection
         if motor is None:
             return Sensors()
@@ -167,14 +167,14 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         return Sensors(battery_share=min(max(level / 100, 0.0), 1.0))
 
     def stop(self) -> None:
-        """Stop the motors; a lost one does so by itself."""
+        """Stop the motors; a lost double motor stops by itself."""
         motor = self._connection
         if motor is not None and motor.connected:
             with contextlib.suppress(Exception):
                 motor.movement_stop(blocking=False)
 
     def take_button(self) -> BodyButton | None:
-        """The double motor's button stops the robot."""
+        """Return "stop" if the double motor's button was pressed."""
         motor = self._connection
         if motor is None:
             return None
@@ -183,7 +183,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         return BodyButton.STOP if is_new else None
 
     def _note(self, notification: Any) -> None:
-        """Take a sign of life, on the library's thread."""
+        """Note a report, on the library's thread."""
         self._heard_s = self._clock.now_s()
 
     def _check_heard(self, motor: Any) -> None:
@@ -195,7 +195,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
 
 
 def _as_found(device: Any) -> Found:
-    """Return what the library's device is called, and its address; older ones have none."""
+    """Return the name and the address of the library's device; older versions have no address."""
     name = str(getattr(device, "name", "") or "")
     return Found(name, str(getattr(device, "address", "") or name))
 

@@ -1,7 +1,7 @@
-"""Reads a camera's answer over HTTP as cameras write it: its head, then pictures.
+"""Reads a camera's HTTP response: the head, then pictures.
 
 Cameras differ in the bytes between their pictures: boundaries, line ends, blank lines, wrong
-lengths. A JPEG and a PNG mark their own begin and end, so only these marks are trusted.
+lengths. JPEG and PNG contain markers for their start and end, so only these markers are trusted.
 """
 
 from __future__ import annotations
@@ -18,25 +18,25 @@ MAX_PART_BYTES = 4 * 2**20
 _PNG = b"\x89PNG\r\n\x1a\n"
 _START = re.compile(rb"\xff\xd8\xff|\x89PNG\r\n\x1a\n")
 _IN_SCAN = re.compile(rb"\xff[\xc4\xd8-\xdd]")
-"""The markers that may follow in a scan: tables, a new scan, the end; or a new picture, if this one
-was cut off."""
+"""The markers that may follow within a scan: tables, a new scan, the end, or a new picture if this
+one was cut off."""
 _TYPE = re.compile(rb"content-type:[ \t]*([\w/.+-]+)", re.IGNORECASE)
 _SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
 _KEPT_BYTES = 256
-"""Number of bytes outside pictures that are kept, because a head may have come in part."""
+"""Number of bytes outside pictures that are kept, because a head may be incomplete."""
 
 
 class Answer(HTTPResponse):
-    """An answer without a status line, or without a head, is one, too; no length counts.
+    """A response, possibly without a status line or a head; its lengths are ignored.
 
-    Chunks need not be what HTTP says: what has no length is passed on.
+    Chunks may violate HTTP: bytes without a length are passed on.
     """
 
     _is_silent = False
     _left = 0
 
     def begin(self) -> None:
-        """Read the head, which ends in a blank line, at the first picture, or in silence."""
+        """Read the head, which ends at a blank line, at the first picture, or at a timeout."""
         head = line = b""
         try:
             while (line.strip() or not head.strip()) and len(head) < _MOST_HEAD_BYTES:
@@ -52,12 +52,12 @@ class Answer(HTTPResponse):
             raise ConnectionError("it hung up without a word")
         picture = _START.search(head)
         end = picture.start() if picture else len(head)
-        if head.lstrip().startswith(b"--"):  # the stream began at once
+        if head.lstrip().startswith(b"--"):  # no head: the stream began at once
             end = 0
         text, self._rest = head[:end].lstrip(), head[end:]
         status = _STATUS.match(text)
         self.headers = self.msg = HTTPMessage()
-        for field in text.splitlines():  # a line that is no field is skipped
+        for field in text.splitlines():  # lines that are not fields are skipped
             name, colon, value = field.decode("latin-1").partition(":")
             if colon:
                 self.headers[name.strip()] = value.strip()
@@ -85,7 +85,7 @@ class Answer(HTTPResponse):
 
 
 class PictureFinder:
-    """Cuts a stream into pictures, each when its last byte has come.
+    """Splits a stream into pictures, each as soon as its last byte has arrived.
 
     Raises:
         CameraError: From `feed`, if a picture is larger than `MAX_PART_BYTES`.
@@ -95,7 +95,7 @@ class PictureFinder:
         self._buffer = bytearray()
         self._at = 0
         self._segment_at = 0
-        """Where the last segment begins: if its length was wrong, the next picture is after it."""
+        """Start of the last segment; if its length was wrong, the next picture begins after it."""
         self._is_in_scan = False
         self._type = ""
         self._received = 0
@@ -104,11 +104,11 @@ class PictureFinder:
 
     @property
     def has_begun(self) -> bool:
-        """True if part of the next picture is there."""
+        """True if a part of the next picture has arrived."""
         return _START.match(self._buffer) is not None
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take in more of the stream, and return the pictures that are complete now."""
+        """Add bytes of the stream, and return the pictures that are now complete."""
         self._buffer += data
         self._received += len(data)
         found = []
@@ -128,7 +128,7 @@ class PictureFinder:
         return found
 
     def explain(self) -> str | None:
-        """Say why there are no pictures, as the end of a sentence; None if there are."""
+        """Return why there are no pictures, as the end of a sentence; None if there are some."""
         if self.n_whole:
             return None
         if self._n_cut:
@@ -149,7 +149,7 @@ class PictureFinder:
         return start is not None
 
     def _jpeg_end(self) -> int | None:
-        """Return where the JPEG ends; 0 if it is cut or damaged, None if more has to come."""
+        """Return the end of the JPEG; 0 if it is truncated or damaged, None if it is incomplete."""
         buffer, at = self._buffer, self._at or 2
         while True:
             self._at = at
@@ -167,7 +167,7 @@ class PictureFinder:
                 return 0
             if kind == _EOI:
                 return at + 2
-            if kind == 0xFF:  # a marker may be filled up
+            if kind == 0xFF:  # fill bytes may precede a marker
                 at += 1
                 continue
             if len(buffer) < at + 4:
@@ -180,7 +180,7 @@ class PictureFinder:
             at += 2 + length
 
     def _png_end(self) -> int | None:
-        """Return where the PNG ends; 0 if it is cut or damaged, None if more has to come."""
+        """Return the end of the PNG; 0 if it is truncated or damaged, None if it is incomplete."""
         at = self._at or len(_PNG)
         while len(self._buffer) >= at + 8:
             self._at = at

@@ -1,4 +1,7 @@
-"""An MJPEG address: ESP32-CAM, IP camera, a phone with a camera app. The bytes stay as they are."""
+"""An MJPEG address: ESP32-CAM, IP camera, a phone with a camera app.
+
+Pictures are not re-encoded.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ _JPEG = b"\xff\xd8"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MjpegOptions(Options):
-    """Where the pictures come from."""
+    """The source of the pictures."""
 
     source: str = option(
         "", "address (URL) of the stream, as http://192.168.4.1:81/stream", secret=True
@@ -28,9 +31,9 @@ class MjpegOptions(Options):
 
 
 class MjpegCamera(WatchedCamera):
-    """Reads on a thread, newest only; another watches the time. A lost stream is opened again.
+    """Reads the newest picture on one thread; a second thread watches the time and reopens.
 
-    A picture is stamped when its first bytes came: the camera's own delay is not known.
+    A picture's time is that of its first bytes, because the camera's delay is unknown.
     """
 
     name: ClassVar[str] = "mjpeg"
@@ -66,7 +69,7 @@ class MjpegCamera(WatchedCamera):
                     self._line.open()
                 self._read_out()
             except (CameraError, OSError, ValueError, AttributeError) as error:
-                self._reason = str(error)  # the watching thread says so
+                self._reason = str(error)  # the watching thread reports it
             is_open = False
             self._line.close()
             self.clock.wait(self._ending, REOPEN_S)

@@ -1,4 +1,4 @@
-"""The connection to a camera: asks for its stream, follows it to where it is, shows who asks."""
+"""The HTTP connection to a camera: requests the stream, follows redirects, authenticates."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ _ADVICE = {
 
 
 class CameraLine:
-    """One connection at a time; `close` may be called from any thread, and wakes who reads.
-    ValueError if `url` is no address of a camera."""
+    """One connection at a time; `close` may be called on any thread, and wakes a reader. ValueError
+    if `url` cannot be a camera's address."""
 
     def __init__(self, url: SplitResult) -> None:
         self._address = quote(_checked(url), safe=string.punctuation)
@@ -43,12 +43,12 @@ class CameraLine:
         self._answer: Answer | None = None
 
     def open(self) -> None:
-        """Ask for the stream.
+        """Request the stream.
 
-        User and password are sent to the address that was given, and to no other.
+        User and password are sent only to the configured address.
 
         Raises:
-            CameraError: If there is no stream; says what the camera answered, and what to do.
+            CameraError: If there is no stream; contains the camera's answer and advice.
         """
         try:
             self._answer = self._follow()
@@ -65,12 +65,15 @@ class CameraLine:
             raise CameraError(f"the camera at {self.host} {why}") from error
 
     def read1(self, size: int) -> bytes:
-        """Return some bytes of the stream; none at its end. Raises OSError after 2 s of silence."""
+        """Return some bytes of the stream; empty at its end.
+
+        Raises OSError after 2 s of silence.
+        """
         answer = self._answer
         return b"" if answer is None else answer.read1(size)
 
     def close(self) -> None:
-        """End the connection: a camera of one client serves nobody else until then."""
+        """Close the connection, because some cameras serve only one client."""
         sock, self._socket, self._answer = self._socket, None, None
         if sock is not None:
             with contextlib.suppress(OSError):
@@ -78,11 +81,11 @@ class CameraLine:
             sock.close()
 
     def shows_user(self, address: str) -> bool:
-        """True where user and password belong: not at another port, nor by another scheme."""
+        """True if user and password may be sent: only to the same host, port and scheme."""
         return bool(self._user) and _origin(urlsplit(address)) == self._home
 
     def _follow(self) -> Answer:
-        """Ask until there is a stream, showing the user as Basic, and as a digest if asked for."""
+        """Send requests until there is a stream, with Basic or Digest authentication if needed."""
         address, challenges = self._address, list[str]()
         for _ in range(_MOST_REQUESTS):
             asked, is_home = http.Request(address, headers=_HEAD), self.shows_user(address)
@@ -127,7 +130,7 @@ class CameraLine:
         raise CameraError(f"{url.hostname}{url.path or '/'} answers {said}: {advice}")
 
     def _shown(self, asked: http.Request, challenges: list[str]) -> str:
-        """Return the answer to the safest of several challenges, which need not be the first."""
+        """Return the response to the safest of several challenges."""
         if not challenges:
             return f"Basic {base64.b64encode(f'{self._user}:{self._password}'.encode()).decode()}"
         passwords = http.HTTPPasswordMgrWithDefaultRealm()
@@ -143,11 +146,11 @@ class CameraLine:
                 f"the camera at {asked.host} asks for a password in a way that is not known here; "
                 "choose Basic, or Digest with MD5 or SHA-256, in its settings"
             )
-        return f"Digest {words}".encode().decode("latin-1")  # which a head is written in: UTF-8
+        return f"Digest {words}".encode().decode("latin-1")  # UTF-8 bytes, as text for a head
 
 
 class _Digest(http.AbstractDigestAuthHandler):
-    """Knows SHA-256, too; before Python 3.14 the library's does not."""
+    """Digest authentication with SHA-256, which the standard library lacks before Python 3.14."""
 
     def get_algorithm_impls(
         self, algorithm: str
@@ -158,7 +161,7 @@ class _Digest(http.AbstractDigestAuthHandler):
 
 
 def _digests(answer: Answer) -> list[str]:
-    """Return the challenges of an answer that are met by a digest."""
+    """Return the Digest challenges of an answer."""
     asked = answer.headers.get_all("www-authenticate", []) if answer.status == 401 else []
     return [text for text in asked if text[:7].lower() == "digest "]
 
@@ -172,7 +175,7 @@ def _origin(url: SplitResult) -> tuple[str, str | None, int]:
 
 
 def _checked(url: SplitResult) -> str:
-    """Return an address as it is asked for, without user; ValueError if there can be no camera."""
+    """Return an address without user and password; ValueError if it cannot be a camera."""
     host = url.netloc.rpartition("@")[2].encode("idna").decode()
     if url.scheme not in _LINES or not url.hostname or url.port == 0:
         raise ValueError("no address of a camera")

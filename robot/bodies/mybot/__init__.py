@@ -1,1 +1,1 @@
-"""What `drivelesson new-driver NAME` writes, with `mybot` in place of NAME."""
+"""The files that `drivelesson new-driver NAME` writes, with `mybot` in place of NAME."""

@@ -1,4 +1,4 @@
-"""A phone as the robot's eye: its browser sends pictures to `server/bodies/eye_routes.py`."""
+"""A phone as the robot's camera: its browser sends pictures to `server/bodies/eye_routes.py`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NOBODY = "No phone is the robot's eye: open the address that the terminal shows 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PhoneOptions(Options):
-    """The pictures that the phone is asked for."""
+    """The size and rate of the pictures that the phone sends."""
 
     eye_width: int = option(320, "width of the phone's pictures", range=(40, 1920))
     eye_height: int = option(240, "height of the phone's pictures", range=(30, 1080))
@@ -24,12 +24,12 @@ class PhoneOptions(Options):
 
 
 class PhoneCamera(WatchedCamera):
-    """Receives pictures from a phone's page; the socket's owner calls `offer` and `lose`."""
+    """Receives pictures from a phone's page; the websocket's owner calls `offer` and `lose`."""
 
     name: ClassVar[str] = "phone"
     options_type: ClassVar[type[Any]] = PhoneOptions
     source: object | None = None
-    """The holder of the phone's socket, which sets this itself."""
+    """The owner of the phone's websocket, which sets this attribute itself."""
     _captured_s = 0.0
     _reason: str | None = NOBODY
 
@@ -41,10 +41,10 @@ class PhoneCamera(WatchedCamera):
         """Receive a picture from the phone.
 
         Args:
-            picture: The caller has checked its header.
-            captured_s: When it was taken, on `clock`. The future counts as now, and a picture is
-                never older than the one before it.
-            covered: The phone sees nothing but black.
+            picture: The picture; the caller has checked its header.
+            captured_s: The time of exposure on `clock`. A time in the future counts as now, and a
+                time before the previous picture's counts as that time.
+            covered: True if the phone's camera sees only black.
         """
         now_s = self.clock.now_s()
         if not self._threads or not self._freshness.is_new(picture.data, now_s):

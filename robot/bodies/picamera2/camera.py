@@ -14,12 +14,12 @@ from robot.errors import CameraError, told_as
 from robot.types import Encoding
 
 _OLDEST_S = 2.0
-"""Largest age of a picture by its time stamp, in seconds; a stamp that gives more is ignored."""
+"""Maximum age of a picture by its time stamp, in seconds; older time stamps are ignored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picamera2Options(Options):
-    """The picture that the camera is asked for."""
+    """The requested picture."""
 
     width: int = option(160, "width of the picture in pixels", range=(32, 1920))
     height: int = option(120, "height of the picture in pixels", range=(24, 1920))
@@ -29,9 +29,9 @@ class Picamera2Options(Options):
 
 
 class Picamera2Camera(WatchedCamera):
-    """Takes each picture on the library's own thread; another watches the time.
+    """Takes pictures on the library's thread; a second thread watches the time.
 
-    A picture is stamped with the sensor's time of exposure.
+    A picture's time is the sensor's time of exposure.
     """
 
     name: ClassVar[str] = "picamera2"
@@ -55,14 +55,15 @@ class Picamera2Camera(WatchedCamera):
             )
         module = f"the camera module {options.camera_number}"
         wrong = f"{module} cannot be opened"
-        # The library has no errors of its own.
+        # The library has no error classes.
         with told_as(CameraError, wrong, Exception, do="does another program use it?"):
             self._device = device = library.Picamera2(options.camera_number)
         asked = f"{options.width}x{options.height} at {options.frame_rate} a second"
         with told_as(CameraError, f"{module} refuses {asked}", Exception):
             device.configure(
                 device.create_video_configuration(
-                    # The library names formats from the last byte on: this is red, green, blue.
+                    # The library names formats from the last byte: the order in memory is red,
+                    # green, blue.
                     main={"size": (options.width, options.height), "format": "BGR888"},
                     controls={"FrameRate": options.frame_rate},
                     buffer_count=3,

@@ -16,14 +16,14 @@ from robot.errors import need
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PybricksOptions(Options):
-    """Which hub, and what its program can do."""
+    """The hub to use, and its program's moves."""
 
     hub: str = option("", "the hub's name or address; needed if several are in reach")
     body_moves: str = moves_option("forward,left,right,backward")
 
 
 class PybricksDriver(ReportingDriver):
-    """Sends the names of moves to the program on the hub, whose firmware times each of them."""
+    """Sends the names of moves to the program on the hub, whose firmware times each move."""
 
     name: ClassVar[str] = "pybricks"
     options_type: ClassVar[type[Any]] = PybricksOptions

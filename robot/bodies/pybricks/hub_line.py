@@ -24,20 +24,20 @@ STATUS_REPORT, WRITE_STDOUT = 0, 1
 PROGRAM_RUNS = 1 << 6
 SCAN_S = 8.0
 TWINS_S = 2.0
-"""How long a search goes on after the first hub, to find a second one that fits as well. A hub
-advertises itself several times a second."""
+"""How long a search continues after the first hub, in seconds, to find a second hub that matches
+too. A hub advertises itself several times a second."""
 SEND_S = 0.3
-"""A write that takes longer has failed; the one under way is never followed by a second."""
+"""Timeout of a write, in seconds; there is never a second write while one is under way."""
 _LONGEST_LINE = 200
 
 
 async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Found, Any]:
-    """Return the one hub in reach that is meant, and bleak's own object for it.
+    """Return the wanted hub in range, and bleak's object for it.
 
-    The first connection looks for twins, too; later ones know their hub by its address.
+    The first search also looks for a second hub that matches; later ones know the hub's address.
 
     Raises:
-        ConnectionError: If none is there, several fit, or this computer has no Bluetooth.
+        ConnectionError: If no hub or several hubs match, or this computer has no Bluetooth.
     """
     seen: dict[str, tuple[Found, Any]] = {}
     since_s: float | None = None
@@ -58,7 +58,7 @@ async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Foun
         await bluetooth.BleakScanner.find_device_by_filter(
             note, timeout=SCAN_S, service_uuids=[SERVICE]
         )
-    except Exception as error:  # bleak has errors of its own, and passes on the system's
+    except Exception as error:  # bleak's errors and the system's
         raise ConnectionError(name_trouble(error) or f"the search failed ({error})") from error
     hubs = [hub for hub, _ in seen.values()]
     chosen = same.pick(hubs)
@@ -69,10 +69,10 @@ async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Foun
 
 
 class HubLine(ReconnectingLink):
-    """Lines to and from the program on a hub: the only one in reach, or the one of this name.
+    """Lines to and from the program on a hub: the only hub in range, or the hub of this name.
 
-    `bluetooth` is the module `bleak`, or what has its `BleakScanner` and `BleakClient`. A hub that
-    was lost is waited for; no other hub is taken in its place.
+    `bluetooth` is the module `bleak`, or an object with `BleakScanner` and `BleakClient`. A lost
+    hub is waited for; no other hub replaces it.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class HubLine(ReconnectingLink):
             most, *_ = struct.unpack_from("<H", await client.read_gatt_char(CAPABILITIES))
             self._chunk, self._rest = max(19, most - 1), b""
             await client.start_notify(COMMAND_EVENT, self._take)
-            # A program that runs already makes the hub refuse, which is as good.
+            # The hub refuses if the program runs already, which is fine.
             with contextlib.suppress(self._bluetooth.BleakError):
                 await client.write_gatt_char(COMMAND_EVENT, bytes([START_PROGRAM]), True)
             self._same.chosen = self._same.chosen or hub
@@ -136,7 +136,7 @@ class HubLine(ReconnectingLink):
             await client.write_gatt_char(COMMAND_EVENT, bytes([WRITE_STDIN]) + part, True)
 
     def _take(self, _: Any, data: bytearray) -> None:
-        """Take an event of the hub: whether its program runs, or what that wrote."""
+        """Handle an event of the hub: its program's state, or the program's output."""
         if data[:1] == bytes([STATUS_REPORT]) and len(data) >= 5:
             self._runs = bool(struct.unpack_from("<I", data, 1)[0] & PROGRAM_RUNS)
         elif data[:1] == bytes([WRITE_STDOUT]):

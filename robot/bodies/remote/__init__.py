@@ -1,1 +1,1 @@
-"""Robots of any kind, over one page of protocol (docs/reference/robot-protocol.md)."""
+"""Robots of any kind, over a one-page protocol (docs/reference/robot-protocol.md)."""

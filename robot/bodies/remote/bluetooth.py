@@ -1,4 +1,4 @@
-"""Turns Bluetooth errors of libraries and systems into advice for a person. Pure."""
+"""Converts Bluetooth errors of libraries and systems to advice for a person. Pure."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CAUSES = (
 
 
 def name_trouble(error: BaseException) -> str | None:
-    """Return what is wrong with this computer's Bluetooth; None if it is something else."""
+    """Return the fault of this computer's Bluetooth; None if the error is something else."""
     reason = getattr(getattr(error, "reason", None), "name", "")
     text = f"{type(error).__name__} {reason} {error}".replace("_", "").lower()
     plain = f"{text} {error}".lower()

@@ -1,4 +1,4 @@
-"""Robots that answer each order with a report; subclasses provide the transport and the wording."""
+"""Robots that answer each order with a report; subclasses supply the transport and the wording."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ GONE_S = 0.5
 """Time without any report after which the robot counts as gone, in seconds."""
 _CONNECT_S = 3.0
 _CONNECT_TRIES = 20
-"""Least number of requests before a robot counts as silent: after a pause the computer has asked
-too seldom to tell."""
+"""Minimum number of requests before a robot counts as silent, because after a pause the computer
+may have sent too few requests to judge."""
 
 
 class MessageLine(Protocol):
@@ -45,28 +45,28 @@ class MessageLine(Protocol):
         """Return the next message, or None after `timeout_s`."""
 
     def close(self) -> None:
-        """Let go; idempotent."""
+        """Close the connection; idempotent."""
 
 
 class ReportingDriver(ConnectedDriver[MessageLine]):
-    """Sends orders that end by themselves, and takes the reports that answer them."""
+    """Sends orders that end by themselves, and receives the reports that answer them."""
 
     default_camera: ClassVar[str] = "phone"
     is_remote: ClassVar[bool] = True
     hello: ClassVar[bytes] = HELLO
     no_answer: ClassVar[str]
     no_obedience: ClassVar[str]
-    """Ends of the sentences about a robot that is silent at first, and about one that disobeys."""
+    """Ends of the sentences about a robot that never answered, and about one that disobeys."""
 
     def __init__(self, options: Any, where: str, clock: Clock | None = None) -> None:
-        """Keep the options; `where` is the robot in a sentence, as `the hub`."""
+        """Store the options; `where` names the robot in a sentence, for example `the hub`."""
         super().__init__(options, clock)
         self._where = where
         self._report: BodyReport | None = None
         self._device = ""
-        """What the robot calls itself, where it does so: no other one is driven afterwards."""
+        """The robot's name for itself, if it has one; no other robot is driven afterwards."""
         self._is_other = False
-        """Another robot answers at its address: it gets questions, and no order."""
+        """True if another robot answers at the address; it gets questions, but no orders."""
         self._heard_s = 0.0
         self._disobeyed = 0
         self._seq = 0
@@ -82,11 +82,11 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 
     @property
     def takes_points(self) -> bool:  # type: ignore[override]
-        """True once the robot has said so."""
+        """True once the robot has reported that it accepts points."""
         return self._report is not None and self._report.takes_points
 
     def _encode(self, order: Order, nonce: str) -> bytes:
-        """Write one order, as words of one line where nobody else can send."""
+        """Encode one order; here as words of one line, for transports that nobody else can use."""
         return encode_plain_order(order)
 
     def _parse(self, data: bytes) -> BodyReport | None:
@@ -114,14 +114,14 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         self._check_heard()
 
     def sense(self) -> Sensors:
-        """Return what the robot last reported; asks it where nothing was sent of late."""
+        """Return the robot's last report; requests one if nothing was sent recently."""
         if self.is_connected and self._clock.now_s() - self._heard_s > REPLY_S:
             self._exchange(self.hello)
             self._check_heard()
         return self._report.sensors if self._report is not None else Sensors()
 
     def stop(self) -> None:
-        """Have the robot stand; it does so by itself where the line is lost."""
+        """Stop the robot; if the connection is lost, the robot stops by itself."""
         if self._report is not None and self.is_connected:
             self._order(Action.STOP, 1.0)
 
@@ -134,12 +134,12 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         for_ms = round(1000 * ACTION_TIMEOUT_S)
         order = Order(action, for_ms, speed_scale, self._seq, report.ms, point)
         self._exchange(self.hello if self._is_other else self._encode(order, report.nonce))
-        if self._heard_s > heard_s:  # an answer may be to an earlier order: it still goes on
+        if self._heard_s > heard_s:  # it may answer an earlier order, so repeat the stop
             is_obeyed = self._report is not None and self._report.seq > report.seq
             self._disobeyed = 0 if is_obeyed else self._disobeyed + 1
 
     def _exchange(self, message: bytes) -> None:
-        """Send, and take the newest report that comes in time; a failing line is reported later."""
+        """Send, and use the newest report that comes in time; the next call reports a lost line."""
         line = self._connection
         if line is None:
             return
@@ -149,7 +149,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             while data is not None:
                 self._take(data)
                 data = line.receive(0.0)
-        except OSError as error:  # also a refused datagram: nobody listens there
+        except OSError as error:  # also a refused datagram, if nobody listens
             self._trouble = f" ({error})" if str(error) else ""
             self._clock.sleep(REPLY_S / 10)
 
@@ -164,7 +164,7 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             return
         self._device = report.device
         if self._report is not None and report.nonce != self._report.nonce:
-            self._seq = 0  # it was switched off and on
+            self._seq = 0  # the robot was restarted
         self._report, self._heard_s, self._trouble = report, self._clock.now_s(), ""
 
     def _check_heard(self) -> None:
@@ -181,10 +181,10 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
 def the_only_one(host: str) -> str:
     """Return the address of a name in the local network, or the host as it is.
 
-    Any machine can take such a name, and small robots often all have the one of their example.
+    Any machine can take such a name, and small robots often all have their example program's name.
 
     Raises:
-        DriveError: If several machines answer to it; lists them.
+        DriveError: If several machines answer to the name; lists them.
     """
     if not host.lower().endswith(".local"):
         return host
@@ -197,7 +197,7 @@ def the_only_one(host: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoteOptions(Options):
-    """Where the robot is, and what it can do."""
+    """The robot's address and its moves."""
 
     address: str = option("", "the robot's HOST, or HOST:PORT")
     secret: str = option("", "secret that the robot knows, too", secret=True)
@@ -205,10 +205,10 @@ class RemoteOptions(Options):
 
 
 class RemoteDriver(ReportingDriver):
-    """A robot that uses the one-page protocol, at an address; subclasses provide the transport."""
+    """A robot that uses the one-page protocol, at an address; subclasses supply the transport."""
 
     line_type: ClassVar[type[Any]]
-    """A `MessageLine`, made of host and port."""
+    """The `MessageLine`, constructed with host and port."""
     options_type: ClassVar[type[Any]] = RemoteOptions
     hello: ClassVar[bytes] = b"{}"
     no_answer: ClassVar[str] = "is it on, in the same network, and is this its address?"

@@ -1,6 +1,6 @@
-"""The wire between Drivelesson and a robot of any kind: orders down, reports up. Pure.
+"""The messages between Drivelesson and a robot of any kind: orders and reports. Pure.
 
-Besides, what a person says of such a robot: where it is, and what it can do.
+It also parses a person's description of the robot: its address and its moves.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from robot.types import Action, Point, Sensors
 MAX_BYTES = 512
 _LONGEST_ID = 64
 _NO_NUMBER = re.compile(rb'("(?:[^"\\]|\\.)*")|[-+]?\b(?:inf(?:inity)?|nan|ovf)\b', re.I)
-"""Words that small computers write for a missing number: MicroPython's json `inf` and `nan`,
-Arduino's print `ovf` as well. JSON has no such words."""
+"""Words that small computers write for a missing number, which JSON does not allow: `inf` and `nan`
+from MicroPython's json, also `ovf` from Arduino's print."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BodyReport:
-    """A robot's report: its identity since it was switched on, and the values of its sensors.
+    """A robot's report: its identity since its last start, and the values of its sensors.
 
-    `nonce` is new whenever the robot starts, and empty where nobody else can send; `seq` is the
-    last order that it obeyed, and `ms` what its clock shows. `takes_points` is whether orders may
-    say steering and throttle. `device` is what no other robot is called, if it says so.
+    `nonce` is new at each start of the robot, and empty if nobody else can send on the transport.
+    `seq` is the last obeyed order, and `ms` the time on the robot's clock. `takes_points` is true
+    if orders may contain steering and throttle. `device` is a unique name of the robot, or empty.
     """
 
     nonce: str = ""
@@ -44,9 +44,9 @@ class BodyReport:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """One order: a move, its duration, its share of full speed, and the report that it answers.
+    """One order: a move, its duration, its share of full speed, and the newest report before it.
 
-    `seq` counts the orders; `seen_ms` is what the body's clock showed in its newest report.
+    `seq` counts the orders; `seen_ms` is the body's time in its newest report.
     """
 
     move: Action
@@ -58,7 +58,7 @@ class Order:
 
 
 def encode_order(order: Order, nonce: str, secret: str) -> bytes:
-    """Write one order, signed so that it holds for this robot since this start, and once."""
+    """Encode one order, signed so that it is valid once, for this robot since its last start."""
     plain = asdict(order) | {"speed": round(order.speed, 4)}
     if (point := plain.pop("point")) is not None:
         plain |= {"steering": round(point.steering, 4), "throttle": round(point.throttle, 4)}
@@ -110,12 +110,12 @@ def moves_option(default: str) -> Any:
 
 
 def parse_moves(text: str) -> tuple[Move, ...]:
-    """Read what a person says that a body can do: `forward,left,fast:0:1`.
+    """Parse a list of a body's moves: `forward,left,fast:0:1`.
 
-    A name is a move; its steering and throttle may follow it.
+    Each move is a name, optionally followed by its steering and throttle.
 
     Raises:
-        ConfigurationError: If one of them is not a move; names it.
+        ConfigurationError: If an entry is not a move; names the entry.
     """
     moves = []
     for part in text.split(","):
@@ -135,7 +135,7 @@ def parse_moves(text: str) -> tuple[Move, ...]:
 
 
 def split_address(address: str, default_port: int, flag: str = "--address") -> tuple[str, int]:
-    """Return host and port of HOST or HOST:PORT; ConfigurationError if it is neither."""
+    """Return host and port of HOST or HOST:PORT; ConfigurationError for any other text."""
     host, _, port = address.strip().rpartition(":") if ":" in address else (address.strip(), "", "")
     number = port or str(default_port)
     if not host or "/" in host or not number.isdecimal() or not 0 < int(number) < 65536:

@@ -1,10 +1,10 @@
-"""Orders and reports as words of one line, for bodies with a line of their own. Pure.
+"""Orders and reports as words of one line, for bodies with a private connection. Pure.
 
-An order is `MOVE FOR_MS SPEED NUMBER SEEN_MS`, as `forward 400 1.0 7 81234`: the last is what the
-body's clock showed in its newest report. A report is `NUMBER MS DISTANCE BUMPER BATTERY`, as
-`7 81240 420 0 80`: the last order that was obeyed, the body's clock, millimetres, 0 or 1, percent;
-`-` where there is no sensor. `?` asks for a report. A body that ends its reports in the word
-`points` is told `STEERING THROTTLE`, too, behind an order that is steered by degrees.
+An order is `MOVE FOR_MS SPEED NUMBER SEEN_MS`, for example `forward 400 1.0 7 81234`; the last word
+is the body's time in its newest report. A report is `NUMBER MS DISTANCE BUMPER BATTERY`, for
+example `7 81240 420 0 80`: the last obeyed order, the body's time, millimetres, 0 or 1, percent;
+`-` if there is no sensor. `?` requests a report. If a body ends its reports with the word `points`,
+`STEERING THROTTLE` follow an order that is steered by degrees.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from robot.types import Action, Point, Sensors
 
 HELLO = b"?"
 LATE_MS = 500
-"""Time after its `SEEN_MS` at which a move has ended, in milliseconds; a later order only stops."""
+"""Time after `SEEN_MS` by which a move has ended, in milliseconds; a later order only stops."""
 LONGEST_MS = 500
 
 
 def encode_plain_order(order: Order) -> bytes:
-    """Write one order, without the end of the line."""
+    """Encode one order, without the end of the line."""
     words = [order.move, order.for_ms, round(order.speed, 3), order.seq, order.seen_ms]
     words += [f"{number:.4f}" for number in order.point or ()]
     return " ".join(map(str, words)).encode()
 
 
 def parse_plain_order(data: bytes, moves: Container[Action]) -> Order | None:
-    """Read one order; None if it cannot be read, or is not for this body."""
+    """Parse one order; None if it is invalid or not for this body."""
     try:
         name, for_ms, speed, seq, seen_ms, *numbers = data.decode("ascii").split()
         point = Point(*map(float, numbers)) if numbers else None
@@ -43,7 +43,7 @@ def parse_plain_order(data: bytes, moves: Container[Action]) -> Order | None:
 
 
 def encode_plain_report(report: BodyReport) -> bytes:
-    """Write one report, without the end of the line."""
+    """Encode one report, without the end of the line."""
     sensors = report.sensors
     distance = "-" if sensors.distance_m is None else round(1000 * sensors.distance_m)
     bumped = "-" if sensors.bumped is None else int(sensors.bumped)

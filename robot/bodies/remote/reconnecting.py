@@ -1,4 +1,4 @@
-"""Connections that a thread keeps, for bodies whose library has nothing but asyncio."""
+"""Connections maintained by a thread, for bodies whose library supports only asyncio."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _MOST_WAITING = 20
 
 
 class ReconnectingConnection(ABC):
-    """A connection that a thread of its own keeps, and opens again when it was lost.
+    """A connection that a separate thread maintains, and opens again after a loss.
 
-    What was being sent then is not sent again: what comes later is no order any more.
+    A message under way during a loss is not sent again, because a late order must not move a robot.
 
     Attributes:
-        trouble: Why it was lost the last time; empty if it never was.
+        trouble: The reason for the last loss; empty if there was none.
 
     Raises:
         OSError: If the first connection fails.
@@ -64,10 +64,11 @@ class ReconnectingConnection(ABC):
             await self._clock.pause(_AGAIN_S)
 
     def _send_one(self, work: Coroutine[Any, Any, None], key: str = "") -> Future[None]:
-        """Have something sent; refused while what was sent before is still on its way.
+        """Send a message; refused while the previous message is still being sent.
 
         Raises:
-            ConnectionError: Then, or if the connection was closed; the result raises it, too.
+            ConnectionError: If it is refused or the connection was closed; the result raises it
+                too.
         """
         before = self._sending.get(key)
         if before is not None and not before.done():
@@ -83,7 +84,7 @@ class ReconnectingConnection(ABC):
         return asyncio.run_coroutine_threadsafe(_or_connection_error(work), self._loop)
 
     def close(self) -> None:
-        """Cancel all that runs, and end; idempotent."""
+        """Cancel all tasks, and end; idempotent."""
         if not self._loop.is_closed():
             self._submit(self._cancel_all()).result()
             self._loop.call_soon_threadsafe(self._loop.stop)
@@ -95,11 +96,11 @@ class ReconnectingConnection(ABC):
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
-        await self._clock.pause(0.01)  # transports close a little later
+        await self._clock.pause(0.01)  # give transports time to close
 
 
 class ReconnectingLink(ReconnectingConnection):
-    """A kept connection that receives messages, as a `MessageLine` does."""
+    """A maintained connection that receives messages: a `MessageLine`."""
 
     def __init__(self, name: str, clock: Clock) -> None:
         self._received: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
@@ -108,7 +109,7 @@ class ReconnectingLink(ReconnectingConnection):
     def _take_message(self, message: bytes) -> None:
         if self._received.full():
             with contextlib.suppress(queue.Empty):
-                self._received.get_nowait()  # nobody reads: the newest counts
+                self._received.get_nowait()  # drop the unread one: the newest counts
         self._received.put_nowait(message)
 
     def receive(self, timeout_s: float) -> bytes | None:
@@ -121,7 +122,7 @@ class ReconnectingLink(ReconnectingConnection):
 async def _or_connection_error(work: Coroutine[Any, Any, None]) -> None:
     try:
         await work
-    except Exception as error:  # the libraries have many kinds of "it is gone"
+    except Exception as error:  # libraries report a loss by many kinds of errors
         raise ConnectionError(_said(error)) from error
 
 

@@ -1,7 +1,7 @@
-"""Which device a driver has: chosen when it first connects, and only that one afterwards. Pure.
+"""The device of a driver: chosen at the first connection, and never replaced. Pure.
 
-Schools own dozens of hubs with the same name. A search finds any of them, so after a lost
-connection the neighbour's robot would obey. Where two fit at the start, nobody knows which one a
+Schools own dozens of hubs with the same name. A search finds any of these hubs, so after a lost
+connection a neighbour's robot would obey. If two match at the start, it is unknown which one a
 pilot means.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """A device that a search has found: what it is called, and what no other device has."""
+    """A device that a search has found: its name, and its unique address."""
 
     name: str
     address: str
@@ -22,7 +22,7 @@ class Found:
         return f"{self.name!r} ({self.address})" if self.name else self.address
 
     def is_called(self, wanted: str) -> bool:
-        """True if a person may mean this one by `wanted`; the empty text means any."""
+        """True if a person may mean this device by `wanted`; an empty text means any device."""
         return wanted in ("", self.name) or wanted.lower() == self.address.lower()
 
 
@@ -30,8 +30,8 @@ class SameDevice:
     """The one device of a driver.
 
     Args:
-        kind: Its noun in a sentence, such as `hub`.
-        wanted: The name or address that a person gave; empty for the only one in reach.
+        kind: The noun for the device in a sentence, for example `hub`.
+        wanted: The name or address that a person gave; empty for the only device in range.
         flag: The option by which a person tells devices apart.
     """
 
@@ -41,21 +41,21 @@ class SameDevice:
         """The device that was connected; None before the first connection."""
 
     def may_be(self, found: Found) -> bool:
-        """True if this device could be the one to take."""
+        """True if this device could be the driver's."""
         if self.chosen is not None:
             return found.address == self.chosen.address
         return found.is_called(self._wanted)
 
     def is_certain(self, found: Found) -> bool:
-        """True if no other device could be meant."""
+        """True if this must be the driver's device."""
         wanted = self.chosen.address if self.chosen is not None else self._wanted
         return found.address.lower() == wanted.lower()
 
     def pick(self, found: Iterable[Found]) -> Found | None:
-        """Return the device to take among all that were found; None if it is not there.
+        """Return the driver's device among all that were found; None if it is missing.
 
         Raises:
-            ConnectionError: If several fit; it lists them and says how to tell them apart.
+            ConnectionError: If several devices match; lists them and says how to choose one.
         """
         fitting = {one.address: one for one in found if self.may_be(one)}
         if len(fitting) > 1:

@@ -34,7 +34,7 @@ class UdpLine:
 
 
 class UdpDriver(RemoteDriver):
-    """An ESP32, a Pico W, or whatever else answers on a UDP port."""
+    """An ESP32, a Pico W, or any other robot that answers on a UDP port."""
 
     name: ClassVar[str] = "udp"
     line_type = UdpLine

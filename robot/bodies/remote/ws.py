@@ -14,14 +14,14 @@ from robot.clock import RealClock
 
 _OPENS_S, _OPENS_AGAIN_S, _SENDS_S = 4.0, 1.0, 0.5
 _MOST_UNANSWERED = 10
-"""Number of messages without an answer (a second and a half) after which a connection is dead."""
+"""Number of unanswered messages (a second and a half) after which a connection counts as dead."""
 
 
 class WebsocketLine(ReconnectingLink):
-    """A websocket that the robot serves; one on which nothing is heard any more is opened anew."""
+    """A websocket that the robot serves; a silent connection is opened again."""
 
     def __init__(self, host: str, port: int, find: Callable[[], str] | None = None) -> None:
-        """Open the first connection; `find` names the host of each."""
+        """Open the first connection; `find` returns the host for each connection."""
         self._find, self._port = find or (lambda: host), port
         self._socket: Any = None
         self._opens_s = _OPENS_S
@@ -56,13 +56,13 @@ class WebsocketLine(ReconnectingLink):
 
 
 class WsDriver(RemoteDriver):
-    """The same messages as `udp`, as text of a websocket."""
+    """The same messages as `udp`, as text over a websocket."""
 
     name: ClassVar[str] = "ws"
     line_type = WebsocketLine
 
     def _open_line(self) -> MessageLine:
-        """A robot that says which it is may come back at another address of its name."""
+        """Open the websocket; only a robot with a unique name may return at another address."""
         host, port = split_address(self.options.address, PORT)
         first = the_only_one(host)
         return WebsocketLine(first, port, lambda: the_only_one(host) if self._device else first)

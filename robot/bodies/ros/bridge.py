@@ -1,4 +1,4 @@
-"""A client of rosbridge: ROS topics as JSON over a websocket, on a thread of its own.
+"""A client of rosbridge: ROS topics as JSON over a websocket, on a separate thread.
 
 The protocol is described at github.com/RobotWebTools/rosbridge_suite (ROSBRIDGE_PROTOCOL.md).
 """
@@ -28,18 +28,18 @@ MAX_BYTES = 6 * 2**20
 _LOST_S = 3.0
 """Time limit for the answer to a ping, in seconds; then the connection is opened again."""
 _ASK_AGAIN_S = REFUSED_S / 2
-"""Pause before topics are asked for again after a refusal, in seconds: the node in the way may have
-ended, and until then the refusal is heard again."""
+"""Pause after a refusal before topics are requested again, in seconds: the conflicting node may
+have ended, and if it has not, the refusal is repeated in time."""
 
 
 class RosBridge(ReconnectingConnection, Topics):
-    """Connects, stays connected, and passes on what topics say.
+    """Connects, stays connected, and passes on the topics' messages.
 
     Args:
-        address: Where rosbridge runs, as HOST or HOST:PORT.
+        address: The address of rosbridge, HOST or HOST:PORT.
 
     Raises:
-        DriveError: If nothing answers there.
+        DriveError: If nothing answers at the address.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class RosBridge(ReconnectingConnection, Topics):
         self.trouble = "the bridge has ended the connection"
 
     async def _ping(self, socket: Any) -> None:
-        """Ask for a sign of life, and end a connection that gives none for long."""
+        """Send pings, and close a connection that does not answer for too long."""
         with contextlib.suppress(TimeoutError):
             while True:
                 async with asyncio.timeout(_LOST_S):
@@ -122,12 +122,12 @@ class RosBridge(ReconnectingConnection, Topics):
         await socket.close()
 
     async def _ask(self, socket: Any) -> None:
-        """Advertise and subscribe; a status about it names the `id`."""
+        """Advertise and subscribe; a status message about a topic contains its `id`."""
         for topic, kind in self._advertised.items():
             await _tell(socket, op="advertise", id=f"advertise:{topic}", topic=topic, type=kind)
         for topic, kind in self._subscribed.items():
             name = f"subscribe:{topic}"
-            # One message at most waits for us: the newest counts.
+            # At most one message is queued, because only the newest counts.
             await _tell(socket, op="subscribe", id=name, topic=topic, type=kind, queue_length=1)
 
     def _take(self, socket: Any, told: Message) -> None:
@@ -166,7 +166,7 @@ class RosBridge(ReconnectingConnection, Topics):
 
 
 def _let_fail(task: asyncio.Future[None]) -> None:
-    """Take the error of a task that nobody waits for: the connection has ended meanwhile."""
+    """Retrieve the error of a task that nobody awaits, because the connection has ended."""
     if not task.cancelled():
         task.exception()
 

@@ -1,4 +1,4 @@
-"""A ROS topic of images, by rosbridge or DDS. JPEGs stay as they are."""
+"""A ROS topic of images, by rosbridge or DDS. JPEGs are not re-encoded."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from robot.types import Encoding
 
 _KINDS = {"compressed": COMPRESSED, "raw": RAW}
 _CHANNELS = {"rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono8": 1, "8UC3": 3, "8UC1": 1}
-"""Bytes of a pixel, by sensor_msgs/Image's names of encodings."""
+"""Bytes per pixel of sensor_msgs/Image's encodings, by name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosCameraOptions(TransportOptions):
-    """Where the pictures come from."""
+    """The source of the pictures."""
 
     image_topic: str = option("/camera/image_raw/compressed", "topic of the pictures")
     image_type: str = option(
@@ -40,9 +40,9 @@ class RosCameraOptions(TransportOptions):
 
 
 class RosCamera(WatchedCamera):
-    """Takes the newest picture of a topic; a thread watches the time.
+    """Uses the newest picture of a topic; a thread watches the time.
 
-    A picture is stamped when it came: the robot's clock is another one.
+    A picture's time is its arrival, because the robot has a different clock.
     """
 
     name: ClassVar[str] = "ros"
@@ -75,7 +75,7 @@ class RosCamera(WatchedCamera):
         return bool(self.options.image_type == "raw")
 
     def _take(self, message: Message) -> None:
-        """Take one image, on the connection's thread."""
+        """Receive one image, on the connection's thread."""
         now_s = self.clock.now_s()
         try:
             data = message["data"]
@@ -104,7 +104,7 @@ def read_pixels(message: Message, data: bytes) -> Picture:
     """Return the pixels of a sensor_msgs/Image as RGB.
 
     Raises:
-        ValueError: If the encoding is none of eight bits in grey or colour, or the size is wrong.
+        ValueError: If the encoding is not grey or colour of eight bits, or the length is wrong.
     """
     width, height, step = (int(message[name]) for name in ("width", "height", "step"))
     encoding = str(message["encoding"])

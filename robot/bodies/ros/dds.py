@@ -1,8 +1,8 @@
-"""ROS 2's own network, DDS, without ROS: topics by Eclipse Cyclone DDS.
+"""DDS, the network protocol of ROS 2, without ROS: topics by Eclipse Cyclone DDS.
 
-A participant is shared by all that this program has in one domain. Peers are asked for by unicast.
-DDS itself notices only after ten seconds or more that the other side is gone; here it is noticed by
-acknowledgements that do not come, by the watchdog's signs and by the age of pictures.
+All users in this program share one participant per domain. Peers are discovered by unicast. DDS
+notices only after ten seconds or more that the other side is gone. This module notices it earlier,
+by missing acknowledgements, by the watchdog's signs and by the age of pictures.
 """
 
 from __future__ import annotations
@@ -44,39 +44,39 @@ from robot.errors import DriveError, told_as
 
 log = logging.getLogger(__name__)
 FOUND_S = 5.0
-"""How long the robot is waited for when we connect, in seconds."""
+"""How long a new connection waits for the robot, in seconds."""
 _ASK_EVERY_S = 2
-"""Peers are asked for this often, in seconds."""
+"""Interval of discovery messages to peers, in seconds."""
 _MOST_PROCESSES = 50
-"""How many processes of one peer are asked for; each has a port of its own."""
+"""Maximum number of processes of one peer that are discovered; each has a separate port."""
 _LOOK_EVERY_S, _ANSWER_EVERY_S = 0.05, 0.05
-"""Longest pause of our two threads, in seconds."""
+"""Longest pauses of our two threads, in seconds."""
 _HEARTBEAT = '<HeartbeatInterval min="1 ms" minsched="5 ms" max="20 ms">10 ms</HeartbeatInterval>'
-"""How often acknowledgements are asked for. By default a writer that keeps writing may ask for none
-in seconds."""
+"""Interval of requests for acknowledgements. With the default, a writer that writes continuously
+may request none for seconds."""
 _LAST_ANSWER_S = 0.2
-"""How long the last order's acknowledgement is waited for at the end, in seconds."""
+"""How long the end waits for the last order's acknowledgement, in seconds."""
 _SETTLED_S = 1.0
 """Age after which a peer's topic that does not match ours counts as refused, in seconds."""
 _BLOCKED_S = 0.1
 _TAKEN = 16
 _MOST_WARNINGS = 100
 _NEEDED = (*VELOCITIES, COMPRESSED, RAW)
-"""Types of the topics without which there is nothing to do."""
+"""Types of topics, at least one of which is needed."""
 _NS = 1_000_000_000
 _ANY = ViewState.Any | SampleState.Any | InstanceState.Any
-# Orders are reliable, as ROS's subscribers ask for. Only the newest is kept to be sent again.
+# Orders are reliable, because ROS's subscribers request it. Only the newest is stored to be resent.
 _ORDERS = Qos(
     Policy.Reliability.Reliable(int(_BLOCKED_S * _NS)),
     Policy.History.KeepLast(1),
     Policy.Durability.Volatile,
 )
-# Best effort listens to every publisher, and asks for nothing again that is late by then.
+# Best effort matches every publisher, and does not request late messages again.
 _NEWEST = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1), Policy.Durability.Volatile)
 
 
 def configuration(hosts: Sequence[str], interface: str) -> str:
-    """Write Cyclone DDS's configuration; CYCLONEDDS_URI goes before, and ours counts.
+    """Return Cyclone DDS's configuration: CYCLONEDDS_URI first, then ours, which overrides it.
 
     Raises:
         DriveError: If a host is unknown.
@@ -90,7 +90,7 @@ def configuration(hosts: Sequence[str], interface: str) -> str:
         general = f"<Interfaces><NetworkInterface {key}={quoteattr(interface)}/></Interfaces>"
     if peers:
         general += "<AllowMulticast>false</AllowMulticast>"
-        # Without PruneDelay a peer that does not answer within 30 s is never asked for again.
+        # Without PruneDelay a peer that does not answer within 30 s is never tried again.
         named = "".join(f'<Peer Address="{peer}" PruneDelay="inf"/>' for peer in peers)
         discovery = (
             f"<Peers>{named}</Peers><SPDPInterval>{_ASK_EVERY_S} s</SPDPInterval>"
@@ -122,7 +122,7 @@ class Participant:
     """This program's one participant in a domain.
 
     Raises:
-        DriveError: If it cannot take part: no such interface, or other options for this domain.
+        DriveError: If there is no such interface, or the domain is in use with other options.
     """
 
     _all: ClassVar[dict[int, Participant]] = {}
@@ -142,7 +142,7 @@ class Participant:
 
     @classmethod
     def join(cls, domain: int, config: str) -> Participant:
-        """Return the one of this domain; `leave` it afterwards."""
+        """Return the participant of this domain; call `leave` afterwards."""
         with cls._lock:
             found = cls._all.get(domain)
             if found is None:
@@ -156,7 +156,7 @@ class Participant:
             return found
 
     def leave(self) -> None:
-        """Let go; the last one ends it."""
+        """Release the participant; the last user ends it."""
         with self._lock:
             self._users -= 1
             if not self._users:
@@ -165,7 +165,7 @@ class Participant:
 
 
 class Neighbours:
-    """The publishers and subscribers that others have in a domain."""
+    """The publishers and subscribers of other programs in a domain."""
 
     def __init__(self, participant: DomainParticipant, clock: Clock) -> None:
         self._clock, self._own = clock, participant.get_guid()
@@ -180,7 +180,7 @@ class Neighbours:
         self._seen: dict[Any, Endpoint] = {}
 
     def look(self) -> None:
-        """Take the news."""
+        """Read the changes."""
         for reader, publishes in self._readers.items():
             while samples := reader.take(_TAKEN):
                 for sample in samples:
@@ -198,11 +198,11 @@ class Neighbours:
 
     @property
     def endpoints(self) -> tuple[Endpoint, ...]:
-        """All that are there now."""
+        """Return all current publishers and subscribers."""
         return tuple(self._seen.values())
 
     def kinds(self, topic: str, *, publishes: bool) -> dict[str, float]:
-        """Return the types of a topic's publishers or subscribers, and since when."""
+        """Return the types of a topic's publishers or subscribers, and the times of discovery."""
         named = "/" + topic.removeprefix("/")
         return {
             each.kind: each.seen_s
@@ -212,12 +212,12 @@ class Neighbours:
 
 
 class DdsTopics(Topics):
-    """Takes part in a domain, on a thread of its own.
+    """Publishes and subscribes in a domain, on separate threads.
 
     Args:
-        domain: ROS_DOMAIN_ID of the robot.
-        hosts: The robot's computers; none: they are found by multicast.
-        interface: Name or address of the network interface; empty: the first.
+        domain: The robot's ROS_DOMAIN_ID.
+        hosts: The robot's computers; empty: discovered by multicast.
+        interface: Name or address of the network interface; empty: the first interface.
 
     Raises:
         DriveError: If a host or an interface is unknown.
@@ -266,7 +266,7 @@ class DdsTopics(Topics):
         self._wait_for_listeners()
 
     def _wait_for_listeners(self) -> None:
-        """Wait until somebody takes the velocities; `refusal` says why nobody does."""
+        """Wait until the velocities have a subscriber; `refusal` says why there is none."""
         deadline_s = self._clock.now_s() + FOUND_S
         while self._is_unheard() and self._clock.now_s() < deadline_s:
             kinds = [self._neighbours.kinds(topic, publishes=False) for topic in self._advertised]
@@ -309,7 +309,7 @@ class DdsTopics(Topics):
         return ""
 
     def _what_is_there(self) -> str:
-        """Return what a person may look at next, if nothing has the name of a topic."""
+        """Return advice for a person if no topic of the wanted name exists."""
         named = sorted({each.topic for each in self._neighbours.endpoints})
         do = "`drivelesson ros-topics` lists what is there"
         if not named:
@@ -352,7 +352,7 @@ class DdsTopics(Topics):
             shared, self._shared = self._shared, None
         if shared is None:
             return
-        self._is_answered(_LAST_ANSWER_S)  # the last stop is sent again if it was lost
+        self._is_answered(_LAST_ANSWER_S)  # gives DDS time to resend the last stop
         self._ending.set()
         self._written.set()
         for thread in self._threads:
@@ -364,7 +364,7 @@ class DdsTopics(Topics):
     # On the threads ----------------------------------------------------------------------------
 
     def _hear_answers(self) -> None:
-        """Wait for acknowledgements: of what had been written when the waiting began."""
+        """Wait for acknowledgements of all messages written before the wait."""
         while not self._ending.is_set():
             self._written.wait()
             began_s = self._clock.now_s()
@@ -390,18 +390,18 @@ class DdsTopics(Topics):
         return max(0.001, min(_LOOK_EVERY_S, due_s - self._clock.now_s()))
 
     def _take(self, topic: str, reader: DataReader[Any]) -> None:
-        """Pass on what has come; a sample without fields says that a publisher is gone."""
+        """Pass on received messages; a sample without fields means that a publisher is gone."""
         try:
             for sample in reader.take(_TAKEN):
                 if sample.sample_info.valid_data:
                     self._note_sign()
                     self._on_message(topic, from_dds(sample))
-        except Exception as error:  # other programs' bytes, in a type's name
+        except Exception as error:  # other programs may send any bytes as this type
             self._warn_once(f"a message of {topic} cannot be read: {error!r}")
 
     def _note_sign(self) -> None:
-        """A message is a sign of life, too: a subscriber that died is waited for until DDS drops
-        it, though another one may have taken its place."""
+        """Count a message as a sign of life too, because acknowledgements of a dead subscriber are
+        missing until DDS drops it, though another may have replaced it."""
         with self._lock:
             if self._unanswered_s is not None:
                 self._unanswered_s = self._clock.now_s()
@@ -430,17 +430,17 @@ def _topic(participant: DomainParticipant, name: str, kind: str) -> Topic[Any]:
 
 
 def _acknowledged(writer: DataWriter[Any], within_s: float) -> bool:
-    """Return whether all that was written is acknowledged, or will be in time."""
+    """Return True if all written messages are acknowledged within the time limit."""
     try:
         return bool(writer.wait_for_acks(int(within_s * _NS)))
-    except AttributeError:  # of cyclonedds 11.0.1, in place of False
+    except AttributeError:  # raised by cyclonedds 11.0.1 instead of False
         return False
 
 
 def neighbours_of(
     domain: int, hosts: Sequence[str], interface: str, clock: Clock, seconds: float
 ) -> tuple[Endpoint, ...]:
-    """Return what others publish and subscribe to in a domain, after looking for some seconds.
+    """Return the publishers and subscribers of others in a domain, after a search of some seconds.
 
     Raises:
         DriveError: If a host or an interface is unknown.

@@ -1,4 +1,4 @@
-"""A ROS 2 robot: velocities on one topic, what the learner would do on another."""
+"""A ROS 2 robot: velocities on one topic, the learner's proposals on another."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from robot.errors import ConfigurationError, DriveError
 from robot.types import Action, Point, Pose, Prediction, Sensors
 
 ORDERS, ALIVE = "/drivelesson/cmd_vel", "/drivelesson/alive"
-"""Topics of docs/examples/ros/watchdog.py: velocities to it, and its signs of life."""
+"""Topics of docs/examples/ros/watchdog.py: its velocities, and its signs of life."""
 _DISPUTED = "disputed"
-"""The watchdog's word, in its signs, for another node or a second server that drives as well."""
+"""The word in the watchdog's signs if another node or a second server drives too."""
 _FIRST_SIGN_S = 3.0
 _FRESH_S = 1.0
-"""Age from which a value of a sensor's topic counts no more, in seconds."""
+"""Age from which a value of a sensor's topic is ignored, in seconds."""
 _STANDS = Point(0.0, 0.0)
 _NO_WATCHDOG = "the robot's watchdog gives no sign of life; does watchdog.py run there?"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RosOptions(TransportOptions):
-    """How the robot is reached, and how it moves."""
+    """The robot's address, topics and speeds."""
 
     cmd_vel_topic: str = option("/cmd_vel", "topic of the velocities")
     stamped: bool = option(False, "the robot takes TwistStamped instead of Twist")
@@ -73,9 +73,10 @@ class RosOptions(TransportOptions):
 class RosDriver(ConnectedDriver[Topics]):
     """Publishes a velocity for as long as a move lasts, then zero.
 
-    Nothing stops the robot if this program, its computer or the network fails, unless the robot's
-    own base ends a velocity that is not renewed: `cmd_vel` carries no duration. With `watchdog`
-    our node on the robot does: each order carries its newest sign of life, and ends soon after.
+    `cmd_vel` contains no duration. So if this program, its computer or the network fails, the robot
+    stops only if its base ends a velocity that is not renewed. With `watchdog`, our node on the
+    robot stops it: each order contains the node's newest sign of life, and ends soon after this
+    sign.
     """
 
     name: ClassVar[str] = "ros"
@@ -126,7 +127,7 @@ class RosDriver(ConnectedDriver[Topics]):
 
     def _begin(self) -> None:
         self._has_signed.clear()
-        if self.options.transport == DDS:  # where it is known at once who listens
+        if self.options.transport == DDS:  # DDS knows the subscribers at once
             self._check_taken(self._connected())
         if self.options.watchdog and not self._clock.wait(self._has_signed, _FIRST_SIGN_S):
             raise DriveError(f"{self._connected().where} is there, but {_NO_WATCHDOG}")
@@ -146,11 +147,11 @@ class RosDriver(ConnectedDriver[Topics]):
             raise DriveError(
                 f"{connection.where} takes no velocity: {error or 'too slow'}"
             ) from error
-        if ends is not None:  # a stop is sent whatever is wrong
+        if ends is not None:  # a stop is sent in spite of any fault
             self._check_heard(connection)
 
     def _sense(self) -> Sensors:
-        """Check that the robot's end is there and refuses nothing; return what its topics say."""
+        """Check that the other end answers and refuses nothing; return the values of its topics."""
         self._check_heard(self._connected())
         now_s = self._clock.now_s()
         fresh = {
@@ -171,7 +172,7 @@ class RosDriver(ConnectedDriver[Topics]):
         bridge.publish_soon(self.options.advice_topic, {"data": json.dumps(told)})
 
     def velocity(self, steering: float, throttle: float) -> dict[str, Any]:
-        """Return the message for a point of steering and throttle: metres and radians a second."""
+        """Return the message for steering and throttle, in metres and radians a second."""
         turn = -steering * math.radians(self.options.turn_rate_deg_s)
         twist = {
             "linear": {"x": throttle * self.options.linear_mps, "y": 0.0, "z": 0.0},
@@ -210,7 +211,7 @@ class RosDriver(ConnectedDriver[Topics]):
             )
 
     def _take_message(self, topic: str, message: Message) -> None:
-        """Take a message, on the connection's thread; one that cannot be read is left out."""
+        """Receive a message, on the connection's thread; an unreadable message is ignored."""
         with contextlib.suppress(KeyError, TypeError, ValueError, OverflowError):
             if topic == ALIVE:
                 self._take_sign(message)
@@ -220,7 +221,7 @@ class RosDriver(ConnectedDriver[Topics]):
                 self._sensed["distance_m"] = self._clock.now_s(), _distance_of(message)
 
     def _take_sign(self, message: Message) -> None:
-        """Take the watchdog's sign of life."""
+        """Receive the watchdog's sign of life."""
         stamp = message["stamp"]
         self._sign = {"sec": int(stamp["sec"]), "nanosec": int(stamp["nanosec"])}
         self._is_disputed = message.get("frame_id") == _DISPUTED
@@ -229,7 +230,7 @@ class RosDriver(ConnectedDriver[Topics]):
 
 
 def _pose_of(pose: Message) -> Pose:
-    """Return where the wheels say that the robot is, of a geometry_msgs/Pose."""
+    """Return the robot's pose by odometry, from a geometry_msgs/Pose."""
     at, turned = pose["position"], pose["orientation"]
     x, y, z, w = (float(turned[name]) for name in "xyzw")
     heading = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
@@ -240,7 +241,7 @@ def _pose_of(pose: Message) -> Pose:
 
 
 def _distance_of(message: Message) -> float | None:
-    """Return the distance of a sensor_msgs/Range; None out of its limits, as its makers mean it."""
+    """Return the distance in a sensor_msgs/Range; None outside its limits."""
     distance = float(message["range"])
     is_seen = float(message["min_range"]) <= distance <= float(message["max_range"])
     return distance if is_seen and math.isfinite(distance) else None

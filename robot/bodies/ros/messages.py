@@ -1,7 +1,7 @@
-"""ROS 2 messages as DDS carries them (rmw's names: `pkg::msg::dds_::Name_` on topics `rt/...`).
+"""ROS 2 messages over DDS (rmw's names: `pkg::msg::dds_::Name_` on topics `rt/...`).
 
 Fields and their order: github.com/ros2/common_interfaces, rcl_interfaces (builtin_interfaces).
-Annotations are types here, no texts: cyclonedds 11.0.1 finds no `str` in the latter.
+Annotations are types here, not strings, because cyclonedds 11.0.1 finds no `str` in strings.
 """
 
 import functools
@@ -134,7 +134,7 @@ class TwistWithCovariance(IdlStruct, typename="geometry_msgs::msg::dds_::TwistWi
 
 @dataclass
 class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
-    """Where the wheels say that the robot is."""
+    """The robot's pose by its wheels."""
 
     header: Header = field(default_factory=Header)
     child_frame_id: str = ""
@@ -144,7 +144,7 @@ class Odometry(IdlStruct, typename="nav_msgs::msg::dds_::Odometry_"):
 
 @dataclass
 class Range(IdlStruct, typename="sensor_msgs::msg::dds_::Range_"):
-    """A distance; Jazzy adds a variance at the end, which is not read."""
+    """A distance; the variance that Jazzy appends is not read."""
 
     header: Header = field(default_factory=Header)
     radiation_type: uint8 = 0
@@ -155,7 +155,7 @@ class Range(IdlStruct, typename="sensor_msgs::msg::dds_::Range_"):
 
 
 class _Reading:
-    """Reads plain CDR without a copy for each byte: the library makes a list of a picture's."""
+    """Reads plain CDR quickly; the library would make a list of a picture's bytes."""
 
     def __init__(self, data: bytes) -> None:
         self._data, self._at = memoryview(data), 4
@@ -170,7 +170,7 @@ class _Reading:
         return int(value)
 
     def octets(self) -> bytes:
-        """Read a length, and that many bytes."""
+        """Read a length, then this number of bytes."""
         length = self.number("I")
         data = bytes(self._data[self._at : self._at + length])
         if len(data) != length:
@@ -197,7 +197,7 @@ class CompressedImage(IdlStruct, typename="sensor_msgs::msg::dds_::CompressedIma
 
     @classmethod
     def deserialize(cls, data: bytes, *_: Any, **__: Any) -> Self:
-        """Read it from CDR; `data` is bytes then."""
+        """Read the message from CDR, with `data` as bytes."""
         reading = _Reading(data)
         return cls(reading.header(), reading.text(), reading.octets())
 
@@ -216,7 +216,7 @@ class Image(IdlStruct, typename="sensor_msgs::msg::dds_::Image_"):
 
     @classmethod
     def deserialize(cls, data: bytes, *_: Any, **__: Any) -> Self:
-        """Read it from CDR; `data` is bytes then."""
+        """Read the message from CDR, with `data` as bytes."""
         reading = _Reading(data)
         return cls(
             reading.header(),

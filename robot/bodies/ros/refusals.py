@@ -1,8 +1,8 @@
-"""Reads rosbridge's own notices: refusals, warnings, and messages wrapped in others.
+"""Reads rosbridge's status messages, and messages wrapped in others.
 
-Its protocol, version 2: a `status` has a level and a text (3.4.1 of ROSBRIDGE_PROTOCOL.md); a
-`fragment` is one part of a long message (3.1.1); a `png` has a message as the pixels of a picture
-(3.1.2). A refused message is dropped there, and nothing else tells of it.
+Protocol version 2: a `status` has a level and a text (3.4.1 of ROSBRIDGE_PROTOCOL.md); a `fragment`
+is one part of a long message (3.1.1); a `png` contains a message as the pixels of a picture
+(3.1.2). rosbridge drops a refused message, and only a status reports it.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from robot.errors import MissingExtraError, need, told_as
 
 log = logging.getLogger(__name__)
 REFUSED_S = 1.0
-"""How long a refusal counts after it was heard last, in seconds; what is refused is asked for
-twice in that time."""
+"""How long a refusal counts after it was last received, in seconds. A refused topic is requested
+twice in this time."""
 _HARMLESS = ("info", "none")
 _LONGEST_TEXT = 300
 _MOST_PARTS, _MOST_BYTES = 1000, 6 * 2**20
 """Limits of one message in fragments: parts, and characters."""
 _DEEPEST = 4
-"""How often a message may be wrapped: a picture in fragments is two."""
+"""Maximum depth of wrapping; a picture in fragments has depth two."""
 
 
 class Refusals:
@@ -35,11 +35,14 @@ class Refusals:
         self._warned: set[str] = set()
 
     def at(self, now_s: float) -> str:
-        """Return the refusal that counts now, in rosbridge's own words; empty if there is none."""
+        """Return the current refusal, in rosbridge's words; empty if there is none."""
         return self._text if now_s - self._heard_s < REFUSED_S else ""
 
     def take(self, status: Mapping[str, Any], now_s: float) -> bool:
-        """Take a status; return whether it is a refusal. An unknown level counts as one."""
+        """Process a status; return True if it is a refusal.
+
+        An unknown level counts as a refusal.
+        """
         level = str(status.get("level", "error")).lower()
         text = str(status.get("msg") or "it gives no reason")[:_LONGEST_TEXT]
         request = status.get("id")
@@ -57,13 +60,13 @@ class Refusals:
 
 
 class Unwrapping:
-    """Takes what comes over the line, and gives the messages in it."""
+    """Unwraps received data to messages."""
 
     def __init__(self) -> None:
         self._parts: dict[str, dict[int, str]] = {}
 
     def messages(self, text: str | bytes) -> Iterator[Mapping[str, Any]]:
-        """Yield the message, if it is whole by now. A message that cannot be read is left out."""
+        """Yield the message once it is complete. An unreadable message is left out."""
         for _ in range(_DEEPEST):
             try:
                 message = json.loads(text)
@@ -84,7 +87,7 @@ class Unwrapping:
             text = whole
 
     def _join(self, part: Mapping[str, Any]) -> str | None:
-        """Return the text when its last part has come, in any order."""
+        """Return the text when all parts have arrived, in any order."""
         key, number, total = str(part["id"]), int(part["num"]), int(part["total"])
         if not 0 <= number < total <= _MOST_PARTS:
             raise ValueError(f"part {number} of {total}")
@@ -92,7 +95,7 @@ class Unwrapping:
         parts[number] = str(part["data"])
         if len(parts) == total:
             return "".join(parts[at] for at in range(total))
-        self._parts[key] = parts  # the newest key is last
+        self._parts[key] = parts  # the newest key last
         while sum(len(data) for some in self._parts.values() for data in some.values()) > (
             _MOST_BYTES
         ):
@@ -101,14 +104,14 @@ class Unwrapping:
 
 
 def _text_of_png(data: str) -> str:
-    """Return the text whose bytes are the pixels; rosbridge fills the last row with newlines."""
+    """Return the text in the bytes of the pixels; rosbridge pads the last row with newlines."""
     import numpy as np
 
     try:
         cv2 = need("cv2", "a rosbridge that compresses by PNG", "camera")
     except MissingExtraError as error:
         raise ValueError(str(error)) from error
-    with told_as(ValueError, "no PNG", cv2.error):  # also of no bytes at all
+    with told_as(ValueError, "no PNG", cv2.error):  # also raised for empty input
         pixels = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
     if pixels is None:
         raise ValueError("no PNG")
@@ -116,7 +119,7 @@ def _text_of_png(data: str) -> str:
 
 
 def advice_for(refusal: str, *, is_stamped: bool, has_watchdog: bool) -> str:
-    """Return what to do about a refused velocity or picture, where it is known; else nothing."""
+    """Return advice about a refused velocity or picture; empty if there is none."""
     said = refusal.lower()
     if "twiststamped" in said and not is_stamped:
         return "start with --stamped true"

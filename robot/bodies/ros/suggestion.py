@@ -1,4 +1,4 @@
-"""Which options fit the topics that were seen on a ROS 2 robot. Pure."""
+"""Suggests options that fit the topics found on a ROS 2 robot. Pure."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from robot.bodies.ros.driver import ORDERS, RosOptions
 from robot.bodies.ros.topics import COMPRESSED, ODOMETRY, RANGE, RAW, STAMPED, TWIST
 
 _NOT_FOR_DRIVING = ("depth", "theora", "infra", "mask", "map")
-"""Words in the names of pictures that a pilot does not drive by."""
+"""Words in the names of picture topics that are not for a pilot."""
 
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A publisher or subscriber of somebody else.
+    """Another program's publisher or subscriber.
 
     Attributes:
-        topic, kind: In ROS's names.
+        topic, kind: Topic and type by their ROS names.
         publishes: True for a publisher.
-        seen_s: When it was seen first.
+        seen_s: The time of its discovery.
     """
 
     topic: str
@@ -71,7 +71,7 @@ def _sensors(seen: list[Endpoint]) -> list[str]:
 
 
 def _named(seen: list[Endpoint], kind: str, *, publishes: bool, preferred: str) -> str:
-    """Return the topic of a type that fits best: the usual one, or the one nearest to it."""
+    """Return the best topic of a type: the one of the usual name, or of the nearest name."""
     names = {each.topic for each in seen if (each.kind, each.publishes) == (kind, publishes)}
 
     def distance(name: str) -> tuple[bool, bool, int, str]:

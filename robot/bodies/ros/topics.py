@@ -1,4 +1,4 @@
-"""Topics of a ROS 2 robot: what our camera and driver need of whatever carries them."""
+"""Topics of a ROS 2 robot: the interface between our camera and driver and the transport."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ COMPRESSED, RAW = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 ODOMETRY, RANGE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Range"
 VELOCITIES = (TWIST, STAMPED)
 GONE_S = 0.4
-"""Time without any sign of life after which the robot's end counts as gone, in seconds."""
+"""Time without any sign of life after which the other end counts as gone, in seconds."""
 
 Message = Mapping[str, Any]
-"""A message by the names of its fields, as rosbridge writes it. Bytes are text in base64 there, and
-bytes over DDS."""
+"""A message as a mapping of field names to values. Bytes are base64 text over rosbridge, and bytes
+over DDS."""
 End = tuple[Message, float]
-"""A message and the seconds after which it is published, unless another one is sent before."""
+"""A message, and the seconds after which it is published unless another is sent before."""
 OnMessage = Callable[[str, Message], None]
-"""Called with topic and message, on the transport's thread; must return at once."""
+"""Called with topic and message on the transport's thread; must return at once."""
 
 
 class Topics(ABC):
     """Publishes on topics, and passes on the messages of others.
 
     Attributes:
-        where: Names the other end in an error, as `rosbridge at robot.local`.
-        trouble: Why the connection was lost the last time; empty if it never was.
+        where: The other end's name in an error, for example `rosbridge at robot.local`.
+        trouble: The reason for the last loss of the connection; empty if there was none.
     """
 
     where = "the robot"
@@ -39,12 +39,12 @@ class Topics(ABC):
     @property
     @abstractmethod
     def silent_s(self) -> float:
-        """Seconds for which the other end has given no sign of life, though one was due."""
+        """Seconds since an overdue sign of life of the other end."""
 
     @property
     @abstractmethod
     def refusal(self) -> str:
-        """What the other end does not take, and why; empty if there is nothing."""
+        """The message that the other end refuses, and the reason; empty if there is none."""
 
     def refused(self, refusal: str) -> str:
         """Return the sentence for a refusal."""
@@ -52,15 +52,15 @@ class Topics(ABC):
 
     @abstractmethod
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
-        """Publish one message, and wait until it is sent; then what ends it.
+        """Publish one message and wait until it is sent; later, publish its `End`.
 
         Raises:
-            OSError: If it cannot be sent now; it is not sent later.
+            OSError: If the message cannot be sent now; it is then never sent.
         """
 
     @abstractmethod
     def publish_soon(self, topic: str, message: Message) -> None:
-        """Publish without waiting; dropped while the one before is still being sent."""
+        """Publish without waiting; dropped while the previous message is still being sent."""
 
     @abstractmethod
     def close(self) -> None:

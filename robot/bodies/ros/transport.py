@@ -13,7 +13,7 @@ from robot.errors import ConfigurationError, need
 
 ROSBRIDGE, DDS = "rosbridge", "dds"
 MOST_DOMAINS = 232
-"""Largest domain whose ports exist: they begin at 7400 + 250 times its number."""
+"""Largest domain with valid ports, which begin at 7400 + 250 times the domain's number."""
 _FEATURE = (
     "--transport dds (cyclonedds has wheels for Windows, macOS and Linux on x86_64, up to Python "
     "3.13; elsewhere use --transport rosbridge)"
@@ -22,7 +22,7 @@ _FEATURE = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TransportOptions(Options):
-    """How the robot's topics are reached."""
+    """The transport of the robot's topics."""
 
     address: str = option(
         "", "HOST of rosbridge, or HOST:PORT; with --transport dds the robot's HOST"
@@ -40,12 +40,12 @@ class TransportOptions(Options):
 
     @property
     def hosts(self) -> tuple[str, ...]:
-        """The robot's computers, for DDS."""
+        """Return the robot's computers, for DDS."""
         named = (self.address, *self.peers.split(","))
         return tuple(dict.fromkeys(host.strip() for host in named if host.strip()))
 
     def check_transport(self) -> None:
-        """Refuse options that the transport does not take."""
+        """Refuse options that the transport does not support."""
         if self.transport == DDS:
             for host in self.hosts:
                 if ":" in host:
@@ -72,10 +72,10 @@ def open_topics(
     Args:
         advertised: The type of each topic that will be published.
         subscribed: The type of each topic to listen to.
-        on_message: See `OnMessage`.
+        on_message: Called with each message; see `OnMessage`.
 
     Raises:
-        DriveError: If there is nothing at the other end.
+        DriveError: If nothing answers at the other end.
         MissingExtraError: If a library is not installed.
     """
     if options.transport == ROSBRIDGE:

@@ -1,1 +1,1 @@
-"""Pictures from a USB camera: what both a camera plugin here and the agent on a brick need."""
+"""Pictures from a USB camera, for the camera plug-in and for the agent on a brick."""

@@ -1,4 +1,4 @@
-"""A USB camera by the kernel's own interface: no OpenCV, and nothing decoded on the way."""
+"""A USB camera by the kernel's interface, without OpenCV and without decoding."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robot.types import Encoding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsbCameraOptions(Options):
-    """Which camera, and what is asked of it; it answers with the nearest that it has."""
+    """The camera, and the requested pictures; the camera chooses the nearest supported size."""
 
     device: str = option("auto", "the camera, as /dev/video0; needed if several are plugged in")
     width: int = option(160, "width of the picture in pixels", range=(40, 3840))
@@ -31,7 +31,7 @@ class UsbCameraOptions(Options):
 
 
 class V4l2Camera(ThreadedCamera):
-    """Frames as the camera sends them, stamped by its kernel driver."""
+    """The camera's unchanged frames, with the kernel driver's time stamps."""
 
     name: ClassVar[str] = "v4l2"
     options_type: ClassVar[type[Any]] = UsbCameraOptions

@@ -1,6 +1,6 @@
 """One streaming camera, by the kernel's Video4Linux interface: ioctl and mmap, nothing else.
 
-Written for Python 3.5 and the standard library, since the agent on a brick carries it along.
+Written for Python 3.5 and the standard library, because the agent on a brick includes it.
 """
 
 import glob
@@ -15,7 +15,7 @@ from robot.devkit.usb_camera import AUTO
 
 try:
     import fcntl
-except ImportError:  # Windows: such a camera can be named there, not opened
+except ImportError:  # Windows: the module can be imported, but no camera opened
     fcntl = None  # type: ignore[assignment]
 
 FMT = struct.Struct("@I0L200s")
@@ -29,11 +29,11 @@ FOURCC = {"yuyv": (b"YUYV",), "jpeg": (b"MJPG", b"JPEG")}
 N_BUFFERS = 2
 
 VideoFrame = NamedTuple("VideoFrame", [("data", bytes), ("taken_s", float)])
-"""The bytes as the camera gave them, and when, on this machine's monotonic clock."""
+"""The camera's unchanged bytes, and their time on this machine's monotonic clock."""
 
 
 def ioctl_number(way: int, number: int, size: int) -> int:
-    """Return the kernel's number of a video ioctl; way is 1 write, 2 read, 3 both."""
+    """Return the kernel's number of a video ioctl; way is 1 (write), 2 (read) or 3 (both)."""
     return way << 30 | size << 16 | ord("V") << 8 | number
 
 
@@ -52,7 +52,7 @@ DISCRETE = 1
 
 
 class CaptureError(Exception):
-    """A camera is missing or refuses; the sentence says which and what to do."""
+    """A camera is missing or refuses; the message names it and the remedy."""
 
 
 class Video:
@@ -108,7 +108,7 @@ class Video:
             )
 
     def _choose_encoding(self, wanted: str) -> Tuple[str, bytes]:
-        """YUYV where there is a choice: it needs no decoder here, and the page can show it."""
+        """Return YUYV if there is a choice: it needs no decoder here, and the page can show it."""
         offered = _offered_codes(self._fd)
         for name in ("yuyv", "jpeg") if wanted == "auto" else (wanted,):
             for code in FOURCC[name]:
@@ -123,7 +123,7 @@ class Video:
         )
 
     def _set_format(self, width: int, height: int) -> Tuple[int, int, int]:
-        """Ask for a size; the camera answers with the nearest it has, and its bytes per row."""
+        """Request a size; the camera answers with the nearest one and its bytes per row."""
         code = struct.unpack("=I", self._code)[0]
         wanted = PIX.pack(width, height, code, 1, 0, 0)
         data = fcntl.ioctl(self._fd, S_FMT, FMT.pack(CAPTURE, wanted))
@@ -137,7 +137,7 @@ class Video:
         try:
             fcntl.ioctl(self._fd, S_PARM, parm)
         except OSError:
-            pass  # a camera with one fixed rate
+            pass  # the camera's rate is fixed
 
     def _buffer(self, index: int) -> bytearray:
         zeros = bytes(16)
@@ -180,17 +180,17 @@ class Video:
         data = self._maps[index][:used]
         if self.encoding == "yuyv":
             if len(data) < self._stride * self._n_rows:
-                return None  # a torn picture
+                return None  # an incomplete picture
             data = shrink_yuyv(data, self._stride, self._shrinking)
         return VideoFrame(data, taken_s) if data else None
 
     def close(self) -> None:
-        """Stop streaming and let go of the device; idempotent."""
+        """Stop streaming and close the device; idempotent."""
         if self._fd >= 0:
             try:
                 fcntl.ioctl(self._fd, STREAMOFF, struct.pack("i", CAPTURE))
             except OSError:
-                pass  # it is gone
+                pass  # the device is gone
             for picture in self._maps:
                 picture.close()
             os.close(self._fd)
@@ -198,14 +198,14 @@ class Video:
 
 
 def list_cameras() -> List[str]:
-    """Return the video devices that there are, by number."""
+    """Return the existing video devices, by number."""
     ends = [path[len("/dev/video") :] for path in glob.glob("/dev/video*")]
     numbers = sorted(int(end) for end in ends if end.isdigit())
     return ["/dev/video{}".format(number) for number in numbers]
 
 
 def describe_camera(path: str) -> Dict[str, List[str]]:
-    """Return what a camera offers: each encoding, as the camera names it, with its sizes."""
+    """Return the camera's encodings, by its names for them, each with its sizes."""
     fd = Video._open_device(path)
     try:
         codes = _offered_codes(fd)
@@ -227,7 +227,7 @@ def _offered_sizes(fd: int, code: bytes) -> List[str]:
 
 
 def _offered(fd: int, request: int, asked: bytes) -> Iterator[bytes]:
-    """Ask for one after the other until there is no more."""
+    """Query one entry after the other until there are no more."""
     for index in range(64):
         try:
             yield fcntl.ioctl(fd, request, struct.pack("=I", index) + asked)

@@ -1,4 +1,4 @@
-"""A camera that is looked after: opened, watched, and opened again when it was lost. Python 3.5."""
+"""Opens and watches a camera, and opens it again after a loss. Python 3.5."""
 
 from typing import Optional
 
@@ -8,7 +8,7 @@ from robot.devkit.usb_camera import SameCamera, SeveralCamerasError
 
 
 class CameraReader:
-    """A camera that is looked after: opened, watched, and opened again when it was lost."""
+    """Opens and watches a camera, and opens it again after a loss."""
 
     def __init__(self, device: str, width: int, height: int, rate: int, encoding: str) -> None:
         self.same = SameCamera(device)

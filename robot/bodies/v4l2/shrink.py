@@ -1,6 +1,6 @@
-"""Making YUYV pictures small: every n-th pixel, and the middle of what is left. Pure, Python 3.5.
+"""Reduces YUYV pictures to every n-th pixel, and crops them to the middle. Pure, Python 3.5.
 
-It uses only slices, since a brick has no time for more, and its stock image has no numpy.
+It uses only slices, because a brick is slow, and its stock image has no numpy.
 """
 
 from typing import NamedTuple
@@ -8,16 +8,16 @@ from typing import NamedTuple
 Shrinking = NamedTuple(
     "Shrinking", [("step", int), ("left", int), ("top", int), ("width", int), ("height", int)]
 )
-"""Every `step`-th pixel from (`left`, `top`) on; `width` and `height` are those of the result."""
+"""Every `step`-th pixel from (`left`, `top`) on; the result has size `width` x `height`."""
 
 
 def plan_shrinking(width: int, height: int, wanted_width: int, wanted_height: int) -> Shrinking:
-    """Return how a picture comes nearest to the wanted size; a smaller one stays as it is.
+    """Return the reduction nearest to the wanted size; a smaller picture is not changed.
 
-    The shape of things is kept: what is too much in one direction is cut off on both sides.
+    Proportions are preserved: an excess in one direction is cropped equally on both sides.
     """
     step = max(1, min(width // wanted_width, height // wanted_height))
-    new_width = min(width // step, wanted_width) & ~1  # two pixels share their colour
+    new_width = min(width // step, wanted_width) & ~1  # even, because two pixels share their colour
     new_height = min(height // step, wanted_height)
     left = (width - new_width * step) // 2 & ~1
     return Shrinking(step, left, (height - new_height * step) // 2, new_width, new_height)
@@ -27,9 +27,9 @@ def shrink_yuyv(data: bytes, stride: int, plan: Shrinking) -> bytes:
     """Return the smaller picture, without padding.
 
     Args:
-        data: Rows of `stride` bytes, each pixel two: brightness, then colour (U and V in turn).
-        stride: Bytes from one row to the next.
-        plan: From `plan_shrinking`.
+        data: Rows of `stride` bytes, two per pixel: brightness, then colour (U and V alternate).
+        stride: Number of bytes from one row to the next.
+        plan: The result of `plan_shrinking`.
     """
     size = 2 * plan.width
     begin = 2 * plan.left

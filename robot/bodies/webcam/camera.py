@@ -1,4 +1,4 @@
-"""Any camera, film or network stream that OpenCV reads: for laptops and a Raspberry Pi."""
+"""Any camera, film or network stream that OpenCV can read, for laptops and a Raspberry Pi."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ JPEG_QUALITY = 80
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpencvOptions(Options):
-    """Which source, and the size that frames are brought to."""
+    """The source, and the size to which frames are reduced."""
 
     source: str = option(
         AUTO, "number of a camera, needed if several are plugged in; or a film's file; or a URL"
@@ -33,9 +33,9 @@ class OpencvOptions(Options):
 class OpencvCamera(WatchedCamera):
     """Frames through OpenCV, reduced and sent as JPEG.
 
-    OpenCV goes on returning the last frame of an unplugged camera, and may block for seconds in
-    a read; so exact repeats do not count, and a second thread watches the time. A film begins
-    again at its end.
+    OpenCV keeps returning the last frame of an unplugged camera, and a read may block for seconds.
+    So exact repeats are ignored, and a second thread watches the time. A film starts again at its
+    end.
     """
 
     name: ClassVar[str] = "opencv"
@@ -87,7 +87,7 @@ class OpencvCamera(WatchedCamera):
         return None
 
     def _read(self, capture: Any) -> None:
-        """Read until the end; open again, after a pause, whatever gives no more pictures."""
+        """Read until the end; if the pictures stop, open the source again after a pause."""
         while not self._ending.is_set():
             if capture is not None:
                 self._read_out(capture)
@@ -106,7 +106,7 @@ class OpencvCamera(WatchedCamera):
             if is_read:
                 self._take(picture, now_s)
             if not is_read or self._freshness.fault(now_s) is not None:
-                return  # to be opened again; the watching thread reports the fault
+                return  # opened again later; the watching thread reports the fault
 
     def _take(self, pixels: Any, now_s: float) -> None:
         if not self._freshness.is_new(pixels.tobytes(), now_s):
@@ -128,6 +128,6 @@ class OpencvCamera(WatchedCamera):
 
 
 def _number(path: str) -> int:
-    """Return the number that OpenCV wants; 0 where the system lists no cameras."""
+    """Return OpenCV's number of the camera; 0 if the system lists no cameras."""
     digits = re.search(r"\d+$", os.path.realpath(path))
     return int(digits[0]) if digits else 0

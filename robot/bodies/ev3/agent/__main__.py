@@ -11,7 +11,7 @@ from robot.bodies.ev3.agent.server import Agent
 from robot.bodies.ev3.agent.wire import PORT
 
 CONFIGURATION = 2
-"""Exit status for what a person must put right: a restart would not help."""
+"""Exit status for an error that a person must correct, because a restart would not help."""
 
 
 def give_up(why: str) -> None:

@@ -1,4 +1,4 @@
-"""The body of the brick: motors, sensors, buttons, lights and screen, as one thing to open."""
+"""The body of the brick: motors, sensors, buttons, lights and screen, opened together."""
 
 import time
 from typing import Any, Dict, List
@@ -10,10 +10,10 @@ from robot.bodies.ev3.agent.sensors import RobotSensors
 
 
 class BrickBody:
-    """The brick's body: its motors and console do what they are asked through it.
+    """The brick's body, which controls motors and console.
 
-    `open` finds the devices; whatever fails raises DriveError. `ports` says where `left`, `right`,
-    `ultrasonic` and `touch` are, and `clock` has the functions of Python's `time`.
+    `open` finds the devices. Every failure raises DriveError. `ports` contains the ports of `left`,
+    `right`, `ultrasonic` and `touch`. `clock` has the functions of Python's `time`.
     """
 
     def __init__(self, ports: Dict[str, Any], root: str = "/", clock: Any = time) -> None:
@@ -25,9 +25,9 @@ class BrickBody:
         self.take_button, self.show = self.console.take_button, self.console.show
 
     def open(self) -> List[float]:
-        """Find motors, sensors, battery and buttons, and make sure that nothing moves.
+        """Find motors, sensors, battery and buttons, and stop the motors.
 
-        Returns how fast each wheel can turn, in degrees a second; left, right.
+        Returns the top speeds of the left and the right wheel, in degrees a second.
         """
         try:
             self.motors.open()
@@ -43,12 +43,12 @@ class BrickBody:
         return self.motors.top_speeds_dps()
 
     def sense(self) -> Dict[str, Any]:
-        """Return distance_m, bumped, bumpers, battery_share (None for what is not there) and
-        wheels_deg, how far each wheel has turned."""
+        """Return distance_m, bumped, bumpers, battery_share (None if the sensor is missing) and
+        wheels_deg, the angles by which the wheels have turned."""
         read = self.sensors.read()
         try:
             read["wheels_deg"] = self.motors.positions()
-        except DriveError:  # said when the motors are asked to turn
+        except DriveError:  # reported at the next move instead
             read["wheels_deg"] = None
         return read
 

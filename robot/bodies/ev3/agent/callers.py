@@ -19,17 +19,20 @@ from robot.bodies.ev3.agent.wire import (
 )
 
 MAX_STRANGERS = 12
-"""Connections that have not joined yet; when more come, the oldest of the busiest address goes."""
+"""Maximum number of connections that have not joined yet, of all addresses together."""
 JOIN_S = 1.0
-"""Time limit of an unauthenticated connection to join."""
+"""Time limit in seconds for an unauthenticated connection to join."""
 ACCEPT_PAUSE_S = 0.2
 """Pause after an error of `accept` (no descriptors or memory left), in seconds."""
 LARGEST_OUTBOX = 1 << 20
-"""A controller that reads so little that more than this waits for it is dropped."""
+"""Maximum number of unsent bytes; a controller that reads too slowly is dropped."""
 
 
 class Caller:
-    """One connection. It may command only once both sides have proved that they know the secret."""
+    """One connection.
+
+    It may send commands only after both sides have proved that they know the secret.
+    """
 
     def __init__(self, line: socket.socket, name: str, now_s: float) -> None:
         self.line = line
@@ -44,7 +47,7 @@ class Caller:
         self.send({"hello": PROTOCOL, "nonce": self._nonce})
 
     def receive(self) -> Iterator[Dict[str, Any]]:
-        """Take in what has arrived; yield each message that is whole, ValueError on what is none.
+        """Receive the waiting data; yield each complete message, ValueError if one is invalid.
 
         EOFError when the other side closed the connection.
         """
@@ -58,14 +61,14 @@ class Caller:
             yield message
 
     def proves(self, message: Dict[str, Any], secret: str) -> bool:
-        """True if a message asks to join, and proves that its sender knows the secret."""
+        """True if a message requests to join and proves that its sender knows the secret."""
         nonce = str(message.get("nonce"))
         if message.get("do") != "join" or len(nonce) < 16:
             return False
         return is_proof(message.get("proof"), secret, "controller", self._nonce, nonce)
 
     def welcome(self, nonce: str, secret: str) -> None:
-        """Prove that we know the secret, too; all later messages are sealed."""
+        """Prove that we know the secret too; all later messages are sealed."""
         self.send({"welcome": PROTOCOL, "proof": prove(secret, "agent", self._nonce, nonce)})
         self._seal = Seal(secret, "agent", self._nonce, nonce)
         seal = Seal(secret, "controller", self._nonce, nonce)
@@ -84,7 +87,7 @@ class Caller:
         self.outbox += data
 
     def flush(self) -> None:
-        """Send what the line takes without waiting."""
+        """Send as much as possible without waiting."""
         if self.outbox:
             try:
                 sent = self.line.send(self.outbox)
@@ -94,11 +97,11 @@ class Caller:
 
 
 class CallerLimiter:
-    """Accepts a bounded number of connections; a network error never ends it."""
+    """Accepts a limited number of connections; network errors never end it."""
 
     def __init__(self, listener: socket.socket, note: Callable[[str], None]) -> None:
         listener.setblocking(False)
-        # Bounds the kernel's buffer of an unauthenticated client; commands are small.
+        # Limits the kernel's buffer of an unauthenticated client; commands are small.
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 16384)
         self.listener = listener
         self._note = note
@@ -110,7 +113,7 @@ class CallerLimiter:
         return now_s >= self._closed_until_s
 
     def accept(self, now_s: float) -> None:
-        """Accept one connection; where there is no room, another one has to go."""
+        """Accept one connection; if there is no room, evict another."""
         try:
             line, address = self.listener.accept()
         except BlockingIOError:
@@ -124,14 +127,14 @@ class CallerLimiter:
             line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             line.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 65536)
         except OSError:
-            line.close()  # it was closed meanwhile
+            line.close()  # it has been closed meanwhile
             return
         self.callers.append(Caller(line, address[0], now_s))
         if sum(not caller.has_joined for caller in self.callers) > MAX_STRANGERS:
             self._make_room("others wait")
 
     def _make_room(self, why: str) -> None:
-        """Drop the oldest stranger of the address that has the most: a flood evicts itself."""
+        """Drop the oldest unjoined connection of the busiest address: a flood evicts itself."""
         strangers = [caller for caller in self.callers if not caller.has_joined]
         names = [caller.name for caller in strangers]
         if strangers:

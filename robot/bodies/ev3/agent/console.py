@@ -1,4 +1,7 @@
-"""The brick's buttons, lights and screen. A robot without them drives as well: nothing raises."""
+"""The brick's buttons, lights and screen.
+
+Nothing here raises, so a robot without them drives too.
+"""
 
 import os
 import struct
@@ -6,19 +9,19 @@ from typing import Optional
 
 try:
     import fcntl
-except ImportError:  # Windows has no such buttons
+except ImportError:  # not on Windows
     fcntl = None  # type: ignore[assignment]
 
 LIGHTS = {"stopped": (0, 1), "train": (1, 1), "autonomous": (1, 0)}
-"""Mode to how much red and green."""
+"""Brightness of red and green for each mode."""
 KEY_EVENT = struct.Struct("@llHHi")
 EV_KEY, KEY_BACK, KEY_ENTER = 1, 14, 28
 EVIOCGRAB = 0x40044590
 VT_GETSTATE, VT_ACTIVATE = 0x5603, 0x5606
 SCREEN = 6
 MENU_S = 3.0
-"""Time for which Back is held to give buttons and screen to the brick's menu, in seconds, so that
-the brick can be switched off."""
+"""Time for which Back must be held, in seconds, to return buttons and screen to the brick's menu,
+so that the brick can be switched off."""
 
 
 class Console:
@@ -32,7 +35,7 @@ class Console:
         self._screen_before = None  # type: Optional[int]
 
     def open(self) -> None:
-        """Take the buttons: while they are grabbed the brick's menu does not receive them."""
+        """Grab the buttons, so that the brick's menu does not receive them."""
         if fcntl is None:
             return
         path = os.path.join(self._root, "dev/input/by-path/platform-gpio_keys-event")
@@ -47,7 +50,7 @@ class Console:
         try:
             fcntl.ioctl(self._keys, EVIOCGRAB, take)
         except OSError:
-            pass  # no input device, or grabbed by another: then both receive the buttons
+            pass  # no input device, or grabbed by another program: then both receive the buttons
 
     def take_button(self) -> Optional[str]:
         """Return "start" (the middle button) or "stop" (any other) if one was pressed."""
@@ -56,7 +59,7 @@ class Console:
             try:
                 event = os.read(self._keys, KEY_EVENT.size)
             except OSError:
-                break  # nothing more waits
+                break  # no more events
             if len(event) < KEY_EVENT.size:
                 break
             second, micro, kind, code, value = KEY_EVENT.unpack(event)
@@ -66,7 +69,7 @@ class Console:
                 self._note_back(second + micro / 1e6, value)
             if value == 1:
                 pressed = "start" if code == KEY_ENTER and pressed != "stop" else "stop"
-        # While the menu has the screen, the middle button chooses there.
+        # While the menu has the screen, the middle button selects in the menu.
         return pressed if self._shown or pressed != "start" else None
 
     def _note_back(self, at_s: float, value: int) -> None:
@@ -80,12 +83,12 @@ class Console:
             self._back_since_s = None
 
     def show(self, mode: str, address: str) -> None:
-        """Show mode and address on screen and lights; what is not there is left out."""
+        """Show mode and address on screen and lights; missing devices are skipped."""
         text = "Drivelesson\r\n\n{}\r\n\n{}\r\n".format(mode, address)
         if text == self._shown:
             return
         if not self._shown and self._keys >= 0:
-            self._grab(1)  # the menu may have had them
+            self._grab(1)  # the menu may have had the buttons
         self._shown = text
         red, green = LIGHTS.get(mode, (0, 1))
         for side in (0, 1):
@@ -97,7 +100,7 @@ class Console:
                 if screen.isatty():
                     self._bring_to_front(screen.fileno())
         except OSError:
-            pass  # not on a brick, or not allowed to
+            pass  # not on a brick, or no permission
 
     def _bring_to_front(self, screen: int) -> None:
         state = fcntl.ioctl(screen, VT_GETSTATE, bytes(6))
@@ -127,9 +130,9 @@ class Console:
             pass
 
     def close(self) -> None:
-        """Give buttons and screen back to the brick's menu; idempotent."""
+        """Return buttons and screen to the brick's menu; idempotent."""
         self._give_screen_back()
         self._shown = ""
         if self._keys >= 0:
-            os.close(self._keys)  # which ends the grab, too
+            os.close(self._keys)  # this also ends the grab
             self._keys = -1

@@ -11,7 +11,7 @@ from robot.bodies.v4l2.device import CaptureError, describe_camera, list_cameras
 
 
 def inspect_brick(root: str) -> Dict[str, Any]:
-    """Return ports, battery, memory, card, cameras, clock, versions; None for what is unknown."""
+    """Return ports, battery, memory, card, cameras, clock, versions; unknown values are None."""
     return {
         "release": RELEASE,
         "python": platform.python_version(),
@@ -62,7 +62,7 @@ def read_card_mb(root: str) -> float:
 
 
 def find_cameras() -> List[Dict[str, Any]]:
-    """Return each camera's device and what it offers, or what is wrong with it."""
+    """Return each camera's device and its formats, or its fault."""
     found = []
     for path in list_cameras():
         try:

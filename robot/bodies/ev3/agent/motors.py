@@ -11,7 +11,7 @@ RESET_TRIES = 50
 
 
 class MotorPair:
-    """The left and the right motor, addressed by their ports. An unplugged one is found again.
+    """The left and the right motor, addressed by their ports. An unplugged motor is found again.
 
     `clock` has the functions of Python's `time`.
     """
@@ -29,10 +29,10 @@ class MotorPair:
     def open(self) -> None:
         """Find both motors and reset them.
 
-        Another program may have left ramps, a reversed polarity or a running motor behind; with
-        a ramp even `stop` takes its time. `reset` undoes them all, and comes before the rest.
+        Another program may have left ramps, a reversed polarity or a running motor; with a ramp
+        even `stop` is slow. `reset` undoes all of this, so it comes first.
         """
-        self.close()  # the old ones, if any, were lost
+        self.close()  # the old devices, if any, are lost
         try:
             for side, address in zip(("left", "right"), self._addresses):
                 self._ports.append(self._find(side, address))
@@ -69,7 +69,7 @@ class MotorPair:
         )
 
     def top_speeds_dps(self) -> List[float]:
-        """How fast each motor can turn, in degrees a second; left, right."""
+        """Return the top speeds of the left and the right motor, in degrees a second."""
         return [top / count for top, count in zip(self._top_counts, self._counts_per_deg)]
 
     def run(self, left_dps: float, right_dps: float, time_ms: int) -> None:
@@ -95,7 +95,7 @@ class MotorPair:
             raise self._lost(error) from error
 
     def _check(self, speeds: List[int]) -> None:
-        """The kernel refuses a speed above `max_speed` (EINVAL) without saying which."""
+        """Check the speed, because the kernel's EINVAL does not name the limit `max_speed`."""
         for address, speed, top in zip(self._addresses, speeds, self._top_counts):
             if abs(speed) > top:
                 raise DriveError(
@@ -106,7 +106,7 @@ class MotorPair:
                 )
 
     def _set(self, index: int, speed: int, time_ms: int) -> None:
-        """Write only what changed: each write costs a millisecond on the brick."""
+        """Write only changed values, because each write takes a millisecond on the brick."""
         motor = self._ports[index]
         if time_ms != self._time_ms:
             motor.write("time_sp", time_ms)
@@ -115,7 +115,7 @@ class MotorPair:
             self._speeds[index] = speed
 
     def stop(self) -> None:
-        """Stop both motors, one even if the other is gone. Never raises."""
+        """Stop both motors; if one is gone, stop the other. Never raises."""
         for motor in self._ports:
             try:
                 motor.write("command", "stop")
@@ -123,7 +123,7 @@ class MotorPair:
                 print("cannot stop {}: {}".format(motor.address, error), file=sys.stderr)
 
     def positions(self) -> List[float]:
-        """How far each wheel has turned since it was opened, in degrees; left, right."""
+        """Return the angles of the left and the right wheel since `open`, in degrees."""
         counts = zip(self._read("position"), self._counts_per_deg)
         return [float(position) / count for position, count in counts]
 
@@ -135,7 +135,7 @@ class MotorPair:
         )
 
     def states(self) -> List[str]:
-        """The kernel's state flags of each motor, as "running stalled"; left, right."""
+        """Return the kernel's state flags of the left and right motor, like "running stalled"."""
         return self._read("state")
 
     def _read(self, name: str) -> List[str]:
@@ -147,7 +147,7 @@ class MotorPair:
             raise self._lost(error) from error
 
     def close(self) -> None:
-        """Let go of the devices; they are found again by the next `run`."""
+        """Close the devices; the next `run` finds them again."""
         for motor in self._ports:
             motor.close()
         self._ports, self._speeds, self._time_ms = [], [None, None], 0

@@ -6,14 +6,14 @@ from typing import Any, Dict, List, Optional
 
 try:
     from robot.errors import DriveError as DriveError
-except ImportError:  # the agent takes nothing newer than Python 3.5 along
+except ImportError:  # the agent includes only modules for Python 3.5
 
     class DriveError(Exception):  # type: ignore[no-redef]
-        """A motor, sensor or camera is missing or failed; the sentence says which, what to do."""
+        """A motor, sensor or camera is missing or failed; the message names it and the remedy."""
 
 
 class DevicePort:
-    """One device; its attribute files stay open, since opening costs more than reading."""
+    """One device; its attribute files stay open, because opening takes longer than reading."""
 
     def __init__(self, folder: str) -> None:
         self._folder = folder
@@ -26,10 +26,10 @@ class DevicePort:
             with open(os.path.join(self._folder, name)) as file:
                 return file.readline().strip()
         except OSError:
-            return "?"  # it was unplugged just now
+            return "?"  # just unplugged
 
     def is_at(self, wanted: str) -> bool:
-        """True if it is plugged in there: "outB" is one of the words of "ev3-ports:outB"."""
+        """True if the device is at this port: "outB" is one of the words of "ev3-ports:outB"."""
         return ":{}:".format(wanted.strip()) in ":{}:".format(self.address)
 
     def read(self, name: str) -> str:
@@ -37,8 +37,8 @@ class DevicePort:
         return str(text).partition("\n")[0]
 
     def write(self, name: str, value: object) -> None:
-        """Set an attribute. It ends in a newline, as `echo` ends it, so that no longer old
-        value shows behind it where the attributes are plain files."""
+        """Set an attribute. A newline is appended, as `echo` does, so that in a plain file the rest
+        of a longer old value is not read as part of the new one."""
         text = "{}\n".format(value)
         self._files[name] = self._device.set_attr_raw(self._files.get(name), name, text)
 
@@ -73,6 +73,6 @@ def find_battery(root: str) -> Optional[DevicePort]:
 
 
 def describe_ports(ports: List[DevicePort]) -> str:
-    """Describe what is plugged in instead, for an error."""
+    """Describe the devices that are plugged in, for an error message."""
     found = ["{} at {}".format(port.driver, port.address) for port in ports]
     return "found: " + (", ".join(found) or "nothing")

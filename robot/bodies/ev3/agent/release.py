@@ -1,3 +1,3 @@
-"""Which agent this is; `robot.bodies.ev3.archive` writes the true release into the archive."""
+"""The agent's release; `robot.bodies.ev3.archive` writes the real one into the archive."""
 
 RELEASE = "not packed"

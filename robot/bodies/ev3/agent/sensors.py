@@ -1,4 +1,4 @@
-"""Ultrasonic sensor, bumpers and battery; sensors may appear late, go and come back."""
+"""Ultrasonic sensor, bumpers and battery; sensors may appear late, vanish and return."""
 
 import time
 from typing import Any, Dict, List, Optional
@@ -14,14 +14,14 @@ from robot.bodies.ev3.agent.ports import (
 ULTRASONIC = ["lego-ev3-us", "lego-nxt-us"]
 TOUCH = ["lego-ev3-touch", "lego-nxt-touch"]
 SEARCH_S = 2.0
-"""How often sensors that nobody named are looked for: the kernel needs seconds for some."""
+"""Interval at which unnamed sensors are searched for, in s; the kernel needs seconds for some."""
 BATTERY_S = 5.0
 
 
 class SensorGroup:
-    """Sensors of one kind: "auto" takes what is there, by port, "none" nothing, else named ports.
+    """Sensors of one kind, `wanted`: "auto" for all that are found, "none", or a list of ports.
 
-    Several are sorted as their ports are named, or by port. `most` limits how many are used.
+    Sensors are in the order of the named ports, or sorted by port. `most` limits their number.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class SensorGroup:
         self._units = []  # type: List[int]
 
     def find(self) -> None:
-        """Open them; one that was named must be there."""
+        """Open the sensors; DriveError if a named sensor is missing."""
         self._forget()
         self._ports = self._choose()
         for port in self._ports:
@@ -48,8 +48,8 @@ class SensorGroup:
         self._expected = max(self._expected, len(self._ports))
 
     def read(self, looks_for_more: bool) -> List[float]:
-        """Return what each measures, in its mode's unit, late ones too if it looks for them;
-        DriveError if one that is or was there does not answer; it is looked for again."""
+        """Return each sensor's value in its mode's unit, from sensors that appear late too.
+        DriveError if a known sensor does not answer; it is then searched for again."""
         try:
             wanted = min(1, self._expected)
             if looks_for_more and self._wanted == "auto":
@@ -118,8 +118,8 @@ class RobotSensors:
         self._battery = find_battery(self._root)
 
     def read(self) -> Dict[str, Any]:
-        """Return distance_m, bumped, bumpers and battery_share; None for what is not there.
-        DriveError if a sensor that was there does not answer."""
+        """Return distance_m, bumped, bumpers and battery_share; None if the sensor is missing.
+        DriveError if a known sensor does not answer."""
         now_s = self._clock.monotonic()
         is_due = now_s - self._searched_s >= SEARCH_S
         if is_due:
@@ -141,7 +141,7 @@ class RobotSensors:
             self._battery = None
 
     def _read_battery(self, now_s: float) -> Optional[float]:
-        """Charge between 0 and 1, estimated from the voltage; read every five seconds."""
+        """Return the charge from 0 to 1, estimated from the voltage; read every five seconds."""
         if self._battery is not None and now_s - self._battery_read_s > BATTERY_S:
             self._battery_read_s = now_s
             names = ("voltage_min_design", "voltage_max_design", "voltage_now")

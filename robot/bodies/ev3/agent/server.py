@@ -18,14 +18,14 @@ WATCHDOG_S = 0.5
 SILENCE_S = 1.5
 """Time of silence after which a controller counts as gone, in seconds; another may then join."""
 STALE_S = 0.4
-"""Age of the newest report that a controller had received, in seconds, beyond which its move is not
-carried out. A report is sent each 0.1 s, so the move was delayed by 0.3 s. Only the brick's clock
-is used."""
+"""Maximum age, when a move arrives, of the newest report that the controller had received, in
+seconds; older moves are dropped. A report is sent every 0.1 s, so such a move was delayed by 0.3 s.
+Only the brick's clock is used."""
 REPORT_S = 0.1
 
 
 class Agent:
-    """Serves one controller at a time on one thread; nothing in it ever waits for the network.
+    """Serves one controller at a time on one thread, which never waits for the network.
 
     `clock` has the functions of Python's `time`, and `ready` is its `select.select`.
     """
@@ -60,7 +60,7 @@ class Agent:
         self._picture_age_s = None  # type: Optional[float]
 
     def serve_forever(self) -> None:
-        """Serve until interrupted; the motors stand whenever this ends."""
+        """Serve until interrupted; however this ends, the motors are stopped."""
         try:
             while True:
                 self.tick()
@@ -74,7 +74,7 @@ class Agent:
         self._door.listener.close()
 
     def tick(self) -> None:
-        """Wait at most 50 ms for something to do, and do it."""
+        """Wait at most 50 ms for events, and handle them."""
         callers = list(self._door.callers)
         readers = [caller.line for caller in callers]  # type: List[Any]
         if self._door.is_open(self._clock.monotonic()):
@@ -89,7 +89,7 @@ class Agent:
                 if caller.line in readable:
                     self._receive(caller, now_s)
                 caller.flush()
-            except Exception as error:  # top of the loop: whatever a caller sends, go on
+            except Exception as error:  # outermost handler: no caller's message may end the loop
                 self._drop(caller, "{}: {}".format(type(error).__name__, error))
         if self._door.listener in readable:
             self._door.accept(now_s)
@@ -115,7 +115,7 @@ class Agent:
                     self._obey(caller, command)
                 except DriveError as error:
                     caller.send({"failed": str(error)})
-            elif command is moves[-1]:  # of several that wait, only the last counts
+            elif command is moves[-1]:  # of several waiting moves only the last counts
                 self._move(caller, command, now_s)
         caller.received_s = now_s
 
@@ -174,7 +174,7 @@ class Agent:
         body = self._body
         if body is None:
             return
-        if command["do"] == "stop":  # never too late
+        if command["do"] == "stop":  # a stop is never too late
             body.stop()
             return
         if not 0.0 <= now_s - float(command["after"]) <= STALE_S:

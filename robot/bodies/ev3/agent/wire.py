@@ -1,9 +1,9 @@
 """The wire between an agent and its controller: framing, mutual proof, sealed messages. Pure.
 
-A message is one byte of kind, four of length, then JSON or a picture. Both sides prove that they
-know the shared secret (HMAC-SHA256 over both sides' nonces); from then on each message ends in a
-MAC under a key of this connection and this direction, over a counter that both sides keep. So
-nobody else can send, replay, drop or reorder messages, on this connection or a later one.
+A message is one byte for its kind, four for its length, then JSON or a picture. Both sides prove
+that they know the shared secret (HMAC-SHA256 over both sides' nonces). After that each message ends
+in a MAC, made with a key for this connection and direction, over the message and a counter on both
+sides. So nobody else can send, replay, drop or reorder messages, on this connection or a later one.
 """
 
 import hmac
@@ -19,14 +19,14 @@ PICTURE = struct.Struct(">IdHHB")
 ENCODINGS = ("yuyv", "jpeg")
 MAC_SIZE = 16
 BEFORE_JOINING = {b"J": 1024}
-"""The largest message of each kind: an unauthenticated client gets no more memory."""
+"""Maximum length of each kind of message, which limits the memory for an unauthenticated client."""
 FROM_CONTROLLER = {b"J": 16384}
 FROM_AGENT = {b"J": 65536, b"F": 4 << 20}
 _COUNT = struct.Struct(">Q")
 
 
 def digest_of(secret: str, purpose: str, agent_nonce: str, controller_nonce: str) -> bytes:
-    """Return 32 bytes for one purpose, which cannot be computed without the secret."""
+    """Return a digest of 32 bytes for one purpose; it cannot be computed without the secret."""
     text = "\n".join(("drivelesson", purpose, agent_nonce, controller_nonce))
     return hmac.new(secret.encode(), text.encode(), "sha256").digest()
 
@@ -39,7 +39,7 @@ def prove(secret: str, side: str, agent_nonce: str, controller_nonce: str) -> st
 def is_proof(
     given: object, secret: str, side: str, agent_nonce: str, controller_nonce: str
 ) -> bool:
-    """True if the other side proved that it knows the secret; takes the same time either way."""
+    """True if this proves that the other side knows the secret; compares in constant time."""
     wanted = prove(secret, side, agent_nonce, controller_nonce)
     return hmac.compare_digest(str(given).encode(), wanted.encode())
 
@@ -62,7 +62,7 @@ class Seal:
 
 
 def pack(kind: bytes, body: bytes, seal: Optional[Seal] = None) -> bytes:
-    """Return a message as it goes over the wire, sealed once both sides have proved themselves."""
+    """Return an encoded message, sealed once both sides have proved their identity."""
     head = HEAD.pack(kind, len(body))
     return head + body + (seal.mac(head, body) if seal is not None else b"")
 
@@ -72,9 +72,9 @@ def pack_json(message: Dict[str, Any], seal: Optional[Seal] = None) -> bytes:
 
 
 class Unpacker:
-    """Cuts a stream of bytes into messages. ValueError on what cannot be one.
+    """Splits a stream of bytes into messages; ValueError if one is invalid.
 
-    The kinds that may come, and how many bytes of each, are in `largest`.
+    `largest` contains the accepted kinds, each with its maximum length.
     """
 
     def __init__(self, largest: Dict[bytes, int]) -> None:
@@ -83,12 +83,12 @@ class Unpacker:
         self._waiting = bytearray()
 
     def expect_seal(self, seal: Seal, largest: Dict[bytes, int]) -> None:
-        """From the next message on, accept only sealed ones."""
+        """Accept only sealed messages from the next one on."""
         self._seal = seal
         self._largest = largest
 
     def take(self, data: bytes) -> Iterator[Tuple[bytes, bytes]]:
-        """Take in some bytes; yield the kind and the body of each message that is whole."""
+        """Add received bytes; yield the kind and the body of each complete message."""
         self._waiting += data
         while len(self._waiting) >= HEAD.size:
             kind, size = HEAD.unpack_from(self._waiting)

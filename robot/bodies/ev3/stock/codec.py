@@ -1,8 +1,8 @@
 """Direct commands of LEGO's own EV3 firmware: the few that a robot on wheels needs. Pure.
 
-A message is its length without these two bytes, a count that the answer repeats, the kind, the
-sizes of the variables, then bytecodes; all little-endian. Numbers in bytecodes take one, two, three
-or five bytes. Source: LEGO, EV3 Communication and EV3 Firmware Developer Kits (2013).
+A message consists of its length without these two bytes, a count that the answer repeats, the kind,
+the sizes of the variables, and bytecodes; all little-endian. Numbers in bytecodes have one, two,
+three or five bytes. Source: LEGO, EV3 Communication and EV3 Firmware Developer Kits (2013).
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ _HEAD = struct.Struct("<HHBH")
 _ANSWER = struct.Struct("<HHB")
 _REPLY, _ERROR = 0x02, 0x04
 LARGE_MOTOR, MEDIUM_MOTOR, TOUCH, ULTRASONIC = 7, 8, 16, 30
-"""Types of devices as the firmware numbers them."""
+"""The firmware's numbers of device types."""
 OUTPUTS = 0x10
-"""Motor ports are numbered from here where sensors are asked for."""
+"""Number of the first motor port in commands that read sensors."""
 
 
 def number(value: int) -> bytes:
-    """Encode a constant in as few bytes as it takes; ValueError if it has more than 32 bits."""
+    """Encode a constant in the fewest bytes; ValueError if it has more than 32 bits."""
     if -32 <= value < 32:
         return bytes([value & 0x3F])
     for kind, n_bits, form in ((0x81, 8, "<Bb"), (0x82, 16, "<Bh"), (0x83, 32, "<Bi")):
@@ -32,13 +32,13 @@ def number(value: int) -> bytes:
 
 
 def result(index: int) -> bytes:
-    """Encode the place of a result among the global variables."""
+    """Encode the offset of a result in the global variables."""
     return bytes([0x60 | index]) if index < 32 else bytes([0xE1, index])
 
 
 def command(count: int, codes: bytes, results: int = 0) -> bytes:
-    """Wrap bytecodes as a direct command that is answered, with `results` bytes of variables;
-    ValueError if it is longer than the firmware takes."""
+    """Wrap bytecodes as a direct command with an answer, with `results` bytes of variables;
+    ValueError if it is longer than the firmware accepts."""
     body = _HEAD.pack(_HEAD.size - 2 + len(codes), count, 0x00, results) + codes
     if len(body) > MAX_MESSAGE:
         raise ValueError(f"a direct command has {MAX_MESSAGE} bytes at most")
@@ -46,8 +46,8 @@ def command(count: int, codes: bytes, results: int = 0) -> bytes:
 
 
 def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
-    """Return the global variables of the answer to question number `asked`; DriveError if it is
-    none, says that the command failed, or has less than `results` bytes."""
+    """Return the global variables in the answer to question number `asked`; DriveError if the
+    answer is another's, reports a failure, or has fewer than `results` bytes."""
     length, count, kind = _ANSWER.unpack(message[: _ANSWER.size].ljust(_ANSWER.size, b"\0"))
     if kind == _ERROR:
         raise DriveError("the brick refused a command")
@@ -59,7 +59,7 @@ def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
 
 
 def timed_speed(ports: int, percent: int, milliseconds: int) -> bytes:
-    """Turn the motors (bit 0 is A) at a regulated speed; the firmware ends it, and brakes."""
+    """Turn the motors (bit 0 is A) at a regulated speed; the firmware ends the move and brakes."""
     return b"\xaf" + b"".join(map(number, (0, ports, percent, 0, milliseconds, 0, 1)))
 
 
@@ -69,12 +69,12 @@ def stop(ports: int) -> bytes:
 
 
 def reset(ports: int) -> bytes:
-    """Forget what another program left: counts, and a reversed direction."""
+    """Reset counts and a reversed direction, which another program may have left."""
     return b"\xa2" + number(0) + number(ports) + b"\xa7" + b"".join(map(number, (0, ports, 1)))
 
 
 def device_type(port: int, at: int) -> bytes:
-    """Ask what is at a port; two bytes from `at`: type and mode."""
+    """Read the device at a port; two bytes from `at`: type and mode."""
     return b"\x99" + number(0x05) + number(0) + number(port) + result(at) + result(at + 1)
 
 
@@ -85,7 +85,7 @@ def sensor(port: int, kind: int, at: int) -> bytes:
 
 
 def motor_count(port: int, at: int) -> bytes:
-    """Read how far a motor (0 is A) has turned, in degrees; four bytes from `at`, an integer."""
+    """Read the angle of a motor (0 is A), in degrees; four bytes from `at`, an integer."""
     return b"\xb3" + number(0) + number(port) + result(at)
 
 

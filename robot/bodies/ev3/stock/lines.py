@@ -1,4 +1,7 @@
-"""Ways to a brick with LEGO's own firmware: Wi-Fi, Bluetooth and USB. One question, one answer."""
+"""Connections to a brick with LEGO's firmware: Wi-Fi, Bluetooth and USB.
+
+One answer per question.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,12 @@ from robot.errors import DriveError, told_as
 
 BEACON_PORT = 3015
 ANSWER_S = 0.4
-"""A brick answers within a few milliseconds by cable and Wi-Fi, within 50 by Bluetooth."""
+"""Timeout of an answer, in s; it takes a few ms by cable and Wi-Fi, up to 50 by Bluetooth."""
 _BEACON_S, _LISTEN_S = 8.0, 0.5
 TWINS_S = 5.5
-"""How long bricks are heard where nobody named one, in seconds: each announces itself every 5 s."""
+"""How long to listen for bricks if none was named, in s; each announces itself every 5 s."""
 _AGAIN_S = 1.0
-"""Time after which an announcement is a brick's next one, and not the same by another way."""
+"""Time after which a brick's announcement is a new one, not the same on another network, in s."""
 _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 _ID = re.compile("[0-9a-f]{12}")
@@ -34,8 +37,8 @@ _HIDRAW = Path("/sys/class/hidraw")
 
 
 class BrickLine(ABC):
-    """A line to one brick. One that missed an answer is closed, and has to be opened again: an
-    answer that comes too late would be taken for the next one's."""
+    """A connection to one brick. After a missed answer it is closed and has to be opened again,
+    because a late answer would be taken for the answer to the next question."""
 
     _remedy: ClassVar[str]
     _device: socket.socket | FileIO
@@ -43,10 +46,10 @@ class BrickLine(ABC):
     def __init__(self, name: str, device: socket.socket | FileIO, serial: str = "") -> None:
         self._name, self._device = name, device
         self.serial = serial
-        """The brick's serial number; empty where it is not told."""
+        """The brick's serial number; empty if unknown."""
 
     def ask(self, message: bytes) -> bytes:
-        """Send a message and return the answer; raises DriveError if none comes."""
+        """Send a message and return the answer; raises DriveError if there is no answer."""
         try:
             return self._exchange(message)
         except (OSError, ValueError, struct.error) as error:
@@ -56,7 +59,7 @@ class BrickLine(ABC):
             ) from error
 
     def close(self) -> None:
-        """Let go; idempotent."""
+        """Close the connection; idempotent."""
         self._device.close()
 
     @abstractmethod
@@ -88,7 +91,7 @@ class SocketLine(BrickLine):
 
 
 class UsbLine(BrickLine):
-    """The cable, as Linux gives it: a HID device with reports of 1024 bytes."""
+    """The cable: on Linux a HID device with reports of 1024 bytes."""
 
     _remedy = "is its cable plugged in?"
     _device: FileIO
@@ -104,16 +107,16 @@ class UsbLine(BrickLine):
 def open_line(
     kind: str, brick: str = "", beacon_port: int = BEACON_PORT, clock: Clock | None = None
 ) -> BrickLine:
-    """Open the line to a brick.
+    """Open a connection to a brick.
 
     Args:
         kind: `wifi`, `bluetooth` or `usb`.
-        brick: Which, if there are several: its serial number, which is its Bluetooth address.
-        beacon_port: Where bricks on Wi-Fi announce themselves.
-        clock: Times how long they are heard.
+        brick: The serial number, which is the Bluetooth address, to choose among several bricks.
+        beacon_port: The port at which bricks on Wi-Fi announce themselves.
+        clock: Times the wait for announcements.
 
     Raises:
-        DriveError: If there is none; says what to look at.
+        DriveError: If there is no brick; says what to check.
     """
     wanted = _plain_id(brick)
     if kind == "wifi":
@@ -136,13 +139,16 @@ def _open_wifi(wanted: str, beacon_port: int, clock: Clock) -> BrickLine:
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.sendall(f"GET /target?sn={serial} VMTP1.0\r\nProtocol: EV3\r\n\r\n".encode())
         if not sock.recv(64).startswith(b"Accept:EV340"):
-            raise DriveError(f"what answers at {host}:{port} is no EV3, or busy with another")
+            raise DriveError(
+                f"the device at {host}:{port} is not an EV3, or it is already connected to "
+                "another program"
+            )
     return SocketLine(f"Wi-Fi, {host}", sock, serial)
 
 
 @contextlib.contextmanager
 def _begun(sock: socket.socket) -> Iterator[socket.socket]:
-    """Close a line that fails while it is opened: it would keep the next one out."""
+    """Close a connection that fails while it is opened, because it would block the next one."""
     try:
         yield sock
     except BaseException:
@@ -151,7 +157,7 @@ def _begun(sock: socket.socket) -> Iterator[socket.socket]:
 
 
 class Beacon(NamedTuple):
-    """One announcement of a brick: where it came from, and what it says."""
+    """One announcement of a brick: its sender and its content."""
 
     host: str
     sender_port: int
@@ -160,7 +166,7 @@ class Beacon(NamedTuple):
 
 
 def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
-    """Wait for the brick's announcement, and answer it: until then it accepts nobody."""
+    """Wait for the brick's announcement and answer it, because the brick accepts nobody before."""
     wrong, do = "bricks on Wi-Fi cannot be heard", "does another program, as LEGO's, listen there?"
     with (
         told_as(DriveError, f"{wrong} at UDP port {beacon_port}", do=do),
@@ -170,7 +176,7 @@ def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
         sock.bind(("", beacon_port))
         beacon = choose_brick(_beacons(sock, clock), wanted)
         if beacon is not None:
-            # To where it came from, and, as other clients do, to the port it names.
+            # To the sender's port, and, as other clients do, to the port in the announcement.
             sock.sendto(b"\0", (beacon.host, beacon.sender_port))
             sock.sendto(b"\0", (beacon.host, beacon.port))
             return beacon
@@ -182,7 +188,7 @@ def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
 
 
 def _beacons(sock: socket.socket, clock: Clock) -> Iterator[tuple[float, Beacon | None]]:
-    """Yield what is heard and when; None while nothing comes."""
+    """Yield announcements with their times; None while there are none."""
     end_s = clock.now_s() + _BEACON_S
     sock.settimeout(_LISTEN_S)
     while clock.now_s() < end_s:
@@ -195,18 +201,18 @@ def _beacons(sock: socket.socket, clock: Clock) -> Iterator[tuple[float, Beacon 
 
 
 def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "") -> Beacon | None:
-    """Return the brick that is wanted, or the only one; None if it is not heard.
+    """Return the wanted brick, or the only one; None if it does not announce itself.
 
-    Where nobody named one, all have to be heard first: it waits until the first announces itself
-    again, since by then each of the others has done so, too.
+    If no brick was named, all bricks have to be received first. So this waits until the first brick
+    announces itself again, because by then every other brick has announced itself too.
 
     Args:
-        heard: Announcements with their times, in seconds; a computer hears each of them twice if
-            it is twice in the network.
-        wanted: The serial number.
+        heard: Announcements with their times, in seconds. A computer with two connections to the
+            network receives each announcement twice.
+        wanted: The wanted serial number.
 
     Raises:
-        DriveError: If several fit; lists them.
+        DriveError: If several bricks match; lists them.
     """
     bricks: dict[str, Beacon] = {}
     since_s = 0.0
@@ -228,7 +234,7 @@ def choose_brick(heard: Iterable[tuple[float, Beacon | None]], wanted: str = "")
 
 
 def parse_beacon(data: bytes) -> tuple[str, int] | None:
-    """Return serial number and port of an announcement; None if it does not come from an EV3."""
+    """Return serial number and port of an announcement; None if it is not from an EV3."""
     text = data.decode("ascii", "replace")
     serial = re.search(r"Serial-Number:\s*([0-9A-Fa-f]{12})", text)
     port = re.search(r"Port:\s*(\d{1,5})\b", text)
@@ -264,10 +270,10 @@ def _open_usb(path: Path) -> BrickLine:
 
 
 def find_usb(wanted: str = "", root: Path | None = None) -> Path:
-    """Return the device of the brick at the cable; of several, of the one that is wanted.
+    """Return the device of the brick at the USB cable; of several bricks, the wanted one's.
 
     Raises:
-        DriveError: If it is not there, or nobody says which; names those that are there.
+        DriveError: If it is missing, or several bricks match; lists the bricks found.
     """
     bricks = _usb_bricks(root)
     if not bricks:
@@ -285,7 +291,7 @@ def find_usb(wanted: str = "", root: Path | None = None) -> Path:
 
 
 def _usb_bricks(root: Path | None = None) -> dict[str, Path]:
-    """Return the bricks at USB cables by their serial numbers, or else by their sockets."""
+    """Return the bricks at USB cables by serial number, or by USB socket if it is unknown."""
     bricks: dict[str, Path] = {}
     for entry in sorted((root or _HIDRAW).glob("hidraw*")):
         with contextlib.suppress(OSError):
@@ -303,5 +309,5 @@ def _plain_id(brick: str) -> str:
 
 
 def shown_id(brick: str) -> str:
-    """Return an ID as the brick shows it: in pairs."""
+    """Return an ID in pairs of digits, as the brick shows it."""
     return ":".join(re.findall("..", brick)) if _ID.fullmatch(brick) else brick
