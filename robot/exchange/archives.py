@@ -26,17 +26,19 @@ _ZIPS = (".zip", ".tm")
 ENDINGS = (*_ZIPS, ".tar", ".tar.gz", ".tgz", ".tar.bz2")
 _DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, OSError, RuntimeError)
 _OF_ONE = (zipfile.BadZipFile, zlib.error, RuntimeError, ValueError)
-"""Errors that affect only one file of an archive, as does a name that is invalid on this system."""
+"""Errors that affect only one file of an archive. An invalid name (`_NO_NAME`) does so, too."""
 _NO_NAME = (errno.ENAMETOOLONG, errno.EEXIST, errno.ENOTDIR, errno.EISDIR, errno.EINVAL)
 Entry = tuple[str, Callable[[], IO[bytes] | None]]
 
 
 @contextlib.contextmanager
 def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
-    """Unpack an archive into a folder for the duration of the context; else yield the path itself.
+    """Unpack an archive for the duration of the context and yield the folder; if `path` is not an
+    archive, yield `path`.
 
-    `scratch` has room for the content. Files that are damaged, or lead out of the archive, are
-    skipped. RecordingError if it cannot be read, or unpacks to more than 16 GB.
+    `scratch` is on a disk with room for the content. Files that are damaged or lead out of the
+    archive are skipped. Raises RecordingError if the archive cannot be read, or unpacks to more
+    than 16 GB.
     """
     ending = next((e for e in ENDINGS if path.name.lower().endswith(e)), None)
     if ending is None or not path.is_file():
@@ -54,7 +56,7 @@ def unpacked(path: Path, scratch: Path, report: ImportReport) -> Iterator[Path]:
             report.skip(path.name, f"the archive is damaged or truncated from here on: {error}")
         try:
             yield folder
-        except RecordingError as error:  # its path is of a temporary folder
+        except RecordingError as error:  # replace the temporary folder in its message
             told = f"{error}".replace(str(folder), str(path))
             raise RecordingError(f"{told}{report.why_nothing()}") from error
 

@@ -1,6 +1,6 @@
-"""Pictures whose folder or name is the label: by class, or by the steering in their names.
+"""Pictures labelled by their folders (classes), or by the steering in their file names.
 
-None of these has times. Sources: huggingface/datasets, folder_based_builder; the collision
+None of these formats has times. Sources: huggingface/datasets, folder_based_builder; the collision
 avoidance of NVIDIA-AI-IOT/jetbot; Teachable Machine's exports.
 """
 
@@ -27,20 +27,20 @@ from robot.exchange.steering import read_meant
 from robot.types import Action
 
 _OF_PROJECT = "-!-"
-"""Separator of class and number in the pictures' names of a project of Teachable Machine."""
+"""Separator of class and number in the names of pictures in a Teachable Machine project."""
 _STEERED_NAME = re.compile(r"(\d{6})([-_+]?)([-+]?\d?\.\d+|[-+]?[01])(?:\(\d+\))?")
 _OTHER_PICTURES = (".webp", ".bmp", ".gif", ".tif", ".tiff", ".ppm")
 Classes = Mapping[str, list[Path]]
 
 
 def class_folders(folder: Path) -> Classes:
-    """Return the subfolders that have pictures, and their pictures."""
+    """Return the subfolders that contain pictures, with their pictures."""
     found = {each.name: files_ending(each, *PICTURES) for each in folders_in(folder)}
     return {name: by_number(paths) for name, paths in found.items() if paths}
 
 
 def are_classes(folder: Path) -> bool:
-    """True if subfolders have pictures, and one of them is named as a move, or there are two."""
+    """True if at least two subfolders contain pictures, or if one of them is named like a move."""
     if any(files_ending(folder, *PICTURES)):
         return False
     classes = class_folders(folder)
@@ -50,7 +50,7 @@ def are_classes(folder: Path) -> bool:
 
 
 def read_classes(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read folders of pictures, each named as a move or mapped to one."""
+    """Read folders of pictures; each folder is named like a move or mapped to a move."""
     others = [p.name for each in folders_in(folder) for p in files_ending(each, *_OTHER_PICTURES)]
     if others:
         report.skip(f"{len(others)} files", "neither JPEG nor PNG")
@@ -58,13 +58,13 @@ def read_classes(folder: Path, reading: Reading, report: ImportReport) -> Drive:
 
 
 def read_class(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read one folder of pictures that is named as a move, or mapped to one."""
+    """Read one folder of pictures that is named like a move or mapped to a move."""
     paths = by_number(files_ending(folder, *PICTURES))
     return _read(folder, {folder.name: paths}, "folder of a move", reading, report)
 
 
 def is_project(folder: Path) -> bool:
-    """True if the folder is an unpacked project of Teachable Machine."""
+    """True if the folder is an unpacked Teachable Machine project."""
     manifest = folder / "manifest.json"
     if not manifest.is_file():
         return False
@@ -73,7 +73,7 @@ def is_project(folder: Path) -> bool:
 
 
 def read_project(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read the samples of a project of Teachable Machine."""
+    """Read the samples of a Teachable Machine project."""
     classes: dict[str, list[Path]] = {}
     for path in by_number(files_ending(folder, *PICTURES)):
         name, sign, _ = path.name.rpartition(_OF_PROJECT)
@@ -119,12 +119,12 @@ def _read(
 
 
 def are_steered(folder: Path) -> bool:
-    """True if the folder has pictures whose names hold six digits and the steering."""
+    """True if the folder contains pictures whose names consist of six digits and the steering."""
     return bool(_steered_names(files_ending(folder, *PICTURES)))
 
 
 def _steered_names(paths: Iterable[Path]) -> list[tuple[Path, re.Match[str]]]:
-    """Return the pictures with such names, if most have one."""
+    """Return the pictures with such names, if most pictures have such a name."""
     paths = list(paths)
     found = [(path, _STEERED_NAME.fullmatch(path.stem)) for path in paths]
     named = [(path, match) for path, match in found if match]
@@ -133,10 +133,10 @@ def _steered_names(paths: Iterable[Path]) -> list[tuple[Path, re.Match[str]]]:
 
 
 def read_steered(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read pictures whose names hold a number and the steering.
+    """Read pictures whose names contain a number and the steering.
 
-    The sign before the steering may be a minus or only a separator. The other names decide;
-    RecordingError if they do not.
+    The dash before the steering may be a minus or only a separator, which all names together show.
+    Raises RecordingError if they do not.
     """
     paths = files_ending(folder, *PICTURES)
     named = _steered_names(paths)

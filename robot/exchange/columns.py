@@ -1,4 +1,4 @@
-"""Finds the meaning of a table's columns: by their names, or else by their content."""
+"""Finds the meanings of a table's columns by their names, or else by their content."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robot.exchange.stamps import seconds_of
 
 Cells = list[str]
 Row = tuple[str, Cells]
-"""The place of a row, and its cells."""
+"""The location of a row for the report, and its cells."""
 
 NAMES: dict[str, tuple[str, ...]] = {
     "picture": (
@@ -47,9 +47,9 @@ NAMES: dict[str, tuple[str, ...]] = {
     "correction": ("correction",),
     "degrees": ("degrees",),
 }
-"""Meanings of columns, each with the names that it may have."""
+"""Meanings of columns, each with the possible column names."""
 _MEANT = "label", "steering", "left_wheel", "linear"
-"""Meanings that are a label by themselves; the first one present counts."""
+"""Meanings that are sufficient for a label; the first meaning present counts."""
 _PAIRS = ("left_wheel", "right_wheel"), ("linear", "angular")
 _SIDES = re.compile(r"(?:^|[\W_])(left|right)(?:$|[\W_])", re.IGNORECASE)
 _PEEK_ROWS = 50
@@ -65,14 +65,14 @@ class ColumnTable:
     names: Sequence[str]
     has_decimal_commas: bool = False
     pictures: tuple[int, ...] = ()
-    """All columns that name pictures, including those of unused cameras."""
+    """All columns that name pictures, including the columns of unused cameras."""
 
     def cell(self, cells: Cells, role: str) -> str | None:
-        """Return the cell of a row with this meaning; None without such a column."""
+        """Return the cell of a row with this meaning; None if there is no such column."""
         return cells[self.columns[role]].strip() if role in self.columns else None
 
     def number(self, cells: Cells, role: str) -> str:
-        """Return the text of a number, with a decimal point."""
+        """Return a number's text with a decimal point instead of a comma."""
         text = self.cell(cells, role) or ""
         return text.replace(",", ".") if self.has_decimal_commas else text
 
@@ -86,8 +86,8 @@ def read_table_file(
 ) -> ColumnTable:
     """Read the complete rows, and find the columns' meanings.
 
-    `said` are the meanings given by a person, with the name or number of the column.
-    RecordingError if the pictures or their labels cannot be found.
+    `said` maps the meanings given by a person to the name or number of the column.
+    Raises RecordingError if the pictures or their labels cannot be found.
     """
     is_json = name.lower().endswith(".jsonl")
     head_line = next((line for line in text.splitlines() if line.strip()), "")
@@ -121,7 +121,7 @@ def read_table_file(
 
 
 def _lines(text: str, name: str, delimiter: str, report: ImportReport) -> Iterator[Row]:
-    """Yield the rows that are not empty, and their places."""
+    """Yield the rows that are not empty, with their locations."""
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
     while True:
         place = f"{name} line {reader.line_num + 1}"
@@ -152,12 +152,12 @@ def _json_lines(text: str, name: str, report: ImportReport) -> Iterator[Row]:
 
 
 def is_picture_name(text: str) -> bool:
-    """True if the text ends like the name of a picture."""
+    """True if the text ends with a suffix of pictures."""
     return text.strip().lower().endswith((*PICTURES, ".webp", ".bmp", ".gif"))
 
 
 def plain(name: str) -> str:
-    """Return a column's name in lower case, its words joined by `_`, without a unit."""
+    """Return a column's name in lower case, with `_` between words and without a unit."""
     text = re.sub(r"[\[(].*?[\])]", "", name.strip().strip("\"'").lower())
     return re.sub(r"[\s.\-]+", "_", text.strip()).strip("_") or name.strip().lower()
 
@@ -215,8 +215,8 @@ def _of_pictures(sample: list[Cells], width: int) -> list[int]:
 
 
 def _picture_columns(named: list[int], of_pictures: list[int], names: list[str]) -> list[int]:
-    """Choose the column of the pictures, which is not for one side: among the columns with such a
-    name, or else among those with pictures."""
+    """Choose the column of the main camera's pictures (not of a side camera): among the columns
+    with such a name, or else among the columns that contain pictures."""
     chosen = [i for i in named if i in of_pictures] or named or of_pictures
     ahead = [i for i in chosen if not _SIDES.search(names[i])]
     return ahead or chosen
@@ -229,7 +229,7 @@ def _are_equal(found: list[int], rows: list[Cells]) -> bool:
 def _by_content(
     columns: dict[str, int], sample: list[Cells], of_pictures: list[int], free: set[int]
 ) -> None:
-    """Find the meanings in a table without a header line, if they are certain."""
+    """Find the meanings of columns in a table without a header line, if they are unambiguous."""
     if "picture" not in columns and of_pictures:
         ahead = [i for i in of_pictures if not all(_SIDES.search(row[i]) for row in sample)]
         if len(ahead or of_pictures) > 1:

@@ -1,7 +1,7 @@
-"""A drive from another program, as far as it is valid: every import becomes an episode here.
+"""A drive from another program: every import is converted to an episode here.
 
-A reader gives the place and the label of each picture. This module skips and lists unusable ones,
-makes a time line of their times, and reads the pictures one at a time.
+A reader supplies the location and the label of each picture. This module skips and lists unusable
+pictures, makes a time line of their times, and reads the pictures one at a time.
 """
 
 from __future__ import annotations
@@ -30,24 +30,25 @@ from robot.types import DEFAULT_MOVES, Action, Example, Frame, PilotCommand, Poi
 
 _T = TypeVar("_T")
 _MOST_PLACES, _MOST_REASONS = 3, 12
-"""Numbers of places of a reason, and of reasons, that are listed; the rest is counted."""
+"""Maximum numbers of locations per reason, and of reasons, that are listed; others are counted."""
 _ENOUGH_TO_HINT = 10
-"""Number of examples from which a missing side is worth a hint."""
+"""Number of examples from which a hint is given if one side has no examples."""
 _LEAST_TRIM = 0.01
 
 
 class ImportReport:
-    """Collects the items skipped while a drive is read; a strict report raises at the first."""
+    """Collects the items skipped while a drive is read; a strict report raises an error at the
+    first skipped item."""
 
     def __init__(self, *, is_strict: bool = False) -> None:
         self.is_strict = is_strict
         self.skipped: list[tuple[str, str]] = []
-        """Place and reason of each skipped item."""
+        """Location and reason of each skipped item."""
         self.remarks: list[str] = []
         self.labels: Counter[Action] = Counter()
         """Number of written examples by label."""
         self.rate: float = 0.0
-        """The usual number of pictures a second."""
+        """The usual number of pictures per second."""
 
     def skip(self, place: str, reason: str) -> None:
         """Record a skipped item; raises RecordingError if the import is strict."""
@@ -57,12 +58,13 @@ class ImportReport:
         self.skipped.append((place, reason))
 
     def remark(self, text: str | None) -> None:
-        """Add a remark about the drive for people; None adds nothing."""
+        """Add a remark about the drive, for people; None adds no remark."""
         if text and text not in self.remarks:
             self.remarks.append(text)
 
     def lines(self) -> list[str]:
-        """Return the remarks, then the number of skipped items, and each reason with its places."""
+        """Return the remarks, then the number of skipped items, then each reason with its
+        locations."""
         places: dict[str, list[str]] = {}
         for place, reason in self.skipped:
             places.setdefault(reason, []).append(place)
@@ -83,33 +85,33 @@ class ImportReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameEvent:
-    """One picture of a drive, with its label if it has one."""
+    """One picture of a drive, with its label if there is one."""
 
     picture: Callable[[], Picture]
-    """Reads it; raises RecordingError if it is damaged."""
+    """Reads the picture; raises RecordingError if the picture is damaged."""
     t_s: object
-    """Seconds of any clock; anything else counts as missing."""
+    """Time in seconds of any clock; any value that is not a number counts as missing."""
     label: Action | None
     point: Point | None = None
-    """The label by degrees, if the pilot steered so."""
+    """The label's point, if the pilot steered by degrees."""
     does: Point | None = None
-    """The label's steering and throttle on the body that drove, if its source has them."""
+    """The label's steering and throttle on the body that drove, if the source contains them."""
     steering: float | None = None
     """The steering as written, as a share of full lock; None if it is missing."""
     is_intervention: bool = False
     is_others: bool = False
-    """True if it was not driven by the pilot, so that it is not an example."""
+    """True if the pilot did not drive, so the picture is not an example."""
     place: str = ""
-    """Its place, for the report."""
+    """The picture's location, for the report."""
 
     def frame(self, frame_id: int, captured_s: float) -> Frame:
-        """Read its picture as a camera's frame; raises RecordingError if it is damaged."""
+        """Read the picture as a camera's frame; raises RecordingError if it is damaged."""
         return Frame(frame_id=frame_id, captured_s=captured_s, **asdict(self.picture()))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive:
-    """A drive: its name, its source, and its shots."""
+    """A drive: its name, its source and its pictures."""
 
     name: str
     source: str
@@ -117,7 +119,7 @@ class Drive:
     moves: tuple[Action, ...] = DEFAULT_MOVES
     declared_moves: tuple[Move, ...] = ()
     started_at_s: float = 0.0
-    """Seconds since 1970; 0 if it is not known."""
+    """Start of the drive in seconds since 1970; 0: unknown."""
     report: ImportReport = field(default_factory=ImportReport)
 
 
@@ -129,10 +131,10 @@ def drive_of(
     report: ImportReport,
     **about: Any,
 ) -> Drive:
-    """Make a drive of the readable shots; RecordingError if there are none.
+    """Make a drive of the readable pictures; raises RecordingError if there are none.
 
-    `read` makes a shot from its place and the item found there, or raises ValueError. `what` names
-    the source in errors; `about` are further fields of the drive.
+    `read` converts a location and the item found there to a FrameEvent, or raises ValueError.
+    `what` names the source in errors; `about` are further fields of the drive.
     """
     shots = []
     for place, raw in found:
@@ -155,10 +157,11 @@ def drive_of(
 def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lambda: None) -> int:
     """Write a drive as an episode; return its number of pictures.
 
-    RecordingError if the drive is broken or empty, OSError if the disk refuses: no file is left.
+    Raises RecordingError if the drive is broken or empty, and OSError if the disk fails. After an
+    error no file is left.
     """
     is_past = 0 < drive.started_at_s <= RealClock().wall_s()
-    started_at_s = drive.started_at_s if is_past else 0.0  # unknown: never newer than a drive here
+    started_at_s = drive.started_at_s if is_past else 0.0  # 0: sorts before drives made here
     run = describe_run(
         episode_id=path.stem,
         run_id=path.stem,
@@ -192,7 +195,7 @@ def write_episode(drive: Drive, path: Path, *, on_shot: Callable[[], None] = lam
 
 
 def _hint(drive: Drive) -> str | None:
-    """Return advice for a drive in which one side has no example, though the car was steered."""
+    """Return a hint for a drive in which one side has no examples although the car was steered."""
     labels, written = drive.report.labels, [s.steering for s in drive.shots if s.label]
     steered = [s for s in written if isinstance(s, int | float) and math.isfinite(s)]
     missing = [side for side in (Action.LEFT, Action.RIGHT) if not labels[side]]
@@ -232,7 +235,8 @@ def _moves_with(labels: Iterable[Action | None]) -> tuple[Action, ...]:
 
 
 def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
-    """Return the moves that steer differently on that body, by most of its shots."""
+    """Return the moves whose steering or throttle differs on that body, by the majority of the
+    pictures."""
     said: dict[Action, list[Point]] = {}
     for shot in shots:
         if shot.label is not None and shot.does is not None:
@@ -246,7 +250,7 @@ def _declared(shots: Iterable[FrameEvent]) -> tuple[Move, ...]:
 
 
 def _counted(places: list[str]) -> str:
-    """Return the places, or their number and the first of them."""
+    """Return the locations, or their number and the first few."""
     if len(places) <= _MOST_PLACES:
         return ", ".join(places)
     return f"{len(places)}, the first in {', '.join(places[:_MOST_PLACES])}"

@@ -1,4 +1,4 @@
-"""Text and picture files of other programs, under untrusted names."""
+"""Reads text and picture files of other programs, by untrusted names."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from robot.types import Encoding, Frame
 
 _MOST_TEXT_BYTES, _MOST_PICTURE_BYTES = 64 * 2**20, 32 * 2**20
 PICTURES = (".jpg", ".jpeg", ".png")
-"""Endings of readable pictures, in lower case."""
+"""Suffixes of readable pictures, in lower case."""
 _MOST_PICTURES = 2_000_000
 
 
 def files_ending(folder: Path, *suffixes: str) -> list[Path]:
-    """List a folder's files with these endings, in any case, in the order of their names, without
+    """List a folder's files with these suffixes, in upper or lower case, sorted by name, without
     the files that macOS adds (`._NAME`)."""
     found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes)
     return sorted(path for path in found if path.is_file() and not path.name.startswith("."))
 
 
 def folders_in(folder: Path) -> list[Path]:
-    """List a folder's subfolders, in the order of their names, without links and without the
-    programs' own (`.git`, `_old`, `__MACOSX`)."""
+    """List a folder's subfolders, sorted by name, without links and without special folders
+    (`.git`, `_old`, `__MACOSX`)."""
     found = (each for each in folder.iterdir() if each.name[0] not in "._")
     return sorted(each for each in found if each.is_dir() and not each.is_symlink())
 
@@ -47,8 +47,8 @@ def by_number(paths: Iterable[Path]) -> list[Path]:
 
 
 def read_text(path: Path) -> str:
-    """Read a file; bytes that are not UTF-8 become replacement characters. RecordingError if it
-    cannot be read, or is larger than 64 MB."""
+    """Read a text file; invalid UTF-8 is replaced by replacement characters. Raises RecordingError
+    if the file cannot be read or is larger than 64 MB."""
     with told_as(RecordingError, f"{path} cannot be read", OSError, ValueError):
         is_too_large = path.stat().st_size > _MOST_TEXT_BYTES
         text = "" if is_too_large else path.read_text("utf-8-sig", errors="replace")
@@ -58,7 +58,7 @@ def read_text(path: Path) -> str:
 
 
 def parse(text: str) -> Any:
-    """Return the value of a JSON text; None if it is not JSON."""
+    """Return the value of a JSON text; None if the text is not JSON."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -66,8 +66,8 @@ def parse(text: str) -> Any:
 
 
 def read_picture_file(folder: Path, name: str) -> Picture:
-    """Read a picture of a folder, by an untrusted name. RecordingError if the name leads out of the
-    folder, or the file is missing, not a picture, or too large."""
+    """Read a picture of a folder by an untrusted name. Raises RecordingError if the name leads out
+    of the folder, or the file is missing, not a picture, or too large."""
     # A loop of links raises RuntimeError.
     with told_as(RecordingError, "the picture cannot be read", OSError, RuntimeError, ValueError):
         path = (folder / name.replace("\\", "/")).resolve()  # tables may come from Windows
@@ -81,7 +81,7 @@ def read_picture_file(folder: Path, name: str) -> Picture:
 
 
 class Pictures:
-    """A folder's pictures, found by the last parts of paths from another computer."""
+    """A folder's pictures, which are found by the last parts of another computer's paths."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -89,11 +89,11 @@ class Pictures:
     def find(self, name: str) -> str:
         """Return a picture's path in the folder, by its name in a table.
 
-        It is the name itself, if there is such a file. Otherwise it is a picture of the same file
-        name; of several, the one in the folders that match best.
+        If there is a file with this name, its path is returned. Otherwise a picture with the same
+        file name is returned; if there are several, the one whose folders match best.
 
         Raises:
-            ValueError: If several match equally.
+            ValueError: If several pictures match equally well.
         """
         parts = [part for part in re.split(r"[\\/]+", name.strip()) if part != "."]
         if not parts:
@@ -138,7 +138,8 @@ def _agreeing(wanted: list[str], path: str) -> int:
 
 
 def write_picture(frame: Frame, folder: Path, stem: str) -> str:
-    """Write a frame as a lossless file, and return its name: an unchanged `.jpg`, else a `.png`."""
+    """Write a frame without loss, and return the file's name: a JPEG is written unchanged, other
+    frames as `.png`."""
     folder.mkdir(parents=True, exist_ok=True)
     is_jpeg = frame.encoding is Encoding.JPEG
     name = f"{stem}.jpg" if is_jpeg else f"{stem}.png"

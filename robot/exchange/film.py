@@ -1,4 +1,4 @@
-"""Films: pictures to H.264, for a LeRobot dataset or for people."""
+"""Writes and reads films, for LeRobot datasets and for people."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from robot.types import Encoding, Frame
 _SMALLEST_HEIGHT_PX = 480
 _BAR_PX = 56
 SUFFIXES = (".mp4", ".mov", ".mkv")
-"""Endings of films: containers that hold H.264."""
+"""Suffixes of films: containers that support H.264."""
 H264, AV1 = "libx264", "libsvtav1"
-"""Codecs, as FFmpeg calls their encoders."""
+"""FFmpeg's names of the encoders."""
 AV = ("av", "writing films", "export")
 """The library, its purpose, and the extra that installs it."""
 
@@ -43,13 +43,14 @@ def write_film(
 ) -> int:
     """Write pictures of one size, evenly spaced in time; return their number.
 
-    Colour is 4:2:0, which every player supports. It needs even sides, so an odd last row or column
-    is left out. A key frame each second, or every `key_every` pictures, makes seeking fast.
-    RecordingError if there are no pictures, or several sizes, or only one row or column.
+    Colour is 4:2:0, which every player supports. This format needs an even width and height, so an
+    odd last row or column is left out. A key frame each second, or every `key_every` pictures,
+    makes seeking fast. Raises RecordingError if there are no pictures, or several sizes, or only
+    one row or column.
     """
     av = need(*AV)
     count, stream = 0, None
-    os.environ.setdefault("SVT_LOG", "1")  # otherwise AV1's encoder logs to the terminal
+    os.environ.setdefault("SVT_LOG", "1")  # else the AV1 encoder logs to the terminal
     path.parent.mkdir(parents=True, exist_ok=True)
     with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
         for picture in pictures:
@@ -77,8 +78,8 @@ def write_film(
 
 
 def of_size(frame: Frame, size: tuple[int, int]) -> Pixels:
-    """Return a frame's pixels, scaled to this width and height: during a recording a camera may
-    change its resolution, be turned, or be replaced."""
+    """Return a frame's pixels, scaled to this width and height, because during a recording a camera
+    may change its resolution, be turned, or be replaced."""
     pixels = to_rgb(frame)
     if (frame.width, frame.height) == size:
         return pixels
@@ -89,8 +90,8 @@ def of_size(frame: Frame, size: tuple[int, int]) -> Pixels:
 
 
 def to_jpeg(pixels: Pixels) -> Picture:
-    """Encode pixels, shape (height, width, 3), without a visible loss. RecordingError if they are
-    larger than 4096 pixels a side."""
+    """Encode pixels, shape (height, width, 3), without visible loss. Raises RecordingError if the
+    width or height is above 4096 pixels."""
     import cv2
 
     height, width = pixels.shape[:2]
@@ -102,8 +103,8 @@ def to_jpeg(pixels: Pixels) -> Picture:
 
 
 class FilmReader:
-    """Reads the pictures of a film by their times, fastest in order. `fps` sets the tolerance of a
-    time."""
+    """Reads the pictures of a film by their times; ascending order is fastest. `fps` sets the
+    tolerance of a time."""
 
     def __init__(self, path: Path, fps: float) -> None:
         self._path, self._fps = path, fps
@@ -112,7 +113,7 @@ class FilmReader:
         self._asked_s = math.inf
 
     def at(self, t_s: float) -> Picture:
-        """Return the picture at this time, as a JPEG; RecordingError if the film has none there."""
+        """Return the picture at this time as a JPEG; raises RecordingError if there is none."""
         if t_s < self._asked_s:  # a step back, or the first call
             self._begin(t_s)
         self._asked_s = t_s
@@ -123,7 +124,7 @@ class FilmReader:
 
     def _begin(self, t_s: float) -> None:
         """Decode from the last key frame before a time, or from the beginning if the film's index
-        leads to a later one."""
+        leads to a later key frame."""
         for from_s in (t_s, 0.0):
             self._frames = self._decode(from_s)
             self._next = next(self._frames, None)
@@ -150,7 +151,7 @@ class FilmReader:
 
 
 def check_suffix(path: Path) -> None:
-    """Raise ConfigurationError, which lists the supported suffixes, for any other."""
+    """Raise ConfigurationError, which lists the supported suffixes, for any other suffix."""
     if path.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
             f"a film's name must end in {' or '.join(SUFFIXES)}, not in {path.suffix!r}: {path}"
@@ -160,8 +161,9 @@ def check_suffix(path: Path) -> None:
 def write_look(episode: Episode, notes: Notes, path: Path, *, fps: int | None = None) -> int:
     """Write an episode as a film for people: large, with label and prediction below the picture.
 
-    It has the duration of the drive without deleted frames. In a short gap of the camera the
-    nearest picture stays; longer gaps are cut. All pictures are scaled to the first one's size.
+    The film is as long as the drive without deleted frames. In a short gap of the camera the
+    nearest picture is repeated; longer gaps are cut. All pictures are scaled to the size of the
+    first picture.
     Returns the number of pictures.
     """
     found = enumerate(moments(episode, notes))

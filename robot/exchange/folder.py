@@ -1,4 +1,4 @@
-"""A folder of pictures with a CSV table, which any program can read."""
+"""Writes a folder of pictures with a CSV table, which any program can read."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot.recordings.moves import to_text
 
 TABLE, MOVES, RESULTS = "frames.csv", "moves.json", "results.json"
 METADATA = "metadata.csv"
-"""The file in which Hugging Face's `imagefolder` looks for the labels."""
+"""The file from which Hugging Face's `imagefolder` reads the labels."""
 COLUMNS = (
     *("file", "frame", "time_s", "label", "angle", "throttle", "degrees"),
     *("predicted", "confidence", "driven_by", "sent", "correction"),
@@ -26,9 +26,9 @@ COLUMNS = (
 def write_folder(episode: Episode, notes: Notes, folder: Path) -> int:
     """Write an episode as pictures and `frames.csv`; return the number of pictures.
 
-    `metadata.csv` repeats the labels under the names that Hugging Face's `imagefolder` looks for.
-    `moves.json` has the driver's declared moves, so that its own labels are recognised.
-    `results.json` has what extensions measured, if they did.
+    `metadata.csv` repeats the labels under the column names of Hugging Face's `imagefolder`.
+    `moves.json` contains the driver's declared moves, so that an import recognises these labels.
+    `results.json` contains the results of extensions, if there are any.
     """
     folder.mkdir(parents=True)
     declared = describe(episode.moves, episode.declared_moves)

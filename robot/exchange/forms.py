@@ -1,6 +1,6 @@
-"""The forms of data that can be imported: how each is recognised and read, and its meaning.
+"""The formats that can be imported: how each is recognised and read, and its meaning.
 
-The import, its refusals and the documents are made from this one table.
+The import, its error messages and the documentation are made from this table.
 """
 
 from __future__ import annotations
@@ -40,10 +40,11 @@ _NO_TIME = "none: 20 pictures a second are assumed, and reported"
 
 
 class Source(NamedTuple):
-    """A drive that was found: its name for people, and the function that reads it.
+    """A drive that was found: its name for people, and the function that reads the drive.
 
-    Reading raises RecordingError if nothing can be used, or MissingExtraError; pictures are read
-    when the drive is written. `copy`, for recordings of this program, writes it to a path instead.
+    Reading raises RecordingError if no picture can be used, or MissingExtraError; pictures are read
+    when the drive is written. `copy` is set for recordings of this program: it writes the drive to
+    a path instead.
     """
 
     name: str
@@ -56,17 +57,17 @@ Find = Callable[[Path], Sequence[Source] | None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """One form of data.
+    """One format of data.
 
     Attributes:
-        name: Its name for people.
-        there: Its files on the disk.
-        label: The source of the label: its sign, unit and range.
+        name: The format's name for people.
+        there: The format's files on the disk.
+        label: The source of the label, with sign, unit and range.
         time: The source of the time.
-        find: Returns the drives at a path, or None if it is not of this form. It is quick: damage
-            is reported when a drive is read.
-        is_whole: True if the form describes a whole folder. Other forms take the files that no
-            such form takes.
+        find: Returns the drives at a path, or None if the path does not have this format. It must
+            be quick; damage is reported when a drive is read.
+        is_whole: True if the format describes a complete folder. Other formats only get the files
+            that no such format recognises.
     """
 
     name: str
@@ -78,7 +79,7 @@ class Form:
 
 
 def refusing(path: Path, why: str) -> Source:
-    """Return a source that was recognised but cannot be imported."""
+    """Return a source that is recognised but cannot be imported."""
 
     def read(reading: Reading, report: ImportReport) -> Drive:
         raise RecordingError(f"{path} {why}")
@@ -87,7 +88,7 @@ def refusing(path: Path, why: str) -> Source:
 
 
 def _one(is_it: Callable[[Path], bool], read: Callable[..., Drive]) -> Find:
-    """Return a function that finds one drive at a path of this form."""
+    """Return a function that finds the single drive at a path with this format."""
 
     def find(path: Path) -> list[Source] | None:
         return [Source(path.name, partial(read, path))] if is_it(path) else None
@@ -112,7 +113,7 @@ def _find_tables(path: Path) -> list[Source] | None:
         is_table = path.suffix.lower() in ENDINGS
         return [Source(path.name, partial(read_table, path))] if is_table else None
     tables = files_ending(path, *ENDINGS)
-    if path / TABLE in tables:  # our own folder: the other tables in it have the same labels
+    if path / TABLE in tables:  # exported here: its tables repeat the labels
         tables = [path / TABLE]
     if len(tables) > 1 or (tables and (are_classes(path) or are_steered(path))):
         tables = [table for table in tables if names_pictures(table)]
@@ -136,7 +137,7 @@ def _find_npz(path: Path) -> list[Source] | None:
 
 
 def _holds_classes(path: Path) -> bool:
-    """True if the subfolders are classes, and none of them is a drive of its own."""
+    """True if the subfolders are classes, and none of them is a drive by itself."""
     return are_classes(path) and not any(
         form.find(each) for each in folders_in(path) for form in FORMS if form.is_whole
     )
@@ -245,7 +246,7 @@ FORMS: tuple[Form, ...] = (
         is_whole=False,
     ),
 )
-"""All forms, in the order in which they are tried."""
+"""All formats, in the order in which they are tried."""
 
 UNUSABLE: dict[tuple[str, ...], str] = {
     (".h5", ".keras", ".tflite", ".pb", ".onnx", ".pt", ".pth", ".safetensors", "model.json"): (
@@ -267,4 +268,4 @@ UNUSABLE: dict[tuple[str, ...], str] = {
     (".webp", ".bmp", ".gif", ".tif", ".tiff"): "pictures that are neither JPEG nor PNG",
     (".json", ".xml", ".txt", ".yaml", ".csv"): "text, but no table that names pictures",
 }
-"""Kinds of file that cannot be imported, with the reason, by the end of their names."""
+"""Kinds of files that cannot be imported, with the reason, by suffix."""

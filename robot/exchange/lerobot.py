@@ -1,4 +1,4 @@
-"""LeRobotDataset v3: tables in parquet, pictures as films, written without the lerobot package.
+"""Writes LeRobotDataset v3 (parquet tables, pictures as films) without the lerobot package.
 
     meta/info.json                                      features, counts, paths
     meta/stats.json                                     of all episodes together
@@ -8,7 +8,8 @@
     videos/observation.images.front/chunk-000/file-NNN.mp4
 
 Timestamps are frame_index / fps exactly, so pictures are resampled to one rate, and a recording is
-split where pictures are missing for longer than a second. All are scaled to the size of the first.
+split where pictures are missing for longer than a second. All pictures are scaled to the size of
+the first.
 Source: lerobot, datasets/utils.py, dataset_writer.py and docs/source/lerobot-dataset-v3.mdx.
 """
 
@@ -49,21 +50,23 @@ TASK = "Drive as the pilot taught."
 _FILES_A_CHUNK = 1000
 _FILMS = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 _KEY_EVERY = 2
-"""Number of pictures per key frame: loaders read frames in any order, and decode from a key frame.
+"""Number of pictures per key frame. Loaders read frames in any order, and decode from a key frame.
 """
 _AS_LEROBOT: dict[str, Any] = {"codec": AV1, "crf": 30, "preset": "12"}
-"""Encoder settings of LeRobot 0.6: only films of one codec merge, as their bytes are copied."""
+"""Encoder settings of LeRobot 0.6. Datasets only merge if their films have the same codec, because
+the films' bytes are copied."""
 _STEERED = ("steering.pos", "throttle.vel")
 """Names of the action's elements in the package for LeRobot (docs/examples/lerobot)."""
 RESULTS = "meta/drivelesson_results.json"
-"""What extensions measured while the robot drove, by recording; only if they did."""
+"""File with the results of extensions, by recording; written only if there are any."""
 FPS = 20
-"""Default pictures a second of a dataset; sets of one robot merge only at one rate."""
+"""Default number of pictures per second of a dataset. Datasets only merge if their rates are
+equal."""
 SENSORS = "sensors"
 _SENSORS = ("distance_m", "bumped", "battery")
 _QUANTILES = {"q01": 0.01, "q10": 0.10, "q50": 0.50, "q90": 0.90, "q99": 0.99}
 _OWN = ("intervention", PILOT, DEGREES, SENSORS)
-"""Columns that only this program writes, so a plain dataset omits them."""
+"""Columns that only this program writes; a plain dataset omits them."""
 _STANDS = Point(0.0, 0.0)
 _CARD = """---
 task_categories: [robotics]
@@ -76,10 +79,10 @@ configs:
 A LeRobot dataset, written by Drivelesson. `meta/info.json` says what is in it.
 """
 Stats = dict[str, dict[str, list[Any]]]
-"""Minimum, maximum, mean, deviation, quantiles and count, by feature."""
+"""Minimum, maximum, mean, standard deviation, quantiles and count, by feature."""
 
 Part = tuple[Episode, list[EpisodeFrame]]
-"""One LeRobot episode: a recording, and moments of it, evenly spaced in time."""
+"""One LeRobot episode: a recording, and some of its moments, evenly spaced in time."""
 
 
 def write_lerobot(
@@ -92,10 +95,11 @@ def write_lerobot(
 ) -> int:
     """Write recordings as one dataset; return its number of LeRobot episodes.
 
-    `fps` is pictures a second; `task` describes the robot's task. The columns of a dataset depend
-    only on the robot's moves, so lessons of one robot merge. A `plain` dataset has the columns that
-    LeRobot's own command records from our robots, and only taught frames: it merges with those.
-    RecordingError if there are no pictures.
+    `fps` is the number of pictures per second; `task` describes the robot's task. The columns of a
+    dataset depend only on the robot's moves, so datasets of one robot can be merged. A `plain`
+    dataset contains only taught frames, with the columns that LeRobot's command records from our
+    robots, so it can be merged with datasets recorded by LeRobot.
+    Raises RecordingError if there are no pictures.
     """
     need(*PYARROW)
     need(*AV)
@@ -143,7 +147,7 @@ def write_lerobot(
     for name, value in {"info": info, "stats": _stats(columns, seen)}.items():
         (folder / f"meta/{name}.json").write_text(json.dumps(value, indent=4), encoding="utf-8")
     results = [{"episode": e.id, **result} for e, _ in episodes for result in e.results]
-    if results:  # in a file of its own: LeRobot checks the fields of info.json
+    if results:  # not in info.json, since LeRobot checks its fields
         (folder / RESULTS).write_text(json.dumps(results, indent=4), encoding="utf-8")
     (folder / "README.md").write_text(_CARD, encoding="utf-8")
     return len(parts)
@@ -160,8 +164,8 @@ def _split(episode: Episode, notes: Notes, fps: int, taught_only: bool) -> list[
 
 
 def _pictures(part: Part, size: tuple[int, int], counts: NDArray[np.int64]) -> Iterator[Pixels]:
-    """Yield pictures, shape (height, width, 3), and add the frequency of each brightness in each
-    colour to `counts`, shape (3, 256), from which all statistics follow."""
+    """Yield pictures, shape (height, width, 3), and add their colour histograms to `counts`, shape
+    (3, 256), from which all statistics are computed."""
     episode, taken = part
     for moment in taken:
         picture = of_size(episode.frame(moment.frame_id), size)
@@ -172,8 +176,8 @@ def _pictures(part: Part, size: tuple[int, int], counts: NDArray[np.int64]) -> I
 def _table(parts: list[Part], fps: int) -> tuple[Columns, dict[str, Any]]:
     """Return the values of all frames, and the description of each column.
 
-    The action is steering and throttle; if a move of the robot has none, it is a number for each
-    move. All zero: the robot stands.
+    The action is steering and throttle. If a move of the robot has no steering and throttle, the
+    action is a number for each move. All zero: the robot stands.
     """
     frames = [(of, moment) for of, taken in parts for moment in taken]
     lengths = [len(taken) for _, taken in parts]
@@ -216,7 +220,7 @@ def _table(parts: list[Part], fps: int) -> tuple[Columns, dict[str, Any]]:
 
 
 def _moves(parts: list[Part]) -> list[str]:
-    """Return all moves of the robots, including unused ones, and all other labels."""
+    """Return all moves of the robots, including unused moves, and all other labels."""
     declared = {str(move.name) for of, _ in parts for move in of.declared_moves}
     known = declared | {str(move) for of, _ in parts for move in of.moves}
     taught = {str(moment.label) for _, taken in parts for moment in taken if moment.label}
@@ -224,7 +228,7 @@ def _moves(parts: list[Part]) -> list[str]:
 
 
 def _does(episode: Episode, moment: EpisodeFrame) -> tuple[Action, Point | None]:
-    """Return the robot's action at a picture if it was recorded, else the label."""
+    """Return the robot's action at a picture if the action was recorded, else the label."""
     if moment.sent is None:
         return done_at(moment, episode.declared_moves)
     action = Action(moment.sent)
@@ -247,7 +251,8 @@ def _readings(episode: Episode, name: str) -> NDArray[np.float64]:
 
 
 def _sensed(part: Part, name: str) -> NDArray[np.float64]:
-    """Return a sensor's last value at each picture: the first one before it, and 0 without any."""
+    """Return a sensor's last value at each picture. Before the first value it is the first value;
+    without values it is 0."""
     episode, taken = part
     readings = _readings(episode, name)
     if not len(readings):
@@ -317,7 +322,7 @@ def _episode_row(
 
 
 def _film_feature(size: tuple[int, int], fps: int, codec: str) -> dict[str, Any]:
-    shape = [size[1] // 2 * 2, size[0] // 2 * 2, 3]  # as `write_film` leaves them
+    shape = [size[1] // 2 * 2, size[0] // 2 * 2, 3]  # `write_film` makes them even
     video = {
         "video.height": shape[0],
         "video.width": shape[1],

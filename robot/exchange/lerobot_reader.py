@@ -1,7 +1,7 @@
-"""Reads LeRobot datasets, versions 2.0, 2.1 and 3.0, one episode at a time, also damaged ones.
+"""Reads LeRobot datasets, even damaged ones, versions 2.0, 2.1 and 3.0, one episode at a time.
 
-Version 2 has a table and a film per episode. In version 3 episodes share a file, and a table has
-the rows and seconds of each. Source: lerobot, datasets/utils.py, and its documents
+Version 2 has one table and one film per episode. In version 3 several episodes share a file, and a
+table lists each episode's rows and seconds. Source: lerobot, datasets/utils.py, and its documents
 lerobot-dataset-v3.mdx and porting_datasets_v3.mdx.
 """
 
@@ -38,7 +38,8 @@ from robot.exchange.steering import (
 from robot.types import DEFAULT_MOVES, Action
 
 _INTERVENTIONS = ("intervention", "complementary_info.is_intervention")
-"""Columns of interventions: without other information, only these frames count as the pilot's."""
+"""Columns of interventions. Without other information only intervention frames count as driven by
+the pilot."""
 _FIELD = re.compile(r"\{(\w+)(?::0(\d)d)?\}")
 _MOST_S = 1e7
 Record = dict[str, Any]
@@ -47,12 +48,12 @@ _VELOCITIES: dict[tuple[str, str], Pair] = {
     ("linear_velocity", "angular_velocity"): (1.0, 1.0),
     ("x.vel", "theta.vel"): (FULL_MPS, FULL_TURN_DEG_S),
 }
-"""Names of the actions ahead and to the left of lerobot's own driving robots, with their full
-values: shares (EarthRover Mini), or metres and degrees a second (LeKiwi)."""
+"""Names of the actions ahead and to the left of lerobot's driving robots, with the values of full
+speed: shares (EarthRover Mini), or metres and degrees per second (LeKiwi)."""
 
 
 class _Info(RawValue):
-    """The needed fields of meta/info.json."""
+    """The fields of meta/info.json that are used."""
 
     codebase_version: str = text()
     fps: float = number(above=0, most=1000)
@@ -63,7 +64,7 @@ class _Info(RawValue):
 
 
 class LerobotDataset:
-    """An opened dataset; RecordingError if its description is missing or invalid."""
+    """An opened dataset; raises RecordingError if its description is missing or invalid."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -75,11 +76,11 @@ class LerobotDataset:
             raise RecordingError(f"{folder} is a LeRobot dataset {version[:20]}, not v2 or v3")
 
     def episodes(self) -> list[int]:
-        """Return the numbers of its episodes, from its table of episodes and from its data."""
+        """Return the numbers of the episodes, from the table of episodes and from the data."""
         return sorted(n for n in {*self._rows, *self._files} if n >= 0)
 
     def why_empty(self) -> str:
-        """Return the reason why a dataset has no episode, as the end of a sentence."""
+        """Return the reason why the dataset has no episode, as the end of a sentence."""
         if any(self.folder.glob("data/*/*.parquet")) or any(self.folder.glob("images/*/*")):
             return (
                 "is a LeRobot dataset that was never finalized: its tables have no end, so nothing "
@@ -102,7 +103,7 @@ class LerobotDataset:
 
     @cached_property
     def _files(self) -> dict[int, Path]:
-        """The file of each episode's frames, by its name or by its content."""
+        """The file of each episode's frames, found by name or by content."""
         files: dict[int, Path] = {}
         for path in sorted(self.folder.glob("data/*/*.parquet")):
             if of_name := re.fullmatch(r"episode_(\d{1,9})", path.stem):
@@ -117,7 +118,7 @@ class LerobotDataset:
     def read(self, episode: int, reading: Reading, report: ImportReport) -> Drive:
         """Read one episode; its pictures are read when the drive is written.
 
-        RecordingError if nothing of it can be used.
+        Raises RecordingError if no frame of the episode can be used.
         """
         if episode not in self._files:
             raise RecordingError(f"the data of episode {episode} is lost")
@@ -164,7 +165,7 @@ class LerobotDataset:
         )
 
     def _camera(self, report: ImportReport) -> str:
-        """Return the camera that looks ahead by its name, or else the first."""
+        """Return the camera whose name says that it looks ahead, or else the first camera."""
         features = self._info.features
         cameras = [
             name
@@ -199,7 +200,7 @@ class LerobotDataset:
 
         path = self.folder / _FIELD.sub(put, self._info.video_path or "")
         own = self.folder.resolve()
-        roots = own, own.parent.parent / "blobs"  # where a cache of Hugging Face has the files
+        roots = own, own.parent.parent / "blobs"  # "blobs": Hugging Face's cache
         if not path.is_file() or not any(map(path.resolve().is_relative_to, roots)):
             raise RecordingError(f"the film of episode {episode} is lost, or leads out")
         film = FilmReader(path, self._info.fps)
@@ -213,7 +214,7 @@ class LerobotDataset:
         return picture_of
 
     def _seconds(self, record: Record) -> float | None:
-        """Return a frame's time; a missing one follows from its number, by definition."""
+        """Return a frame's time; a missing time is computed from the frame's number."""
         [stamp_s] = _flat(record.get("timestamp"))[:1] or [None]
         [index] = _flat(record.get("frame_index"))[:1] or [None]
         if isinstance(stamp_s, float) and 0 <= stamp_s < _MOST_S:
@@ -226,7 +227,8 @@ class LerobotDataset:
         return next((i for i, name in enumerate(there) if _bare(name) in names), None)
 
     def _meant(self, reading: Reading, report: ImportReport) -> Callable[[Record], Said]:
-        """Return a function for a frame's label, by the names of the action's elements."""
+        """Return a function that computes a frame's label, by the names of the action's
+        elements."""
         features = self._info.features
         names = _names(features.get("action", {}).get("names"))
         angle, throttle = self._place_of(*ANGLES), self._place_of(*THROTTLES)
@@ -270,8 +272,8 @@ class LerobotDataset:
 
 
 def _is_depth(feature: Record) -> bool:
-    """True for a depth camera: version 0.6 of lerobot marks it by another name than before, and
-    either may be in the description of the film."""
+    """True for a depth camera. Version 0.6 of lerobot marks it by a new name. The description of
+    the film may contain the old or the new name."""
     said = [feature, *(feature.get(name) for name in ("info", "video_info"))]
     names = "is_depth_map", "video.is_depth_map"
     return any(of.get(name) is True for of in said if isinstance(of, dict) for name in names)
@@ -285,7 +287,7 @@ def _info_of(feature: Record) -> Record:
 def _names(given: object) -> list[str]:
     """Return the names of a vector's elements, in lower case.
 
-    Some datasets nest them below a further name, others map each name to its index.
+    In some datasets the names are nested below another name; others map each name to its index.
     """
     if isinstance(given, dict):
         places = [place for place in given.values() if type(place) is int]

@@ -13,11 +13,12 @@ from robot.errors import RecordingError, need, told_as
 Columns = dict[str, NDArray[Any]]
 """One value per frame, by feature."""
 PILOT = "pilot"
-"""Column of the taught move, as its index among the feature's moves; -1 without one."""
+"""Column with the taught move's index among the feature's moves; -1: no move was taught."""
 DEGREES = "degrees"
-"""Column that is true if the pilot steered the action by degrees, and not as a plain move."""
+"""Column that is true if the pilot steered the action by degrees, not by a move."""
 ROBOT = "drivelesson"
-"""The robot type in datasets, equal to that of the package for LeRobot (docs/examples/lerobot)."""
+"""The robot type in datasets. The package for LeRobot (docs/examples/lerobot) uses the same
+type."""
 PYARROW = ("pyarrow", "reading and writing LeRobot datasets", "export")
 """The library, its purpose, and the extra that installs it."""
 _PARQUET = ("pyarrow.parquet", *PYARROW[1:])
@@ -27,8 +28,8 @@ _MOST_TABLE_BYTES = 2**30
 def read_table(
     path: Path, columns: list[str] | None = None, episode: int | None = None
 ) -> list[dict[str, Any]]:
-    """Read the rows of one episode or of all, with the wanted columns that are present.
-    RecordingError if the table is damaged, or unpacks to more than 1 GB."""
+    """Read the rows of one episode or of all, with those of the `columns` that are present.
+    Raises RecordingError if the table is damaged, or unpacks to more than 1 GB."""
     pa, pq = need(*PYARROW), need(*_PARQUET)
     errors = pa.lib.ArrowException, OSError, ValueError, KeyError
     with told_as(RecordingError, f"{path} cannot be read", *errors):
@@ -46,7 +47,7 @@ def read_table(
 
 
 def write_data(folder: Path, columns: Columns) -> None:
-    """Write a row per frame."""
+    """Write one row per frame."""
     pa = need(*PYARROW)
     arrays = {name: pa.array(values.reshape(-1)) for name, values in columns.items()}
     for name, values in columns.items():
@@ -56,13 +57,13 @@ def write_data(folder: Path, columns: Columns) -> None:
 
 
 def write_episodes(folder: Path, rows: list[dict[str, Any]]) -> None:
-    """Write a row per episode."""
+    """Write one row per episode."""
     table = need(*PYARROW).Table.from_pylist(rows)
     _write_table(table, folder / "meta/episodes/chunk-000/file-000.parquet")
 
 
 def write_tasks(folder: Path, task: str) -> None:
-    """Write the tasks; their text is the index of the table, as pandas stores an index."""
+    """Write the tasks; their texts are the index of the table, in pandas' format."""
     pa = need(*PYARROW)
     types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
     described = [

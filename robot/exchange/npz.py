@@ -1,8 +1,8 @@
-"""`.npz` recordings for the evaluation: JPEG frames in time order, a label for each.
+"""`.npz` recordings for the evaluation: JPEG frames in time order, each with a label.
 
-They may also have the steering (`angle`) and the `throttle` for each; where these are NaN, only the
-label counts. People steer by tapping: if a recording has the mean angle over a moment
-(`angle_mean`), from which its labels are made, that one counts.
+Frames may also have the steering (`angle`) and the `throttle`; if these are NaN, only the label
+counts. People steer by tapping, so a recording may also contain the mean angle over a moment
+(`angle_mean`), from which its labels are made. This angle then counts instead of `angle`.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ _MEAN = "angle_mean"
 _UNKNOWN = Point(math.nan, math.nan)
 _COPIED_BYTES = 1 << 20
 MAX_BYTES = 512 * 2**20
-"""Largest unpacked size of a recording, in bytes; larger ones are refused."""
+"""Largest unpacked size of a recording, in bytes; larger recordings are refused."""
 
 
 def load_recording(path: Path | str, report: ImportReport | None = None) -> Drive:
-    """Read one `.npz` recording without executing anything in it.
+    """Read one `.npz` recording without executing any code in it.
 
-    Its shots are JPEGs of 160x120, each with a label and its seconds. RecordingError if it is
-    missing, broken or in another format.
+    Its pictures are JPEGs of 160x120, each with a label and a time. Raises RecordingError if the
+    file is missing, broken or in another format.
     """
     path = Path(path)
     wrong = f"the recording {path} cannot be read"
@@ -55,19 +55,20 @@ def load_recording(path: Path | str, report: ImportReport | None = None) -> Driv
 
 
 def is_example(moment: EpisodeFrame) -> bool:
-    """True if `write_npz` writes this moment: the form has only three labels."""
+    """True if `write_npz` writes this moment; the format has only three labels."""
     return not moment.is_deleted and moment.label in DEFAULT_MOVES
 
 
 def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
     """Write the taught pictures of an episode as a recording; return their number.
 
-    A JPEG of 160x120 keeps its bytes; any other picture is scaled. The form has only three labels,
-    so pictures with another one are left out; RecordingError if none is left.
+    The bytes of a JPEG of 160x120 are unchanged; any other picture is scaled. The format has only
+    three labels, so pictures with other labels are left out. Raises RecordingError if no picture is
+    left.
     """
     labels, ends, times_s = array("B"), array("q", [0]), array("d")
     points = array("f"), array("f")
-    # The pictures may not fit into memory, and their array begins with its size.
+    # The pictures may not fit into memory, and their array's header contains its length.
     with tempfile.TemporaryFile(dir=path.parent) as pictures:
         for moment in moments(episode, notes):
             if is_example(moment):
@@ -103,7 +104,7 @@ def write_npz(episode: Episode, notes: Notes, path: Path) -> int:
 def _write_npz(
     path: Path, columns: Mapping[str, NDArray[Any]], pictures: IO[bytes], size: int
 ) -> None:
-    """Write the file as `np.savez` does, but with one array from a file."""
+    """Write the file like `np.savez`, but copy one array from a file."""
     header = {"descr": "|u1", "fortran_order": False, "shape": (size,)}
     with zipfile.ZipFile(path, "x") as archive:
         with archive.open("jpeg.npy", "w", force_zip64=True) as member:

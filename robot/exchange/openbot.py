@@ -1,11 +1,11 @@
-"""Sessions of OpenBot: pictures, and the commands to both wheels.
+"""Reads OpenBot sessions: pictures, and the commands to both wheels.
 
     images/N_crop.jpeg                                       the picture of frame N
     sensor_data/rgbFrames.txt                                timestamp[ns],frame
     sensor_data/ctrlLog.txt                                  timestamp[ns],leftCtrl,rightCtrl
     sensor_data/matched_frame_ctrl_cmd_processed.txt         by its notebook: path, left, right, cmd
 
-Wheels go from -255 to 255, ahead positive. A command holds until the next one.
+Wheel commands range from -255 to 255; positive is ahead. A command is valid until the next.
 Source: ob-f/OpenBot, policy/openbot and the app's logger.
 """
 
@@ -30,17 +30,18 @@ _FRAMES, _CONTROLS = "rgbFrames.txt", "ctrlLog.txt"
 _MATCHED = "matched_frame_ctrl_cmd_processed.txt", "matched_frame_ctrl_cmd.txt"
 Fields = list[str]
 Row = tuple[str, Fields]
-"""The place of a line, and its fields."""
+"""The location of a line, and its fields."""
 
 
 def is_openbot(folder: Path) -> bool:
-    """True for the folder of a session, also an incomplete one."""
+    """True for the folder of a session, even an incomplete session."""
     logs = folder / _LOGS
     return any((logs / name).is_file() for name in (_FRAMES, _CONTROLS, *_MATCHED))
 
 
 def read_openbot(folder: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read a session by its own logs, or else by the table that the notebook made from them."""
+    """Read a session from its logs, or else from the table that OpenBot's notebook made from
+    them."""
     logs = folder / _LOGS
     matched = next((logs / name for name in _MATCHED if (logs / name).is_file()), None)
     if (logs / _FRAMES).is_file() and (logs / _CONTROLS).is_file():
@@ -140,6 +141,6 @@ def _pictures(folder: Path) -> list[Path]:
 
 
 def _number_of(path: Path) -> str:
-    """Return a frame's number by its picture's name, `12_crop.jpeg` or `12_preview.jpeg`."""
+    """Return a frame's number from its picture's name, `12_crop.jpeg` or `12_preview.jpeg`."""
     match = re.fullmatch(r"0*(\d+)(?:_crop|_preview)?\.(?:jpe?g|png)", path.name, re.IGNORECASE)
     return match[1] if match else ""

@@ -1,4 +1,4 @@
-"""Recordings of this program from another robot: one file, copied unchanged."""
+"""Imports a recording of this program from another robot: the file is copied unchanged."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ENDS_BYTES = 2**16
 
 
 def is_own(path: Path) -> bool:
-    """True for a recording of this program, also if other programs have copied it since."""
+    """True for a recording of this program, even if another program has rewritten it."""
     with told_as(RecordingError, f"{path} cannot be read"), path.open("rb") as file:
         head = file.read(_ENDS_BYTES)
         file.seek(max(0, file.seek(0, os.SEEK_END) - _ENDS_BYTES))
@@ -29,8 +29,8 @@ def is_own(path: Path) -> bool:
 def copy_recording(path: Path, target: Path, report: ImportReport) -> int:
     """Copy a recording with its edits; return its number of pictures.
 
-    The copy is marked as imported. A truncated one is copied up to its end. RecordingError if it is
-    damaged at its beginning, or has no pictures.
+    The copy is marked as imported. A truncated recording is copied up to its end. Raises
+    RecordingError if the recording is damaged at its beginning or has no pictures.
     """
     episode = open_episode(path)
     if episode.damage:

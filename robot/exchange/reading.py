@@ -1,4 +1,4 @@
-"""A person's settings for an import: the limit of a turn, and the meanings of names."""
+"""A person's settings for an import: the threshold of a turn, and the meanings of names."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from robot.errors import ConfigurationError, did_you_mean
 from robot.types import Action
 
 DEFAULT_THRESHOLD = TURNS_BEYOND
-"""Share of full lock beyond which a car counts as turning."""
+"""Steering, as a share of full lock, beyond which a car counts as turning."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """The interpretation of other programs' data.
+    """The settings for reading other programs' data.
 
     Attributes:
-        threshold: Share of full lock beyond which a car turns.
-        trim: Written steering at which the car drives straight on.
-        full_lock: Written steering at full lock.
+        threshold: Steering, as a share of full lock, beyond which a car turns.
+        trim: The steering in the data at which the car drives straight.
+        full_lock: The steering in the data at full lock.
         moves: Moves by the names of the data's classes.
         columns: Columns of a table by meaning; each is a name or a number, from 1.
         topics: Topics of a ROS bag to read.
@@ -49,9 +49,9 @@ class Reading:
             )
 
     def steering(self, written: float) -> float:
-        """Return written steering as -1 to 1; ValueError if it is beyond full lock.
+        """Convert the data's steering to -1 to 1; raises ValueError if it is beyond full lock.
 
-        Straight on is 0 and full lock remains full lock, so a trim stretches one side.
+        Straight is 0 and full lock remains full lock, so a trim stretches one side.
         """
         share, trim = written / self.full_lock, self.trim / self.full_lock
         if not -1.0 <= share <= 1.0:
@@ -61,7 +61,8 @@ class Reading:
         return (share - trim) / (1.0 - trim if share > trim else 1.0 + trim)
 
     def move(self, name: str) -> Action | None:
-        """Return the move of a class: by a person's setting, or by its name; else None."""
+        """Return the move of a class, from the person's setting or the class's name; None: no
+        move."""
         return self.moves.get(as_word(name)) or _KNOWN.get(as_word(name))
 
 
@@ -69,19 +70,21 @@ _KNOWN = {str(move): move for move in (*CLASSIC, Action.STOP)}
 
 
 def as_word(name: str) -> str:
-    """Return a class's name without what browsers and exports add: `Spin Left (1)` is
+    """Return a class's name without the additions of browsers and exports: `Spin Left (1)` becomes
     `spin_left`."""
     text = re.sub(r"([ _-]*\(\d+\)|[ _-]samples)+$", "", name.strip().casefold())
     return re.sub(r"[\s_-]+", "_", text).strip("_")
 
 
 def parse_moves(text: str) -> dict[str, Action]:
-    """Read `free=forward,blocked=left`; ConfigurationError for another form."""
+    """Read `free=forward,blocked=left`; raises ConfigurationError for any other form."""
     moves = {}
     for pair in filter(None, (part.strip() for part in text.split(","))):
         name, sign, move = (part.strip() for part in pair.partition("="))
         if not sign or not as_word(name):
-            raise ConfigurationError(f"--moves takes CLASS=MOVE, as free=forward, not {pair!r}")
+            raise ConfigurationError(
+                f"--moves needs CLASS=MOVE pairs (for example free=forward), not {pair!r}"
+            )
         try:
             moves[as_word(name)] = Action(move)
         except ValueError as error:
@@ -91,13 +94,13 @@ def parse_moves(text: str) -> dict[str, Action]:
 
 
 def parse_columns(text: str, known: tuple[str, ...]) -> dict[str, str]:
-    """Read `picture=1,steering=angle`; ConfigurationError for another form."""
+    """Read `picture=1,steering=angle`; raises ConfigurationError for any other form."""
     columns = {}
     for pair in filter(None, (part.strip() for part in text.split(","))):
         role, sign, column = (part.strip() for part in pair.partition("="))
         if not sign or role not in known:
             raise ConfigurationError(
-                f"--columns takes MEANING=COLUMN, not {pair!r}; meanings: {', '.join(known)}"
+                f"--columns needs MEANING=COLUMN pairs, not {pair!r}; meanings: {', '.join(known)}"
             )
         columns[role] = column
     return columns

@@ -1,4 +1,4 @@
-"""Recorded footage as a camera: its frames at their own pace, their JPEG bytes untouched."""
+"""A camera that replays recorded footage at its original pace, with unchanged JPEG bytes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from robot.types import Frame
 _LONGEST_PAUSE_S = 0.15
 """Longest pause that is replayed, in seconds: the loop's timeout for a frame is 0.2 s."""
 _LAST_FRAME_S = 0.05
-"""Time that the last frame is shown before the next recording begins, in seconds."""
+"""Time for which the last frame is shown before the next recording begins, in seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,11 +35,12 @@ class ReplayCameraOptions(Options):
 
 
 Footage = list[tuple[float, Callable[[], Picture | Frame]]]
-"""Time of each picture, in ascending seconds, and the function that reads it."""
+"""Times of the pictures, in ascending seconds, each with the function that reads the picture."""
 
 
 class ReplayCamera(ThreadedCamera):
-    """Plays one recording, or a folder's in the order of their names; raises without any."""
+    """Plays one recording, or a folder's recordings sorted by name. Raises an error if there is no
+    recording."""
 
     name: ClassVar[str] = "replay"
     options_type: ClassVar[type[Any]] = ReplayCameraOptions
@@ -73,7 +74,7 @@ class ReplayCamera(ThreadedCamera):
             self._report_fault(f"The rest of the recording cannot be played: {error}")
 
     def _waits_until(self, due_s: float) -> bool:
-        """Wait; return True if the camera is stopping."""
+        """Wait until `due_s`; return True if the camera is stopping."""
         return self.clock.wait(self._ending, max(0.0, due_s - self.clock.now_s()))
 
 
@@ -92,7 +93,7 @@ def _load_episode(path: Path) -> list[Footage]:
 
 
 def _load_recordings(path: Path) -> list[Footage]:
-    """Load a recording, or all recordings of a folder in the order of their names."""
+    """Load a recording, or all recordings of a folder, sorted by name."""
     with told_as(RecordingError, f"cannot read the folder {path}"):
         paths = files_ending(path, ".npz") if path.is_dir() else [path]
     if not paths:
@@ -105,7 +106,7 @@ def _load_recordings(path: Path) -> list[Footage]:
 
 
 def _timed(footage: Footage) -> Iterator[tuple[Callable[[], Picture | Frame], float]]:
-    """Yield the function that reads each picture, and the time that it is shown."""
+    """Yield for each picture the function that reads it, and how long it is shown."""
     ends_s = [t_s for t_s, _ in footage[1:]] + [footage[-1][0] + _LAST_FRAME_S]
     for (begin_s, read), end_s in zip(footage, ends_s, strict=True):
         yield read, min(max(end_s - begin_s, 0.0), _LONGEST_PAUSE_S)

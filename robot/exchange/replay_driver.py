@@ -11,7 +11,7 @@ from robot.types import Action, Point, Sensors
 
 
 class ReplayDriver(ConnectedDriver[bool]):
-    """Moves nothing and senses nothing; the recording is the camera's option."""
+    """Has no motors and no sensors; the recording is an option of the camera."""
 
     name: ClassVar[str] = "replay"
     default_camera: ClassVar[str] = "replay"
@@ -21,7 +21,7 @@ class ReplayDriver(ConnectedDriver[bool]):
 
     @property
     def action(self) -> Action:
-        """The present action of a real body: the last one, until its time is over."""
+        """The current action of a real body: the last action, until its time is over."""
         return self._action if self._clock.now_s() < self._ends_s else Action.STOP
 
     def _open(self) -> bool:

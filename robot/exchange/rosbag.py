@@ -1,7 +1,7 @@
-"""Bags of ROS 1 and 2: pictures of a camera, and the robot's velocity commands.
+"""Reads bags of ROS 1 and 2: pictures of a camera, and the robot's velocity commands.
 
-Both have the time at which they were recorded, by one clock; a velocity holds until the next one.
-The library `rosbags` reads them; it does not need ROS.
+Pictures and velocities have recording times by the same clock; a velocity is valid until the next.
+The library `rosbags` reads the bags; it does not need ROS.
 """
 
 from __future__ import annotations
@@ -41,20 +41,20 @@ _CONVERTED = {
     "uyvy": "YUV2RGB_UYVY",
     "yuv422_yuy2": "YUV2RGB_YUYV",
     "yuyv": "YUV2RGB_YUYV",
-    # OpenCV names a Bayer pattern by its second row, ROS by its first.
+    # OpenCV names a Bayer pattern by its second row, ROS by its first row.
     "bayer_rggb8": "BayerBG2RGB",
     "bayer_bggr8": "BayerRG2RGB",
     "bayer_gbrg8": "BayerGR2RGB",
     "bayer_grbg8": "BayerGB2RGB",
 }
-"""OpenCV's names of the conversions from an encoding to colours."""
+"""OpenCV's names for the conversions of encodings to colours."""
 _CHANNELS = {_AS_IT_IS: 3, "BGR2RGB": 3, "RGBA2RGB": 4, "BGRA2RGB": 4}
 Order = tuple[int, float, float]
 """A velocity command: its time in nanoseconds, speed ahead (m/s) and turn to the left (rad/s)."""
 
 
 def is_bag(path: Path) -> bool:
-    """True for a bag of either version: a file, or a folder with its description."""
+    """True for a bag of either version: a file, or a folder with a description."""
     if path.is_file():
         suffix = path.suffix.lower()
         return suffix in (".bag", ".db3") or (suffix == ".mcap" and not is_own(path))
@@ -65,8 +65,8 @@ def is_bag(path: Path) -> bool:
 def read_bag(path: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read a bag; its pictures are read when the drive is written.
 
-    RecordingError if it is damaged, has no camera or no velocities, or has several and none was
-    chosen (`--topics`).
+    Raises RecordingError if the bag is damaged, has no camera or no velocities, or has several and
+    none was chosen (`--topics`).
     """
     bag = _Bag(path)
     with bag.opened() as reader:
@@ -115,20 +115,21 @@ class _Bag:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[Any]:
-        """Open it; RecordingError if it is damaged."""
+        """Open the bag; raises RecordingError if it is damaged."""
         high, types = need(*ROSBAGS), need("rosbags.typesys", *ROSBAGS[1:])
-        store = types.get_typestore(types.Stores.LATEST)  # for bags that do not describe theirs
+        store = types.get_typestore(types.Stores.LATEST)  # for bags without type definitions
         try:
             with high.AnyReader([self._path], default_typestore=store) as reader:
                 yield reader
         except (RobotError, KeyboardInterrupt):
             raise
-        except Exception as error:  # of the library, and of those that it uses
+        except Exception as error:  # from the library or its dependencies
             why = str(error)[:200] or repr(error)
             raise RecordingError(f"the ROS bag {self._path} cannot be read: {why}") from error
 
     def pictures(self, topic: str) -> Callable[[int], Picture]:
-        """Return a function that reads one picture of a topic by its number, fastest in order."""
+        """Return a function that reads one picture of a topic by its number; ascending order is
+        fastest."""
         messages: Iterator[tuple[Any, str]] = iter(())
         following = 0
 
@@ -198,7 +199,7 @@ def _orders(reader: Any, connections: list[Any], report: ImportReport) -> list[O
 
 
 def _picture(message: Any, kind: str) -> Picture:
-    """Return a message's picture; RecordingError if it is damaged, or measures distances."""
+    """Return a message's picture; raises RecordingError if it is damaged or a depth picture."""
     if kind == _COMPRESSED:
         return read_picture(bytes(message.data), "the picture")
     encoding, width, height = message.encoding, int(message.width), int(message.height)

@@ -14,7 +14,7 @@ from robot.exchange.forms import FORMS, UNUSABLE, Source
 
 _DEEPEST = 5
 _FILES = (".npz", ".mcap", ".bag", ".db3")
-"""Endings of files that are a drive each, also if one folder has several."""
+"""Suffixes of files that are separate drives, even if a folder contains several such files."""
 _MOST_LOOKED_AT = 5000
 
 __all__ = ["Source", "find_drives", "unpacked"]
@@ -23,8 +23,8 @@ __all__ = ["Source", "find_drives", "unpacked"]
 def find_drives(path: Path) -> list[Source]:
     """Return the drives at a path, or in its subfolders.
 
-    RecordingError if there is none, with the kinds recognised instead and the reasons against
-    them; or if a dataset has no readable description.
+    Raises RecordingError if there is no drive, with the kinds of files found and the reasons why
+    they cannot be imported; or if a dataset has no readable description.
     """
     if not path.exists():
         raise RecordingError(f"{path} does not exist")
@@ -48,7 +48,7 @@ def _within(path: Path, depth: int) -> list[Source]:
 
 
 def _at(path: Path, *, is_whole: bool) -> list[Source]:
-    """Return the drives of the first form that recognises a path."""
+    """Return the drives of the first format that recognises a path."""
     for form in FORMS:
         if form.is_whole is is_whole and (found := form.find(path)):
             return list(found)
@@ -56,7 +56,8 @@ def _at(path: Path, *, is_whole: bool) -> list[Source]:
 
 
 def _why_none(path: Path) -> str:
-    """Return the kinds recognised at a path, and the reason against them, as a sentence's end."""
+    """Return the kinds of files at a path, and why they cannot be imported, as the end of a
+    sentence."""
     names = list(islice(_names(path), _MOST_LOOKED_AT))
     for endings, why in UNUSABLE.items():
         if those := [name for name in names if name.lower().endswith(endings)]:

@@ -1,4 +1,4 @@
-"""Times as programs write them: numbers of any unit, dates, and digits in a picture's name."""
+"""Reads times in other programs' formats: numbers in any unit, dates, digits in pictures' names."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ their factors to seconds."""
 
 
 def seconds_of(value: object, name: str = "") -> float | None:
-    """Return a time in seconds; None if it is not a time.
+    """Return a time in seconds; None if `value` is not a time.
 
-    A date without a zone counts as UTC: only differences matter, and summer time would break them.
-    `name` is the time's name, which may have its unit, as in `timestamp[ns]`.
+    A date without a time zone counts as UTC: only differences matter, and daylight saving time
+    would break them. `name` is the time's name, which may contain a unit, as in `timestamp[ns]`.
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
@@ -47,10 +47,10 @@ def _date_of(text: str) -> float | None:
 
 
 def seconds_in_name(name: str) -> float | None:
-    """Return the time in a picture's name; None if it has none.
+    """Return the time in a picture's name; None if the name contains no time.
 
-    It is ten digits of seconds since 1970 and then the fraction, whose last zeros may be missing;
-    or a date and a time of day.
+    A time is ten digits of seconds since 1970, followed by the fraction, whose last zeros may be
+    missing; or a date and a time of day.
     """
     stem = re.split(r"[\\/]", name)[-1].rpartition(".")[0]
     if found := _DIGITS.search(stem):

@@ -1,5 +1,4 @@
-"""Steering of cars and of robots with two wheels, as other programs write it, and its conversion to
-moves."""
+"""Converts the steering of cars and two-wheeled robots, in other programs' formats, to moves."""
 
 from __future__ import annotations
 
@@ -14,19 +13,19 @@ from robot.types import DEFAULT_MOVES, Action, Point
 
 ANGLES = ("angle", "steering", "user/angle", "steering_angle")
 THROTTLES = ("throttle", "user/throttle")
-"""Names of the throttle in other programs."""
+"""Other programs' names of the throttle."""
 FULL_MPS, FULL_TURN_RAD_S = 0.4, math.radians(45.0)
-"""Full throttle and full lock of velocity commands: the defaults of our own ROS robot. Higher
+"""Velocities at full throttle and full lock: the defaults of this project's ROS robot. Higher
 values count as full."""
 FULL_TURN_DEG_S = math.degrees(FULL_TURN_RAD_S)
 _TURNING = (*DEFAULT_MOVES, Action.SPIN_LEFT, Action.SPIN_RIGHT)
 _STANDING = 0.02
-"""Share of full speed below which two wheels turn on the spot, if they turn at all."""
+"""Mean speed of two wheels, as a share of full speed, below which a turning robot spins."""
 _STEERED = "the angle", "the throttle"
 Meant = tuple[Action | None, Point | None]
-"""A label, and the same by degrees if it is known."""
+"""A label, and its point if known."""
 Said = tuple[Action | None, Point | None, Point | None]
-"""A label, the same by degrees if the pilot steered so, and its steering and throttle if known."""
+"""A label, its point if the pilot steered by degrees, and its steering and throttle if known."""
 
 
 def read_meant(
@@ -35,13 +34,13 @@ def read_meant(
     names: Sequence[str] = _STEERED,
     moves: Iterable[Action] = DEFAULT_MOVES,
 ) -> Meant:
-    """Return the driver's move, one of `moves`; None if none of them drives this way.
+    """Return the driver's move, one of `moves`; None if no move drives in this direction.
 
-    A car has FORWARD, LEFT and RIGHT: standing or backing up is not an example.
+    A car has the moves FORWARD, LEFT and RIGHT, so standing or backing up is not an example.
 
-    `written` are angle (full lock to the left: -1) and throttle as a program wrote them under these
-    names, or only the angle: then the move has no point. An angle beyond the threshold is a turn.
-    ValueError if one of them is not a number in its range.
+    `written` are the angle (full lock to the left: -1) and the throttle that a program wrote under
+    these names, or only the angle; then the move has no point. An angle beyond the threshold is a
+    turn. Raises ValueError if a value is not a number in its range.
     """
     reading = reading or Reading()
     is_whole = len(written) == 2
@@ -55,28 +54,29 @@ def read_meant(
 
 
 def read_steering(value: object, name: str, reading: Reading) -> float:
-    """Return an angle from -1 to 1 without its trim; ValueError if it is beyond full lock."""
+    """Return an angle from -1 to 1 without its trim; raises ValueError if it is beyond full
+    lock."""
     if reading.full_lock == 1.0:
         return reading.steering(read_share(value, name))
     return reading.steering(read_number(value, name))
 
 
 def read_point(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point:
-    """Return steering and throttle as a program wrote them; raises as `read_meant` does."""
+    """Return the steering and throttle that a program wrote; raises as `read_meant`."""
     if len(written) != len(names):
         raise ValueError(f"{names[0]} is there without {names[1]}")
     return Point(*map(read_share, written, names))
 
 
 def point_said(written: Sequence[object], names: Sequence[str] = _STEERED) -> Point | None:
-    """Return the same as `read_point`, or None if the values are missing or invalid."""
+    """Return the point like `read_point`, but None if the values are missing or invalid."""
     with contextlib.suppress(ValueError):
         return read_point(written, names)
     return None
 
 
 def at_velocity(linear: float, turn: float, reading: Reading) -> Meant:
-    """Return the label of a velocity in shares of full speed ahead and of full turn to the left.
+    """Return the label of a velocity, given as shares of full speed ahead and of a full left turn.
 
     Shares beyond -1 and 1 count as full. A turn without speed is a spin.
     """
@@ -84,10 +84,10 @@ def at_velocity(linear: float, turn: float, reading: Reading) -> Meant:
 
 
 def at_wheels(left: float, right: float, reading: Reading) -> Meant:
-    """Return the label of two wheel speeds in shares of full speed.
+    """Return the label of two wheel speeds, given as shares of full speed.
 
     The slower wheel is on the inner side: steering is the difference of the speeds divided by their
-    sum, throttle is their mean. Wheels that turn against each other are a spin.
+    sum, and throttle is their mean. If the wheels turn in opposite directions, the robot spins.
     """
     all_done = abs(left) + abs(right)
     steering = (left - right) / all_done if all_done else 0.0
@@ -106,9 +106,9 @@ def _clipped(share: float) -> float:
 
 
 def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Point | None]:
-    """Return the action at a picture, the pilot's label or else the one sent, and its point.
+    """Return the action at a picture (the pilot's label, or else the action sent) and its point.
 
-    The point is the steering by degrees, or the move's own; None if the move has none.
+    The point is the steering by degrees, or the move's point; None if the move has no point.
     """
     by_degrees = moment.point if moment.label else moment.sent_point
     done = moment.label or Action(moment.sent or Action.STOP)
@@ -116,8 +116,8 @@ def done_at(moment: EpisodeFrame, declared: Iterable[Move]) -> tuple[Action, Poi
 
 
 def read_share(value: object, name: str) -> float:
-    """Return a steering angle or a throttle, written as a number or as text. ValueError if it is
-    not a number from -1 to 1: there is no default."""
+    """Return a steering angle or a throttle that is a number or text. Raises ValueError if it is
+    not a number from -1 to 1, because there is no default."""
     with contextlib.suppress(ValueError):
         share = read_number(value, name)
         if -1.0 <= share <= 1.0:
@@ -126,7 +126,7 @@ def read_share(value: object, name: str) -> float:
 
 
 def read_number(value: object, name: str) -> float:
-    """Return a number, written as a number or as text; ValueError if it is not one."""
+    """Return the value of a number or of text; raises ValueError if it is not a number."""
     if isinstance(value, int | float | str) and not isinstance(value, bool):
         with contextlib.suppress(ValueError, OverflowError):
             number = float(value)

@@ -1,4 +1,4 @@
-"""A folder of pictures with a table of their labels, in any program's columns."""
+"""Reads a folder of pictures with a table of their labels, with the columns of any program."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from robot.types import Action
 
 ENDINGS = (".csv", ".tsv", ".jsonl")
 _FULL_SPEEDS = (1.0, 100.0, 255.0, 1023.0, 32767.0)
-"""Full speeds of motors in different programs: the least one that no value of a table exceeds
-counts."""
+"""Full speeds of motors in different programs. The lowest of them that no value of a table exceeds
+is used."""
 _MOVES = 0.05
-"""Speed, in any unit, above which a car moves: simulators write small speeds for standing cars."""
+"""Speed, in any unit, above which a car moves. Simulators write small speeds for standing cars."""
 _TOLD_NAMES = 3
 
 
 def read_table(path: Path, reading: Reading, report: ImportReport) -> Drive:
-    """Read a table with a row per picture; its pictures are in its folder, or below.
+    """Read a table with one row per picture; the pictures are in the table's folder, or below.
 
-    Unusable rows are skipped; RecordingError if all are, or if the columns of the pictures and
-    their labels are not clear.
+    Unusable rows are skipped. Raises RecordingError if all rows are unusable, or if the columns of
+    the pictures or labels are ambiguous.
     """
     table = read_table_file(read_text(path), path.name, reading.columns, report)
     moves, declared = path.with_name(MOVES), tuple[Move, ...]()
@@ -107,7 +107,7 @@ def _written(table: ColumnTable, cells: Cells, reading: Reading) -> float | None
 def _meaning(
     table: ColumnTable, reading: Reading, known: Mapping[str, Action], report: ImportReport
 ) -> Callable[[Cells], Meant]:
-    """Return a function for a row's label, by the columns that are present."""
+    """Return a function that computes a row's label from the columns that are present."""
     there = table.columns
     if "label" in there:
         return partial(_labelled, table, reading, known)
@@ -151,7 +151,7 @@ def _labelled(
 def _steered(table: ColumnTable, reading: Reading, cells: Cells) -> Meant:
     """Return the label of a row from its steering.
 
-    A car that rolls without throttle drives; one whose speed and throttle are both 0 stands.
+    A car that rolls without throttle drives; a car whose speed and throttle are both 0 stands.
     """
     angle, throttle = (table.number(cells, role) for role in ("steering", "throttle"))
     named = "the angle", "the throttle"
@@ -180,7 +180,7 @@ def _most(table: ColumnTable, role: str) -> float:
 
 
 def _tell_of_others(table: ColumnTable, pictures: Pictures, report: ImportReport) -> None:
-    """Report the number of pictures that the table does not list, or lists for other cameras."""
+    """Report how many pictures the table does not list, or lists only for other cameras."""
     others = [i for i in table.pictures if i != table.columns["picture"]]
     if others:
         told = ", ".join(table.names[i] or f"column {i + 1}" for i in others[:_TOLD_NAMES])

@@ -1,4 +1,4 @@
-"""Makes a time line from imperfect times: equal, backward, with jumps, with gaps, or missing."""
+"""Makes a time line from imperfect times: equal, descending, with jumps or gaps, or missing."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 _SHORTEST_GAP_S = 1.0
 _LONGEST_PAUSE_S = 60.0
-"""Longest pause within a session, in seconds: a longer one means a new session, or that the clock
-was set."""
+"""Longest pause within a session, in seconds. A longer pause means that a new session began or that
+the clock was set."""
 _CUT_PAUSE_S = 2.0
-"""Length to which a longer pause is cut, in seconds: it is still a gap."""
+"""Length to which a longer pause is cut, in seconds; it still counts as a gap."""
 _USUAL_S = 1 / 20
 _MOST_S = 1e11
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timeline:
-    """Seconds from the first picture, strictly ascending, with a remark on the repairs."""
+    """Seconds since the first picture, strictly ascending, and a remark on the repairs."""
 
     times_s: list[float]
     usual_s: float
@@ -31,16 +31,17 @@ class Timeline:
 
     @property
     def gap_s(self) -> float:
-        """Time between two pictures above which films and data sets are cut, in seconds."""
+        """Time between two pictures above which films and datasets are cut, in seconds."""
         return max(_SHORTEST_GAP_S, 3 * self.usual_s)
 
     @property
     def fps(self) -> int:
-        """The usual rate in whole pictures a second, 1 to 60."""
+        """The usual rate in pictures per second, an integer from 1 to 60."""
         return min(max(round(1 / self.usual_s), 1), 60)
 
     def evenly(self, fps: int) -> list[list[int]]:
-        """Return stretches without a gap, each with the nearest picture's index at this rate."""
+        """Return the stretches without a gap; each is a list of the nearest pictures' indices, at
+        this rate."""
         times_s = np.array(self.times_s)
         begins = [0, *(np.flatnonzero(np.diff(times_s) > self.gap_s) + 1)]
         stretches = [times_s[a:b] for a, b in pairwise([*begins, len(times_s)])]
@@ -51,10 +52,10 @@ class Timeline:
 def make_timeline(stamps_s: Sequence[object]) -> Timeline:
     """Return a time for each picture.
 
-    A stamp that is missing or out of order is set between its neighbours. Equal stamps share the
-    time until the next, or follow each other at the usual distance. If the clock was set back, the
-    time line continues. A pause of more than a minute becomes two seconds. Stamps are seconds of
-    any clock; anything but a finite number counts as missing.
+    A stamp that is missing or out of order is set between its neighbours. Equal stamps are spread
+    over the time until the next stamp, or at the usual period. If the clock was set back, the time
+    line continues. A pause of more than a minute becomes two seconds. Stamps are seconds of any
+    clock; any value that is not a finite number counts as missing.
     """
     read = [_seconds(stamp) for stamp in stamps_s]
     if not read:
@@ -101,7 +102,7 @@ def _seconds(stamp: object) -> float | None:
 
 
 def _filled(read: list[float | None], first_s: float) -> tuple[list[float], int]:
-    """Replace a stamp that is missing, or singly out of order, by the one before it."""
+    """Replace each missing stamp, and each single stamp out of order, by the stamp before it."""
     filled, before_s, outliers = [], first_s, 0
     known = [index for index, stamp in enumerate(read) if stamp is not None]
     after = dict(pairwise(known))
@@ -117,7 +118,7 @@ def _filled(read: list[float | None], first_s: float) -> tuple[list[float], int]
 
 
 def _usual(runs: list[tuple[float, int]]) -> float:
-    """Return the usual distance of two pictures, in seconds."""
+    """Return the usual time between two pictures, in seconds."""
     steps_s = [
         (after_s - stamp) / count
         for (stamp, count), (after_s, _) in pairwise(runs)

@@ -1,9 +1,10 @@
 """Tubs of donkeycar: versions 1 and 2 are read, version 2 is written.
 
-A tub 1 is a folder of `record_N.json`, each beside its picture. A tub 2 has `manifest.json` (five
-lines of JSON: names of inputs, their types, metadata, more metadata, catalogs), `catalog_N.catalog`
-with one JSON record a line, a `.catalog_manifest` with the lengths of these lines beside each, and
-`images/`. Source: donkeycar, parts/tub_v2.py and parts/datastore_v2.py.
+A tub of version 1 is a folder with files `record_N.json`, each next to its picture. In version 2 it
+contains `manifest.json` (five lines of JSON: names of inputs, their types, metadata, more
+metadata, catalogs), files `catalog_N.catalog` with one JSON record per line, for each of them a
+`.catalog_manifest` with the lengths of these lines, and `images/`. Source: donkeycar,
+parts/tub_v2.py and parts/datastore_v2.py.
 """
 
 from __future__ import annotations
@@ -59,8 +60,8 @@ _CATALOG_RECORDS = 1000
 def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
     """Read a tub; its pictures are read when the drive is written.
 
-    Records that the autopilot drove, or whose driver is not known, have no label. RecordingError if
-    none can be used.
+    Records that the autopilot drove, or whose driver is unknown, have no label. Raises
+    RecordingError if no record can be used.
     """
     is_first = any(folder.glob("record_*.json")) and not (folder / "manifest.json").is_file()
     found, moves = (read_first(folder, report), None) if is_first else read_second(folder, report)
@@ -96,7 +97,7 @@ def read_tub(folder: Path, reading: Reading, report: ImportReport) -> Drive:
 
 
 def _is_by_pilot(record: Record) -> bool:
-    """True unless the record names another driver; old tubs do not name any."""
+    """True unless the record names another driver; old tubs name no driver."""
     return str(record.get(_MODE, "user")).strip().lower() == "user"
 
 
@@ -123,15 +124,15 @@ def _written(record: Record, reading: Reading) -> float | None:
 
 
 def _time(record: Record) -> float | None:
-    """Return the time of a record, by its first valid field: version 2 writes milliseconds since
-    1970, version 1 milliseconds since its start, or a date, or no time."""
+    """Return the time of a record, from the first valid field. Version 2 writes milliseconds since
+    1970; version 1 writes milliseconds since the tub's start, a date, or no time."""
     stamps_ms = (_seconds(record.get(name)) for name in ("_timestamp_ms", "milliseconds"))
     known = next((stamp for stamp in stamps_ms if stamp is not None), None)
     return seconds_of(record.get(_WRITTEN_TIME)) if known is None else known
 
 
 def _began(record: Record) -> float:
-    """Return the start of a tub, in seconds since 1970; 0 if it is not known."""
+    """Return the start of a tub, in seconds since 1970; 0: unknown."""
     begin_s = _seconds(record.get("_timestamp_ms"))
     return begin_s or seconds_of(record.get(_WRITTEN_TIME)) or 0.0
 
@@ -142,14 +143,14 @@ def _seconds(stamp_ms: Any) -> float | None:
 
 
 def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool = True) -> int:
-    """Write an episode as a tub 2; return its number of records.
+    """Write an episode as a tub of version 2; return its number of records.
 
-    Pictures keep their bytes (JPEG) or their pixels (PNG). Each record also has the label, the
-    frame id and whether the label corrected the robot, so that the tub reads back as the same
-    examples at any threshold. Angle and throttle are the pilot's own if steered by degrees (marked
-    in the record), or those declared for the move; if a move has none, such as `push`, the tub has
-    no such columns: a zero would teach a car to stand. The robot's proposal is in `pilot/angle` and
-    `pilot/throttle`. `taught_only` leaves out frames that were not taught.
+    Pictures are written without loss, as their JPEG bytes or as PNG. Each record also contains the
+    label, the frame id and whether the label corrected the robot, so that importing the tub yields
+    the same examples at any threshold. Angle and throttle are the pilot's if steered by degrees
+    (marked in the record), or those declared for the move. If a move declares none, such as `push`,
+    the tub has no such columns, because a zero would teach a car to stand. The robot's proposal is
+    in `pilot/angle` and `pilot/throttle`. `taught_only` leaves out frames that were not taught.
     """
     folder.mkdir(parents=True)
     with tempfile.TemporaryFile("w+", dir=folder, encoding="ascii", newline="\n") as lines:
@@ -161,7 +162,7 @@ def write_tub(episode: Episode, notes: Notes, folder: Path, *, taught_only: bool
 
 @dataclass(slots=True)
 class _Seen:
-    """Summary of a tub's records: their number, their columns, and their labels."""
+    """Summary of a tub's records: their number, columns and labels."""
 
     count: int = 0
     columns: set[str] = field(default_factory=set)

@@ -1,7 +1,7 @@
-"""The valid records of a donkeycar tub.
+"""Reads the valid records of a donkeycar tub.
 
-Cars are switched off while they write, and tubs are copied in part. So each record is read by
-itself: damaged ones are skipped.
+Cars are switched off while they write, and tubs are copied in part. So each record is read
+separately, and damaged records are skipped.
 """
 
 from __future__ import annotations
@@ -18,22 +18,23 @@ from robot.exchange.files import parse, read_text
 
 IMAGE = "cam/image_array"
 MOVES, RESULTS = "drivelesson_moves", "drivelesson_results"
-"""Key of the moves in a manifest of this program, by which damaged labels are recognised."""
+"""Keys in a manifest written by this program: the moves, by which damaged labels are recognised,
+and the results of extensions."""
 _MOST_LINE_CHARS = 2**20
 _DECODER = json.JSONDecoder()
 Record = dict[str, Any]
 Placed = tuple[str, Record]
-"""The place of a record, and the record."""
+"""The location of a record, and the record."""
 
 
 def is_tub(folder: Path) -> bool:
-    """True if the folder looks like a tub of either version, also an incomplete one."""
+    """True if the folder looks like a tub of either version, even an incomplete tub."""
     is_second = (folder / "manifest.json").is_file() or any(folder.glob("[!.]*.catalog"))
     return is_second or any(folder.glob("record_*.json"))
 
 
 def read_first(folder: Path, report: ImportReport) -> list[Placed]:
-    """Return the records of a tub 1, in the order of their numbers."""
+    """Return the records of a tub of version 1, sorted by number."""
     numbered = []
     for path in folder.glob("record_*.json"):
         match = re.fullmatch(r"record_(\d{1,12})\.json", path.name)
@@ -47,7 +48,8 @@ def read_first(folder: Path, report: ImportReport) -> list[Placed]:
 
 
 def read_second(folder: Path, report: ImportReport) -> tuple[list[Placed], list[str] | None]:
-    """Return the records that were not deleted, and the moves in a manifest of this program."""
+    """Return the records of a tub of version 2 that were not deleted, and the moves in a manifest
+    of this program."""
     names, deleted, moves = _read_manifest(folder, report)
     records = []
     for name in names:
@@ -72,7 +74,7 @@ def _read_manifest(
 ) -> tuple[list[str], set[str], list[str] | None]:
     """Return the names of the catalogs, the deleted records, and the moves, as far as known.
 
-    Without a manifest, the catalogs in the folder are read in their order.
+    Without a manifest the folder's catalogs are read in order.
     """
     path = folder / "manifest.json"
     lines = [parse(line) for line in _text_of(path, report).splitlines() if line.strip()]
@@ -102,7 +104,7 @@ def _text_of(path: Path, report: ImportReport) -> str:
 
 
 def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
-    """Yield the records of a line: one, or several if a power cut lost a line break."""
+    """Yield the records of a line: usually one, or several if a power cut lost a line break."""
     left_out, at = "", 0
     while len(text) <= _MOST_LINE_CHARS and (begin := text.find("{", at)) >= 0:
         left_out += text[at:begin]
@@ -120,6 +122,7 @@ def _records(text: str, place: str, report: ImportReport) -> Iterator[Record]:
 
 
 def own_name(name: str) -> str:
-    """Return the last part of an absolute path of any system: a moved tub still has such paths."""
+    """Return the last part of an absolute path of any system, because a moved tub still contains
+    absolute paths."""
     is_absolute = name.startswith(("/", "\\")) or re.match(r"[A-Za-z]:[\\/]", name)
     return re.split(r"[\\/]", name)[-1] if is_absolute else name

@@ -1,4 +1,4 @@
-"""A thread that writes: it runs its jobs one after the other."""
+"""A thread that writes to the disk, one job after the other."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from robot.clock import Clock, Worker
 from robot.types import StartStop
 
 Announce = Callable[..., None]
-"""Called with an event of the disk or of a file: its name, and its own fields."""
+"""Called with an event of the disk or of a file: the event's name and its fields."""
 FLUSH_EVERY_S = 0.2
-"""Period of writing, in seconds: a kill or a power cut loses at most this much, unless the disk is
+"""Period of writing, in seconds. A kill or a power cut loses at most this time, unless the disk is
 slower."""
 
 
 def no_announcement(name: str, **fields: object) -> None:
-    """Announce nothing."""
+    """Ignore all events."""
 
 
 class DiskThread(StartStop):
-    """Runs its turns every `every_s`, or when it is woken, and once more at the end.
+    """Calls the added turns every `every_s`, or when it is woken, and once more at the end.
 
-    A turn writes its queue and never raises.
+    A turn is a function that writes a queue and never raises.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class DiskThread(StartStop):
         self._wake.set()
 
     def stop(self) -> None:
-        """Run the last turns, and end; gives up on a hanging disk after ten seconds."""
+        """Run the turns once more, and end; if the disk hangs, give up after ten seconds."""
         thread, self._thread = self._thread, None
         if thread is not None:
             self._is_ending = True

@@ -31,33 +31,33 @@ log = logging.getLogger(__name__)
 _README = """\
 Drivelesson stores here what robots were taught.
 
-models/     one folder a model, versions as NumPy .npz files (no pickles): open with numpy.load
+models/     one folder per model, versions as NumPy .npz files (no pickles): open with numpy.load
 exports/    files exported for other programs
-trash/      deleted files; move them back, or delete them for good. They go by themselves
-            after {days} days
+trash/      deleted files: move them back, or delete them for good. After {days} days they are
+            deleted automatically
 {folders}
 All files can be copied and moved while the program does not run.{secrets}
 """
 FOLDERS = "drivelesson.folders"
-"""Group of the entry points for the extensions' own folders in the data folder, each a
+"""Group of the entry points for extensions' folders in the data folder. Each entry point is a
 `FolderKind`."""
 
 TRASH_DAYS = 30
-"""Time after which what was deleted leaves the trash for good, in days: a month of lessons in which
-a class notices that something is missing."""
+"""Time after which deleted items are removed from the trash, in days: a month of lessons, in which
+a class notices that an item is missing."""
 _DAY_NS = 86_400 * 10**9
 _HALF_DONE_S = 60.0
 _LONGEST_NAME, _LONGEST_ENDING = 64, 40
-"""Most characters of a name (`check_name`), and of the ending added to it in its folder."""
+"""Maximum lengths of a name (`check_name`), and of the ending added to it in its folder."""
 _NAME = re.compile(rf"[^\W_][\w .()+,-]{{0,{_LONGEST_NAME - 1}}}", re.UNICODE)
 _RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[\d¹²³]) *(\..*)?", re.IGNORECASE)
 _KEY = re.compile(r"0\d{19}", re.ASCII)
 SCRATCH = ".import-"
-"""Prefix of the folders in the trash in which an import unpacks."""
+"""Prefix of the folders in the trash in which an import unpacks archives."""
 _PART = re.compile(r"\..+\.\d+\.part", re.DOTALL)
-"""Names of the temporary files of `whole_file`: other programs have `.part` files of their own."""
+"""Names of the temporary files of `whole_file`; other programs also write `.part` files."""
 _BUSY = (5, 32)
-"""Windows' error numbers for a file that another program has open."""
+"""Error numbers of Windows for a file that another program has open."""
 _PAUSES_S = (0.01, 0.03, 0.1, 0.3, 1.0)
 
 
@@ -67,14 +67,15 @@ def _no_debris(folder: Path) -> Iterable[Path]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FolderKind:
-    """A folder that an extension has in the data folder.
+    """An extension's folder in the data folder.
 
     Attributes:
-        about: Lines about its content for README.txt. Empty: the folder is made when needed.
-        reads: The names of the files in it that the program reads.
-        files: The extension's files beside the folder.
-        secrets: The names among all these that only the owner may see.
-        debris: Returns the unfinished files in it that a power cut may have left.
+        about: Lines about the folder's content for README.txt. Empty: the folder is created when
+            needed.
+        reads: The names of the files in the folder that the program reads.
+        files: The extension's files next to the folder.
+        secrets: The names of those files and folders that only the owner may read.
+        debris: Returns the unfinished files in the folder that a power cut may have left.
     """
 
     name: str
@@ -102,7 +103,7 @@ def _readme() -> str:
 def default_root() -> Path:
     """Return the default data folder.
 
-    It is DRIVELESSON_DATA if that is set, else the system's data folder of the user.
+    It is the value of DRIVELESSON_DATA if this variable is set, else the user's data folder.
     """
     chosen = os.environ.get("DRIVELESSON_DATA")
     if chosen:
@@ -113,8 +114,9 @@ def default_root() -> Path:
 
 
 def check_name(name: str) -> str:
-    """Return a person's name for a thing in a form that is also a valid file name.
-    Raises ConfigurationError if it could lead elsewhere, or if some system could not store it."""
+    """Return a name given by a person in a form that is also a valid file name.
+    Raises ConfigurationError if the name could lead to another folder, or if some operating system
+    could not store it."""
     tidy = composed(name).strip().rstrip(". ")
     if not _NAME.fullmatch(tidy) or _RESERVED.fullmatch(tidy) or len(tidy.encode()) > 200:
         raise ConfigurationError(
@@ -125,17 +127,19 @@ def check_name(name: str) -> str:
 
 
 def composed(name: str) -> str:
-    """Return a name in Unicode's composed form (NFC): macOS may separate accents from letters."""
+    """Return a name in Unicode's composed form (NFC), because macOS may separate accents from
+    letters."""
     return unicodedata.normalize("NFC", name)
 
 
 def fold(name: str) -> str:
-    """Return a key that is equal for names that some file system treats as one."""
+    """Return a key that is equal for names that some file system treats as the same name."""
     return composed(name).casefold()
 
 
 def free_name(wanted: str, taken: set[str]) -> str:
-    """Return `wanted`, or `wanted (2)` and so on, such that no file system confuses it."""
+    """Return `wanted`, or `wanted (2)` and so on: the first name that no file system treats as a
+    name in `taken`."""
     folded = set(map(fold, taken))
     candidate, number = wanted, 2
     while fold(candidate) in folded:
@@ -153,14 +157,14 @@ def write_whole(path: Path, data: bytes, *, mode: int = 0o666) -> None:
 
 @contextlib.contextmanager
 def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
-    """Open a file that replaces `path` atomically when it was written without an exception.
+    """Open a file that atomically replaces `path` after it was written without an exception.
 
-    After a power cut `path` is the old file or the new one. If the disk refuses (OSError), the old
-    one stays. A missing folder is made. `mode` 0o600 is for secrets.
+    After a power cut `path` is the old file or the new file. If the disk fails (OSError), the old
+    file stays. A missing folder is created. `mode` 0o600 is for secrets.
     """
     require_present(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{get_native_id()}.part")  # two may write it at once
+    temporary = path.with_name(f".{path.name}.{get_native_id()}.part")  # two may write at once
     try:
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
         with os.fdopen(os.open(temporary, flags, mode), "wb") as file:
@@ -168,7 +172,7 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
             if not file.closed:
                 file.flush()
                 os.fsync(file.fileno())
-        if path.is_dir() and not path.is_symlink():  # a person's folder in the file's place
+        if path.is_dir() and not path.is_symlink():  # a folder of this name
             set_aside(path)
         move(temporary, path)
     except BaseException:
@@ -179,9 +183,10 @@ def whole_file(path: Path, *, mode: int = 0o666) -> Iterator[BinaryIO]:
 
 
 def move(path: Path, target: Path) -> None:
-    """Rename in one step, over a file that may be there; raises OSError.
+    """Rename atomically, and replace an existing target; raises OSError.
 
-    On Windows a program that reads either file, such as a virus scanner, delays it briefly.
+    On Windows another program that reads one of the files, such as a virus scanner, delays this
+    briefly.
     """
     for pause_s in (*_PAUSES_S, None):
         try:
@@ -201,9 +206,9 @@ def set_aside(path: Path, ending: str = ".set-aside") -> str:
 
 
 def move_aside(path: Path, targets: Iterable[Path]) -> Path:
-    """Move an obstacle to the first of these places that is free; return its present place.
+    """Move a file or folder to the first of these targets that is free; return its path.
 
-    It stays where it is if it cannot be renamed; never raises OSError.
+    If it cannot be renamed, it stays in place. Never raises OSError.
     """
     target = next((place for place in targets if not os.path.lexists(place)), path)
     with contextlib.suppress(OSError):
@@ -212,12 +217,12 @@ def move_aside(path: Path, targets: Iterable[Path]) -> Path:
 
 
 def is_text(name: str) -> bool:
-    """True for a file's name that is UTF-8; other names can be neither shown nor sent."""
+    """True if a file's name is valid UTF-8; other names can be neither shown nor sent."""
     return name == name.encode(errors="ignore").decode()
 
 
 def paths_in(folder: Path) -> list[Path]:
-    """List the entries of a folder whose names are UTF-8; empty if it cannot be read."""
+    """List the entries of a folder whose names are UTF-8; empty if the folder is unreadable."""
     try:
         return sorted(path for path in folder.iterdir() if is_text(path.name))
     except OSError as error:
@@ -235,7 +240,7 @@ def size_of(path: Path) -> int:
 
 
 def sync_folder(folder: Path) -> None:
-    """Flush the folder's directory entries to the disk, if the system can."""
+    """Flush the folder's directory entries to the disk, if the operating system supports this."""
     if hasattr(os, "O_DIRECTORY"):
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
@@ -245,10 +250,10 @@ def sync_folder(folder: Path) -> None:
 
 
 def make_private(folder: Path) -> None:
-    """Make a folder that only its owner can enter, or remove the rights of others to it.
+    """Create a folder that only its owner can enter, or remove other users' rights to the folder.
 
-    It holds pictures of a room, and secrets. A folder of another owner, or on a file system
-    without owners, is not changed.
+    The folder contains pictures of a room, and secrets. A folder of another owner, or on a file
+    system without owners, is not changed.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if hasattr(os, "getuid"):
@@ -259,10 +264,11 @@ def make_private(folder: Path) -> None:
 
 
 class Storage:
-    """The data folder. Creating the object makes the folder and its subfolders.
+    """The data folder. The constructor creates the folder and its subfolders.
 
     Raises ConfigurationError if the folder cannot be written. With `must_be_usable` False the
-    reason is in `fault` instead: a server drives on without storage. A full disk is not a fault.
+    reason is set as `fault` instead, so that a server can drive without storage. A full disk is not
+    a fault.
     """
 
     def __init__(self, root: Path, *, must_be_usable: bool = True) -> None:
@@ -280,12 +286,12 @@ class Storage:
                 write_whole(self.root / "README.txt", _readme().encode())
             if must_be_usable:
                 self._try_longest()
-            else:  # storage is also useful without a trash, or without long paths
+            else:  # storage is useful even without a trash or long paths
                 write_whole(self.root / ".probe", b"")
                 (self.root / ".probe").unlink(missing_ok=True)
         except OSError as error:
             if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                return  # the trash may be emptied
+                return  # another program may be emptying the trash
             if must_be_usable:
                 raise ConfigurationError(
                     f"the data folder {self.root} cannot be used: {error.strerror or error}; "
@@ -298,14 +304,14 @@ class Storage:
         return self.root / name
 
     def kept(self) -> list[Path]:
-        """Return the folders for people: models, those of extensions, trash."""
+        """Return the folders for people: models, the folders of extensions, and trash."""
         own = [self.root / kind.name for kind in folder_kinds() if kind.about]
         return [self.models, *own, self.exports, self.trash]
 
     def _try_longest(self) -> None:
-        """Make a file with the longest possible path: Windows allows 260 characters in all."""
-        # The folder is a new one since another program may try at the same time. On Windows
-        # `tempfile` retries endlessly where nothing can be written.
+        """Create a file with the longest possible path, because Windows allows 260 characters."""
+        # A new folder, because another program may do this at the same time. Not by `tempfile`: on
+        # Windows it retries endlessly if nothing can be written.
         folder = self.trash / uuid4().hex.ljust(_LONGEST_NAME, "n")
         try:
             folder.mkdir()
@@ -322,9 +328,9 @@ class Storage:
             shutil.rmtree(folder, ignore_errors=True)
 
     def half_done(self) -> list[Path]:
-        """List the files that a kill or a power cut left unfinished a minute ago or more.
+        """List the unfinished files that a kill or a power cut left at least a minute ago.
 
-        Another program may still be writing a younger one.
+        Another program may still be writing a more recent file.
         """
         found: list[Path] = []
         with contextlib.suppress(OSError):
@@ -341,7 +347,7 @@ class Storage:
         return found
 
     def sweep(self) -> None:
-        """Remove what is `half_done`, and what has been in the trash for `TRASH_DAYS`."""
+        """Remove the `half_done` files, and items that have been in the trash for `TRASH_DAYS`."""
         for path in self.half_done():
             with contextlib.suppress(OSError):
                 path.unlink()
@@ -350,7 +356,7 @@ class Storage:
     def discard(self, *paths: Path) -> str:
         """Move files or folders to the trash together, or none of them (OSError).
 
-        Returns the key for `restore`. What was deleted `TRASH_DAYS` ago is deleted for good.
+        Returns the key for `restore`. Items older than `TRASH_DAYS` are deleted for good.
         """
         self.empty_trash(older_than_days=TRASH_DAYS)
         after = int(max(self.deleted(), default="0")) + 1  # the clock may have been set back
@@ -375,10 +381,11 @@ class Storage:
         return [path.name for path in paths_in(self.trash) if _KEY.fullmatch(path.name)]
 
     def restore(self, key: str, folder: Path, ending: str = "") -> list[str]:
-        """Move the files with this ending back that were deleted together, or a folder.
+        """Move the files with this ending, or the folder, of one deletion back.
 
-        Returns their names without the ending: new ones where the old ones are in use. Raises
-        NotFoundError if they were restored or emptied, or belong elsewhere.
+        Returns their names without the ending. An item whose old name is in use gets a new name.
+        Raises NotFoundError if the items were restored or deleted for good, or belong to another
+        folder.
         """
         place = self.trash / key
         if not _KEY.fullmatch(key) or not place.is_dir():
@@ -401,16 +408,17 @@ class Storage:
         return list(names.values())
 
     def _ours_in_trash(self) -> list[Path]:
-        """List deleted items and unpacked imports; folders of other programs are left alone."""
+        """List deleted items and unpacked imports, but no folders of other programs."""
         found = paths_in(self.trash)
         return [p for p in found if _KEY.fullmatch(p.name) or p.name.startswith(SCRATCH)]
 
     def trash_bytes(self) -> int:
-        """Return what emptying the trash would free."""
+        """Return the number of bytes that emptying the trash would free."""
         return sum(map(size_below, self._ours_in_trash()))
 
     def empty_trash(self, older_than_days: float = 0.0) -> int:
-        """Delete for good what is in the trash, or what is older; return the bytes freed."""
+        """Delete the trash's items older than `older_than_days` for good; return the bytes
+        freed."""
         places = self._ours_in_trash()
         if older_than_days:
             latest = f"{max(0, time.time_ns() - round(older_than_days * _DAY_NS)):020d}"
@@ -421,11 +429,11 @@ class Storage:
         for place in places:
             with contextlib.suppress(ConfigurationError):
                 if place.name.startswith("."):
-                    FolderLock(place).start()  # refuses while an import unpacks there
+                    FolderLock(place).start()  # fails while an import unpacks there
                 shutil.rmtree(place, ignore_errors=True)
         return size - size_below(self.trash)
 
 
 def size_below(folder: Path) -> int:
-    """Count the bytes of all files below; unreadable files count as 0."""
+    """Return the bytes of all files below a folder; unreadable files count as 0."""
     return sum(size_of(Path(at, name)) for at, _, names in os.walk(folder) for name in names)

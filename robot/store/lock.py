@@ -12,25 +12,28 @@ from robot.types import StartStop
 
 
 class FolderLock(StartStop):
-    """Locks a folder for this process. The system releases it when the process ends in any way.
+    """Locks a folder for this process. The system releases the lock when the process ends, for any
+    reason.
 
-    Start and stop it on the same thread, and keep a reference: garbage collection releases it.
+    Start and stop the lock on the same thread, and keep a reference to it, because garbage
+    collection releases the lock.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._holder = folder / ".lock.pid"  # only for the error: filelock empties its own file
+        self._holder = folder / ".lock.pid"  # for the error: filelock empties its file
         self._lock: Any = None
 
     def start(self) -> None:
-        """Lock the folder; the error of a refusal names the process that has it, or the fault."""
+        """Lock the folder. If this fails, the error names the process that holds the lock, or the
+        fault."""
         if self._lock is not None:
             return
         from filelock import FileLock, Timeout
 
         lock = FileLock(str(self._folder / ".lock"), timeout=0)
         try:
-            if not self._folder.is_dir():  # filelock would make it
+            if not self._folder.is_dir():  # filelock would create it
                 raise FileNotFoundError("no such folder")
             lock.acquire()
         except Timeout as error:
@@ -40,7 +43,7 @@ class FolderLock(StartStop):
                 "--data FOLDER"
             ) from error
         except NotImplementedError:
-            return  # a file system that cannot lock, as some in the network
+            return  # some network file systems have no locks
         except OSError as error:
             raise ConfigurationError(
                 f"the data folder {self._folder} cannot be written: {error.strerror or error}; "

@@ -1,4 +1,4 @@
-"""Untrusted `.npz` files of NumPy: read within bounds, without pickles, headers checked."""
+"""Reads untrusted `.npz` files of NumPy within bounds, without pickles and with checked headers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ _LOCAL = struct.Struct("<4s22xHH")
 
 
 def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an `.npz`, read-only; a file that unpacks to more is refused unread."""
+    """Return the arrays of an `.npz`, read-only; a file that would unpack to more than `max_bytes`
+    is refused before it is read."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = archive.infolist()
@@ -38,12 +39,12 @@ def read_arrays(data: bytes, *, max_bytes: int, only: str | None = None) -> dict
             }
     except RecordingError:
         raise
-    except Exception as error:  # zipfile, zlib, lzma and numpy have errors of their own
+    except Exception as error:  # zipfile, zlib, lzma and numpy raise many types
         raise RecordingError(f"it is damaged: {error}") from error
 
 
 def _bytes_of(archive: zipfile.ZipFile, member: zipfile.ZipInfo, data: bytes) -> memoryview:
-    """Return a member's bytes, without a copy if it is not packed."""
+    """Return a member's bytes, without a copy if the member is not compressed."""
     if member.compress_type != zipfile.ZIP_STORED or member.flag_bits & 1:
         return memoryview(archive.read(member))
     signature, name_length, extra_length = _LOCAL.unpack_from(data, member.header_offset)
@@ -65,7 +66,7 @@ def _read_array(data: memoryview) -> NDArray[Any]:
         shape, is_fortran, dtype = read_array_header_2_0(file)
     start = file.tell()
     if dtype.hasobject:
-        raise RecordingError("it holds pickled objects, which are never opened")
+        raise RecordingError("it contains pickled objects, which are never opened")
     if math.prod(shape) * dtype.itemsize != len(data) - start or min(shape, default=0) < 0:
         raise ValueError(f"an array's header says {shape}, but its bytes do not match")
     return np.frombuffer(data, dtype, offset=start).reshape(shape, order="F" if is_fortran else "C")

@@ -1,7 +1,7 @@
 """Makes a data folder usable for a server, so that no unexpected file prevents a start.
 
 Entries of a wrong kind (a pipe, a dangling link, a folder in place of a file, a name that is not
-UTF-8) are moved to `set-aside/` unchanged; the caller tells people.
+UTF-8) are moved to `set-aside/` unchanged; the caller informs people.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _NOTES = ("models/current.txt", "models/current.twin.txt")
 
 
 def prepare(root: Path) -> list[tuple[str, str]]:
-    """Set aside entries that `Storage` cannot use; return each and its new place. Never raises."""
+    """Set aside entries that `Storage` cannot use; return their old and new paths. Never raises."""
     moved: list[tuple[str, str]] = []
     root = root.expanduser()
 
@@ -50,7 +50,8 @@ def prepare(root: Path) -> list[tuple[str, str]]:
 
 
 def _found_in(folder: Path) -> list[Path]:
-    """List the entries of a folder; empty for a link, since its target is not ours."""
+    """List the entries of a folder; empty for a link, since its target is not part of the data
+    folder."""
     try:
         return [] if folder.is_symlink() else list(folder.iterdir())
     except OSError:
@@ -65,7 +66,7 @@ def _is_a(path: Path, kind: Callable[[int], bool]) -> bool:
 
 
 def _move(path: Path, into: Path) -> str:
-    """Move an entry; return its new place, or that it stays."""
+    """Move an entry; return its new path, or a text that it stays in place."""
     into.mkdir(parents=True, exist_ok=True)
     shown = _shown(path.name)
     found = move_aside(path, (into / f"{shown}.{number}" for number in range(1, 10_000)))

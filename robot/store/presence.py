@@ -1,7 +1,8 @@
-"""Notices that the data folder is gone, as when a stick is pulled or a share is unmounted.
+"""Detects that the data folder is gone, for example because a USB stick was unplugged.
 
-The path then leads to the empty folder beneath, and files written there are hidden when the stick
-is back. So nothing is written below a watched folder unless it is still the original one.
+The path then leads to the empty folder of the mount point, and files written there are hidden when
+the stick is mounted again. So nothing is written below a watched folder unless it is still the
+original folder.
 """
 
 from __future__ import annotations
@@ -15,19 +16,19 @@ from pathlib import Path
 from robot.store.records import read_regular
 
 MARK = ".folder-id"
-"""The file that identifies a folder, also if the system gives its disk a new number."""
+"""The file that identifies a folder, even if the system assigns a new number to its disk."""
 _watched: dict[Path, Presence] = {}
 _lock = threading.Lock()
 
 
 class Presence:
-    """Identity of one data folder, taken on creation.
+    """Identity of one data folder, determined by the constructor.
 
     Args:
-        root: The folder. The identifying file is written into it, if it is missing.
+        root: The folder. The identifying file is written into the folder if it is missing.
 
     Raises:
-        OSError: If that file can neither be read nor written.
+        OSError: If the identifying file can be neither read nor written.
     """
 
     def __init__(self, root: Path) -> None:
@@ -50,11 +51,11 @@ class Presence:
                 return False
         except OSError:
             return False
-        self._place = place  # it is back: a disk may have another number then
+        self._place = place  # back, perhaps with a new number of the disk
         return True
 
     def watch(self) -> None:
-        """Have `require_present` refuse paths below this folder while it is gone."""
+        """Make `require_present` refuse paths below this folder while the folder is gone."""
         with _lock:
             _watched[self.root] = self
 
@@ -65,7 +66,7 @@ class Presence:
 
 
 def require_present(path: Path) -> None:
-    """Raise OSError if a watched folder above this path is gone: call it before writing there."""
+    """Raise OSError if a watched folder above this path is gone. Call this before writing there."""
     with _lock:
         watched = list(_watched.values())
     for presence in watched:

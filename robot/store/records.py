@@ -1,8 +1,9 @@
-"""Append-only files of checked records, each written to two files: damage to one loses nothing.
+"""Append-only files of records with checksums. Each record is written to two files, so that damage
+to one file loses no record.
 
 A record is a magic word, the length and the CRC-32 of the payload, and the payload. After damage
-a reader searches for the next magic word: a flipped byte costs one record of one file, and a
-truncation the records after it.
+a reader searches for the next magic word. So a flipped byte costs one record of one file, and a
+truncation costs the records after it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from typing import BinaryIO
 
 MAGIC = b"\xd7DL1"
 MAX_FILE_BYTES = 128 * 2**20
-"""Largest file that is read, in bytes: this program writes no larger one."""
+"""Largest file that is read, in bytes; this program writes no larger file."""
 _HEAD = struct.Struct("<4sII")
 
 
@@ -33,7 +34,8 @@ def open_new(path: Path) -> BinaryIO:
 class RecordWriter:
     """Writes the same records to several new files, as long as one of them can be written.
 
-    For one thread, except `sync`, which another may call. OSError if every file failed.
+    For one thread only, except `sync`, which another thread may call. Raises OSError if all files
+    failed.
     """
 
     def __init__(
@@ -51,7 +53,7 @@ class RecordWriter:
             raise last or OSError("no file to write to")
 
     def write(self, payloads: Sequence[bytes]) -> None:
-        """Append records: they survive the end of the process, but not yet a power cut."""
+        """Append records, which then survive the end of the process, but not yet a power cut."""
         data = b"".join(map(frame_record, payloads))
         last = self._with_each(lambda file: (file.write(data), file.flush()))
         self.written_bytes += len(data)
@@ -59,7 +61,7 @@ class RecordWriter:
             raise last or OSError("the files are closed")
 
     def sync(self) -> None:
-        """Flush the files to the disk; a file that fails is not written any more."""
+        """Flush the files to the disk; a file that fails is no longer written."""
         if self._synced_bytes == self.written_bytes:
             return
         self._synced_bytes = self.written_bytes
@@ -71,7 +73,7 @@ class RecordWriter:
         for file in list(self._files):
             try:
                 use(file)
-            except (OSError, ValueError) as error:  # the other thread may have closed it just now
+            except (OSError, ValueError) as error:  # the other thread may have closed it
                 last = error
                 self._leave_out(file)
         return last
@@ -88,7 +90,7 @@ class RecordWriter:
 
 
 def read_records(path: Path) -> Iterator[bytes]:
-    """Yield every valid record of a file, in order; none if it is not a regular file."""
+    """Yield all valid records of a file, in order; none if the file is not a regular file."""
     data = read_regular(path, MAX_FILE_BYTES)
     at = 0
     while (at := data.find(MAGIC, at)) >= 0:
@@ -99,7 +101,7 @@ def read_records(path: Path) -> Iterator[bytes]:
 
 
 def read_regular(path: Path, max_bytes: int) -> bytes:
-    """Return the bytes of a regular file, never waiting for a pipe and following no link."""
+    """Return the bytes of a regular file, without waiting for a pipe or following a link."""
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     handle = os.open(path, flags | getattr(os, "O_BINARY", 0))
     with os.fdopen(handle, "rb") as file:

@@ -1,8 +1,8 @@
-"""Saves the learner automatically, and loads it again at the next start.
+"""Saves the learner automatically, and loads the saved model at the next start.
 
 The loop's thread only marks that a save is due; the disk's thread copies the learner and writes
-it. A save is due after every change of mode, undo and edit, every ten seconds of teaching, and at
-the end. The journal holds what happened between two saves.
+the copy. A save is due after every change of mode, undo and edit, every ten seconds of teaching,
+and at the end. The journal contains the changes between two saves.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ SAVE_EVERY_S = 10.0
 
 
 class Autosave:
-    """Owns the model in use, and saves it.
+    """Manages and saves the model in use.
 
-    `name` is the name of a new model before a person names it. A model with other moves than
+    `name` is the name of a new model until a person names it. A model with moves that are not in
     `moves` is not loaded. `announce` is called with events for the page.
     """
 
@@ -55,7 +55,7 @@ class Autosave:
         self.announce = announce
         self._journal = journal
         self.name: str | None = None
-        """Name of the model in use; None until the learner was taught."""
+        """Name of the model in use; None until the learner is taught."""
         self._lock = self._clock.lock()
         self._is_due = False
         self._unsubscribe: Callable[[], None] | None = None
@@ -72,7 +72,7 @@ class Autosave:
         self._unsubscribe = self._loop.subscribe(self.note)
 
     def stop(self) -> None:
-        """Save once more and end; call it while the loop still runs. Idempotent."""
+        """Save once more and end. Call this while the loop still runs. Idempotent."""
         unsubscribe, self._unsubscribe = self._unsubscribe, None
         if unsubscribe is not None:
             unsubscribe()
@@ -99,7 +99,7 @@ class Autosave:
         if not self.has_unsaved:
             return
         try:
-            with self._lock:  # another model may be on its way, and count as saved in a moment
+            with self._lock:  # wait while another model is being loaded or saved
                 if self.has_unsaved:
                     self.save()
         except Exception as error:  # the thread must go on after any error
@@ -108,7 +108,8 @@ class Autosave:
             self.announce("model_not_saved", detail=str(error) or type(error).__name__)
 
     def save(self, place: str | None = None) -> str:
-        """Save the learner as it is now, in another place if one is given; return its name."""
+        """Save the learner's current state, with a new place if one is given; return the model's
+        name."""
         with self._lock:
             place = self._place if place is None else place
             copied = self._loop.submit(lambda: self._journal.copy(self._loop.history, place))
@@ -124,7 +125,8 @@ class Autosave:
             return name
 
     def load_last(self, learner: str | None = None) -> str | None:
-        """Load the model used last, or the newest good one; None if there is none."""
+        """Load the model used last, or else the newest valid model; return its name, or None if
+        there is no model."""
         self.save_if_changed()
         if self.has_unsaved:
             return self.name
@@ -135,7 +137,7 @@ class Autosave:
         return None
 
     def adopt(self, recovered: Recovered) -> None:
-        """Use the recovered model; save it at once if possible."""
+        """Use the recovered model, and save it at once if possible."""
         with self._lock:
             if self._lacks(recovered.model):
                 log.warning("the recovered model has moves that this robot does not have")
@@ -148,7 +150,8 @@ class Autosave:
             self.save_if_changed()
 
     def load(self, name: str) -> None:
-        """Save the model in use, and change to another; refused unless the robot is stopped."""
+        """Save the model in use, and load another; raises ConfigurationError unless the robot is
+        stopped."""
         with self._lock:
             if self.has_unsaved:
                 self.save()
@@ -166,7 +169,7 @@ class Autosave:
         place: str | None = None,
         moves: tuple[Action, ...] | None = None,
     ) -> str:
-        """Save the model in use, and begin an empty one; return its name."""
+        """Save the model in use, and begin an empty model; return the new model's name."""
         with self._lock:
             learner = learner or self._loop.state.learner
             place = self._place if place is None else place.strip()
@@ -182,7 +185,7 @@ class Autosave:
             return new_name
 
     def _lacks(self, model: Model) -> str:
-        """Name the moves of a model that this robot does not have."""
+        """Return the names of the model's moves that this robot does not have."""
         return ", ".join(sorted(set(model.summary.moves) - self._moves))
 
     def _check_stopped(self) -> None:
@@ -196,7 +199,7 @@ class Autosave:
         def replace() -> int:
             self._check_stopped()
             self._loop.history.replace_policy(policy, taught)
-            # On the loop's thread, so that the journal names the model that it has from here on.
+            # Set on the loop's thread, so that the journal's next entries name the new model.
             self.name, self._place = name, model.summary.place
             return self._loop.history.changes
 
@@ -223,7 +226,7 @@ class Autosave:
                 self.store.set_place(name, place.strip())
 
     def delete(self, name: str) -> str:
-        """Delete a model; if it is in use, the robot keeps its learner under a new name."""
+        """Delete a model. If the model is in use, the robot keeps the learner under a new name."""
         with self._lock:
             if self.name == name and self.has_unsaved:
                 self.save()

@@ -18,7 +18,8 @@ PlainEvent = dict[str, Any]
 
 
 def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEvent:
-    """Describe one change of the learner; its vector is omitted if its frame is recorded."""
+    """Describe one change of the learner; without `with_vector` an example's vector is omitted,
+    because its frame is recorded."""
     if isinstance(event, Taught):
         example = event.example
         return {
@@ -44,7 +45,7 @@ def describe_event(event: HistoryEvent, *, with_vector: bool = True) -> PlainEve
 
 
 def read_event(plain: PlainEvent) -> HistoryEvent:
-    """Read a change of the learner back; a vector that was not recorded is empty."""
+    """Read a description of `describe_event`; a vector that was omitted is empty."""
     with told_as(RecordingError, "an example is damaged", *UNREADABLE):
         kind = plain["event"]
         if kind == "taught":
@@ -72,12 +73,13 @@ def read_event(plain: PlainEvent) -> HistoryEvent:
 
 
 def to_json(fields: PlainEvent) -> bytes:
-    """Return the fields as JSON; they must not hold infinite numbers, which JSON cannot express."""
+    """Return the fields as JSON. They must not contain infinite numbers, which JSON cannot
+    represent."""
     return json.dumps(fields, separators=(",", ":"), default=to_plain).encode()
 
 
 def to_plain(value: Any) -> Any:
-    """Return a NumPy value as a plain one that JSON can express."""
+    """Convert a NumPy value to a plain value that JSON can represent."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"cannot serialize a {type(value).__name__}")
@@ -98,12 +100,13 @@ def _read_vector(plain: PlainEvent) -> Vector:
 
 
 def describe_point(point: Point | None) -> PlainEvent:
-    """Describe a point beside its move; empty if there is none."""
+    """Return a point as fields; empty if there is no point."""
     return {} if point is None else point._asdict()
 
 
 def read_point(plain: PlainEvent) -> Point | None:
-    """Read the fields of `describe_point`; RecordingError if one is missing or out of range."""
+    """Read the fields of `describe_point`; raises RecordingError if a field is missing or out of
+    range."""
     numbers = [plain.get(name) for name in Point._fields]
     if numbers == [None, None]:
         return None

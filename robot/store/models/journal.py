@@ -1,18 +1,20 @@
 """The journal: every change of the learner, numbered, and written as soon as it is made.
 
-What is written survives a kill; a power cut costs at most what came since the last `fsync`, five of
-which are made in a second, on the disk's thread: a disk that takes its time holds up no write.
+Written entries survive a kill. A power cut loses at most the entries since the last `fsync`. There
+are five `fsync`s a second, on the disk's thread, so a slow disk delays no write.
 
-It is the source of truth (a write-ahead log); a model's file is a cache of it. Entries are numbered
-by the start of the program (a counter in the files' names) and the count of changes since; no clock
-is involved.
+The journal is the source of truth (a write-ahead log); a model's file is a cache of it. Entries are
+numbered by the start of the program (a counter in the files' names) and the count of changes since
+then; no clock is involved.
 
     journal/000007-02.a     second part of the seventh start, and its twin 000007-02.b
 
-Each part is two files of the same records (robot/store/records.py) and begins with a checkpoint,
-which holds the whole learner: after every undo, whenever another model is loaded, and where the
-part before has grown long. So replay learns only what the last part has; the one before it stays,
-too. Loop thread: `note`. Disk's thread: `sync`. Everything else: the journal's own thread.
+Each part is two files with the same records (robot/store/records.py). A part begins with a
+checkpoint, which contains the complete learner. A new part begins after every undo, whenever
+another model is loaded, and when the previous part has become long. So replay only learns the
+examples of the last part; the part before it is also kept.
+
+Threads: `note` runs on the loop's thread, `sync` on the disk's, the rest on the journal's thread.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ from robot.store.records import RecordWriter, open_new
 log = logging.getLogger(__name__)
 
 PART_BYTES = 4 * 2**20
-"""Bytes behind its checkpoint at which a part ends, so that replay stays short."""
+"""Number of bytes after its checkpoint at which a part ends, so that replay stays short."""
 _LONGEST_WAIT_S = 2.0
 _MOST_WAITING = 8192
 _TRY_AGAIN_S = 5.0
@@ -54,19 +56,21 @@ HEAD = b"\n"
 
 
 _Record = tuple[dict[str, Any], HistoryEvent | Model | None]
-"""A record to be. Its head has a `change`, and a `kind`: `event`; `checkpoint`, with the model's
-`name`; `saved`, as everything up to this change is in a model's file; or `drive`, as a drive began
-after this change, and some learners look for their place then."""
+"""A record to be written. Its head contains `change`, the number of the last change, and `kind`:
+- `event`: the change itself;
+- `checkpoint`: the complete learner, with the model's `name`;
+- `saved`: all changes up to this one are saved in a model's file;
+- `drive`: a drive began after this change; some learners then localise themselves again."""
 
 
 def list_parts(folder: Path) -> list[Part]:
-    """List the parts that have a file, oldest first; none if the folder cannot be read."""
+    """List the parts that have a file, oldest first; empty if the folder cannot be read."""
     found = [_PART.fullmatch(path.name) for path in paths_in(folder)]
     return sorted({Part(int(match[1]), int(match[2])) for match in found if match is not None})
 
 
 class Part(NamedTuple):
-    """One part of the journal: the number of the start, and of the part."""
+    """One part of the journal: the number of the program's start, and the number of the part."""
 
     boot: int
     number: int
@@ -77,7 +81,7 @@ class Part(NamedTuple):
 
 
 class Journal:
-    """Writes the journal of one start; `announce` is called once when it cannot be any more."""
+    """Writes the journal of one start; `announce` is called once when writing fails."""
 
     def __init__(
         self,
@@ -103,19 +107,19 @@ class Journal:
         self._needs_checkpoint = True
         self._try_again_s = 0.0
         self.fault: str | None = None
-        """Why nothing is written at present; None if all is well."""
+        """The reason why the journal cannot be written now; None if all is well."""
         self._drives = 0
 
     def position(self, change: int) -> JournalPosition:
         return JournalPosition(run=self.run, boot=self.boot, change=change)
 
     def start(self, after: int = 0) -> None:
-        """Start writing; `after` is the number of an earlier start that is known from elsewhere."""
+        """Start writing; `after` is the number of an earlier start that a model's file contains."""
         self.open_boot(after)
         self._thread.start()
 
     def open_boot(self, after: int = 0) -> None:
-        """Take the next number; `write_waiting` may then be called on any one thread."""
+        """Choose the number of this start; `write_waiting` may then be called on one thread."""
         self.boot = max([after, *(part.boot for part in list_parts(self._folder))]) + 1
 
     def stop(self) -> None:
@@ -144,7 +148,7 @@ class Journal:
             self._put("event", change, event)
 
     def copy(self, history: TrainingHistory, place: str) -> Model:
-        """Copy the learner as it is now, with its position; on the loop's thread."""
+        """Copy the learner's current state with its journal position; on the loop's thread."""
         position = self.position(history.changes)
         return take_model(history.policy, history.taught, place=place, position=position)
 
@@ -162,13 +166,14 @@ class Journal:
     # Called on any thread ------------------------------------------------------------------------
 
     def note_saved(self, change: int) -> None:
-        """Record that everything up to this change is saved: recovery does not need it."""
+        """Record that all changes up to this one are saved, so recovery does not need them."""
         self._put("saved", change)
 
     async def written(self, change: int) -> bool:
         """Wait until this change is written, so that no kill can lose it once it is acknowledged.
 
-        Waits no longer than two seconds, and not where nothing can be written: False then.
+        Waits at most two seconds. If the change is not written by then, or cannot be written at
+        all, returns False.
         """
         until_s = self._clock.now_s() + _LONGEST_WAIT_S
         while self.boot and self._written < change and self._clock.now_s() < until_s:
@@ -185,7 +190,7 @@ class Journal:
     # On the journal's thread ----------------------------------------------------------------------
 
     def write_waiting(self) -> None:
-        """Write what is queued. Never raises: a failure is reported, and writing is tried again."""
+        """Write the queued records. Never raises: a failure is reported, and writing is retried."""
         with self._lock:
             records = list(self._queue)
             self._queue.clear()
@@ -193,7 +198,7 @@ class Journal:
             return
         try:
             self._write(records)
-        except Exception as error:  # top of the thread: whatever it is, the robot drives on
+        except Exception as error:  # outermost handler: the robot drives on after any error
             self._give_up(error)
         else:
             if self.fault is not None:
@@ -203,7 +208,7 @@ class Journal:
     def _write(self, records: list[_Record]) -> None:
         checkpoints = [i for i, (_, body) in enumerate(records) if isinstance(body, Model)]
         if checkpoints:
-            records = records[checkpoints[-1] :]  # it holds what came before it
+            records = records[checkpoints[-1] :]  # it contains all earlier changes
             self._begin_part()
         if self._writer is None:
             if all(head["kind"] in ("saved", "drive") for head, _ in records):
@@ -215,7 +220,7 @@ class Journal:
             self._longest_bytes = self._writer.written_bytes + PART_BYTES
             self._remove_old_parts()
         elif self._writer.written_bytes > self._longest_bytes:
-            self._try_again_s = 0.0  # first: the loop may look in between
+            self._try_again_s = 0.0  # set first: the loop may read it in between
             self._needs_checkpoint = True
 
     def _begin_part(self) -> None:
@@ -250,7 +255,7 @@ class Journal:
 
 
 def _encode(head: dict[str, Any], body: HistoryEvent | Model | None) -> bytes:
-    """Return a record: a line of JSON, and what belongs to it, packed."""
+    """Return a record as bytes: the head as a line of JSON, and the body, compressed."""
     data = b""
     if isinstance(body, Model):
         data = zlib.compress(encode_model(body), 1)

@@ -1,7 +1,7 @@
-"""A model: the state of a policy with a summary; serialized to bytes and back.
+"""A model: the state of a policy with a summary, and its conversion to bytes and back.
 
-The file is a NumPy `.npz`: `meta.npy` is JSON text as bytes, and `state.NAME.npy` are the learner's
-arrays. No pickles. A SHA-256 over everything is in the meta.
+The file is a NumPy `.npz` without pickles: `meta.npy` is JSON text as bytes, and `state.NAME.npy`
+are the learner's arrays. The meta contains a SHA-256 of the complete content.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from robot.types import Action
 
 FORMAT = 1
 MAX_BYTES = 256 * 2**20
-"""Largest size of a model, in bytes: one that claims more is refused before it is unpacked."""
+"""Largest size of a model, in bytes. A file that declares more is refused before it is unpacked."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JournalPosition:
     """The last journal entry that a model includes: a start of the program, and a change.
 
-    `run` is a random name of that start and `boot` its number; `change` counts the changes of the
-    learner since then. No clock is involved.
+    `run` is a random name of the program's start and `boot` the start's number; `change` counts the
+    changes of the learner since then. No clock is involved.
     """
 
     run: str
@@ -44,9 +44,10 @@ class JournalPosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelSummary:
-    """A model's entry in the list. `saved_at_s` is wall-clock time, seconds since 1970.
+    """A model's entry in the list. `saved_at_s` is the wall-clock time in seconds since 1970.
 
-    `position` is what the model includes of the journal; None if it did not come of one.
+    `position` is the last journal entry that the model includes; None if it was made without a
+    journal.
     """
 
     learner: str
@@ -77,7 +78,8 @@ class Model:
         return policy
 
     def preview(self) -> NDArray[np.uint8]:
-        """Return a small picture of its most used image; one black point if it has none."""
+        """Return a small picture of the most used image; one black pixel if there are no
+        images."""
         policy = self.to_policy()
         nodes = policy.learner.nodes()
         if not nodes:
@@ -93,7 +95,7 @@ def take_model(
     place: str = "",
     position: JournalPosition | None = None,
 ) -> Model:
-    """Copy the state of a policy. Call it on the policy's own thread."""
+    """Copy the state of a policy. Call this function on the policy's thread."""
     summary = ModelSummary(
         learner=policy.name,
         moves=tuple(policy.moves),
@@ -107,7 +109,8 @@ def take_model(
 
 
 def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
-    """Return the model as the bytes of an `.npz` file; small but slower to make if `is_packed`."""
+    """Return the model as the bytes of an `.npz` file. With `is_packed` the file is smaller but
+    takes longer to create."""
     state = model.state
     arrays = {f"state.{name}": array for name, array in state.arrays.items()}
     labels = [str(label) for label in state.labels]
@@ -120,8 +123,8 @@ def encode_model(model: Model, *, is_packed: bool = False) -> bytes:
 
 
 def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
-    """Read a model from the bytes of its file; its arrays are read-only views of them.
-    Raises RecordingError if it is damaged, hostile, too large, or of a newer format."""
+    """Read a model from the bytes of its file; its arrays are read-only views of these bytes.
+    Raises RecordingError if the model is damaged, malicious, too large, or in a newer format."""
     arrays = _unpack(data, max_bytes)
     meta = _read_meta(arrays.pop("meta", None))
     if meta.get("sha256") != _checksum(meta, arrays):
@@ -142,17 +145,17 @@ def decode_model(data: bytes, *, max_bytes: int = MAX_BYTES) -> Model:
 
 
 def decode_summary(data: bytes) -> ModelSummary:
-    """Read only the summary; raises as `decode_model` does, but checks no arrays."""
+    """Read only the summary, without checking the arrays; raises as `decode_model`."""
     return _summary(_read_meta(_unpack(data, MAX_BYTES, "meta").get("meta")))
 
 
 def stamp(model: Model, **changes: Any) -> Model:
-    """Return the model with another time or place in its summary."""
+    """Return the model with some values of its summary replaced, such as the time or place."""
     return replace(model, summary=replace(model.summary, **changes))
 
 
 def same_nodes(a: State, b: State) -> bool:
-    """True if two learners are equal, bit for bit: every array and every label."""
+    """True if all arrays and labels of two learners are equal, bit for bit."""
 
     def digest(state: State) -> str:
         labels = list(map(str, state.labels))
@@ -170,7 +173,7 @@ def _label(text: str) -> str:
 
 
 def _checksum(meta: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Hash the meta (without the hash itself) and every array with its name, type and shape."""
+    """Hash the meta (without the hash) and all arrays with their names, types and shapes."""
     plain = {key: value for key, value in meta.items() if key != "sha256"}
     digest = hashlib.sha256(json.dumps(plain, sort_keys=True, default=to_plain).encode())
     for name in sorted(arrays):

@@ -1,4 +1,4 @@
-"""Crash recovery: the newest valid model, and the journal's changes after it."""
+"""Crash recovery from the newest valid model and the later changes in the journal."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from robot.store.records import read_records
 log = logging.getLogger(__name__)
 
 _LOADED = 1
-"""The number of a run's first change, which loads the model."""
+"""The number of a run's first change, which is the loading of the model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recovered:
-    """The recovered model; `name` is None if it was never saved under one."""
+    """The recovered model; `name` is None if the model was never saved under a name."""
 
     model: Model
     name: str | None
@@ -46,7 +46,7 @@ class Recovered:
 
 @dataclass(slots=True)
 class _Run:
-    """The sound records of one start of the program."""
+    """The valid records of one start of the program."""
 
     boot: int
     run: str = ""
@@ -59,8 +59,8 @@ class _Run:
 
 
 def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> Recovered | None:
-    """Return the last state of the last run; None if it was saved, or the journal has it not.
-    The driver's `declared` moves are told to the policy that learns on."""
+    """Return the last state of the last run; None if it was saved, or is not in the journal.
+    The driver's `declared` moves are passed to the policy that learns the later changes."""
     parts = list_parts(folder)
     boots = sorted({part.boot for part in parts}, reverse=True)
     runs = (_read_run(folder, [part for part in parts if part.boot == boot]) for boot in boots)
@@ -69,7 +69,7 @@ def recover(folder: Path, store: ModelStore, declared: Iterable[Move] = ()) -> R
         return None
     run.declared = declared
     if newest_boot(store) > run.boot:
-        return None  # a later start saved it, and was over before it wrote to the journal
+        return None  # a later start saved it, but ended before it wrote to the journal
     try:
         return _rebuild(run, store)
     except RobotError as error:
@@ -92,12 +92,12 @@ def _read_run(folder: Path, parts: list[Part]) -> _Run:
 
 
 def _take(run: _Run, record: bytes) -> None:
-    """Add one record; its copy in the other file changes nothing."""
+    """Add one record; its duplicate from the other file changes nothing."""
     try:
         head, _, body = record.partition(HEAD)
         words: dict[str, Any] = json.loads(head)
         kind = words["kind"]
-        if kind == "begin":  # of 0.2
+        if kind == "begin":  # written by version 0.2
             return
         change = int(words["change"])
         if kind == "drive":
@@ -130,7 +130,8 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
     if missing:
         log.warning("%d records of the journal are missing", len(missing))
     numbers = [number for number in sorted(run.events) if number > change]
-    # A run that changed nothing holds what it loaded, which may be older than what came back since.
+    # A run without changes contains only the loaded model. It may be older than models that were
+    # restored since.
     if not numbers and (is_file or _is_saved(model, name, store, among_all=run.last <= _LOADED)):
         return None
     return Recovered(
@@ -141,7 +142,7 @@ def _rebuild(run: _Run, store: ModelStore) -> Recovered | None:
 
 
 def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str | None]]:
-    """Yield what holds the learner up to some change, by itself: a checkpoint, and versions."""
+    """Yield the complete learners to begin with: the checkpoint, and saved versions."""
     assert run.checkpoint is not None
     change, model, name = run.checkpoint
     yield change, False, model, name
@@ -154,14 +155,15 @@ def _bases(run: _Run, store: ModelStore) -> Iterator[tuple[int, bool, Model, str
 
 
 def _is_saved(model: Model, name: str | None, store: ModelStore, *, among_all: bool) -> bool:
-    """True if the newest sound version under this name holds the same, or any of them."""
+    """True if the newest valid version with this name equals `model`, or if any does with
+    `among_all`."""
     versions = store.sound_versions(name) if name is not None else iter(())
     kept = versions if among_all else islice(versions, 1)
     return any(same_nodes(one.state, model.state) for one in kept)
 
 
 def newest_boot(store: ModelStore) -> int:
-    """Return the number of the start that saved the model in use; 0 if none did."""
+    """Return the number of the start that saved the model in use; 0 if there is none."""
     name = store.current
     newest = next(store.sound_versions(name), None) if name is not None else None
     position = newest.summary.position if newest is not None else None
@@ -169,10 +171,10 @@ def newest_boot(store: ModelStore) -> int:
 
 
 def _learn_on(model: Model, run: _Run, numbers: list[int]) -> Model:
-    """Return the model after these changes, as they were made."""
+    """Return the model after these changes are made again, in order."""
     policy, taught = model.to_policy(), Counter(model.summary.taught)
     policy.kinds.describe(run.declared)
-    policy.restore(model.state)  # it was taken in the middle of a drive
+    policy.restore(model.state)  # not `set_state`: the state is from the middle of a drive
     events: list[LogEvent] = []
     for number in numbers:
         event = run.events[number]

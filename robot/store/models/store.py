@@ -1,4 +1,5 @@
-"""The models of one robot, by name. Each is a folder of versions, so that one is always valid."""
+"""The models of one robot, by name. Each model is a folder of versions, so that at least one
+version is always valid."""
 
 from __future__ import annotations
 
@@ -43,9 +44,9 @@ _T = TypeVar("_T")
 log = logging.getLogger(__name__)
 
 KEEP_VERSIONS = 3
-"""Number of versions of a model that are kept: the newest may be damaged."""
+"""Number of versions of a model that are kept, because the newest may be damaged."""
 _DAMAGED, _BROKEN = ".damaged", ".failed"
-"""Endings of versions that were set aside: unreadable ones, and ones that failed in use."""
+"""Endings of versions that were set aside, because they are unreadable or failed in use."""
 _FAILED = "failed.txt"
 _VERSION = re.compile(r"\d{1,9}\.npz", re.ASCII)
 _ASIDE = re.compile(r"\.(damaged|failed)(-\d+)?$", re.ASCII)
@@ -54,7 +55,7 @@ _DAMAGED_VERSION = re.compile(r"\d{1,9}\.npz\.damaged(-\d+)?", re.ASCII)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredModel:
-    """One model of the list; `summary` is None if no version can be read."""
+    """One model in the list; `summary` is None if no version can be read."""
 
     name: str
     summary: ModelSummary | None
@@ -64,7 +65,7 @@ class StoredModel:
 
 
 class ModelStore:
-    """Every file operation on models. Safe for one writer and any number of readers."""
+    """All file operations on models. Safe for one writer and any number of readers."""
 
     def __init__(
         self,
@@ -78,15 +79,15 @@ class ModelStore:
         self._markers = [storage.models / file for file in ("current.txt", "current.twin.txt")]
 
     def names(self) -> list[str]:
-        """List the models: the folders that have a version, readable or not.
+        """List the models: the folders that contain a version, readable or not.
 
-        Other programs also have folders there, such as `@eaDir` and `.stfolder`.
+        Other programs also create folders here, such as `@eaDir` and `.stfolder`.
         """
         found = [path for path in paths_in(self._storage.models) if not path.is_symlink()]
         return sorted((path.name for path in found if _is_model(path)), key=str.casefold)
 
     def saved(self) -> list[StoredModel]:
-        """List all models, the one saved last first."""
+        """List all models, last saved first."""
         current = self.current
         saved = [
             StoredModel(
@@ -102,7 +103,7 @@ class ModelStore:
 
     @property
     def current(self) -> str | None:
-        """Name of the model that the robot used last, and will use at the next start."""
+        """Name of the model that the robot used last and will use at the next start."""
         said = [_marked(marker) for marker in self._markers]
         sound = [name for name, checksum in said if checksum == _checksum(name)]
         return next((name for name in sound if name in self.names()), None)
@@ -113,7 +114,7 @@ class ModelStore:
             write_whole(marker, f"{name}\n{_checksum(name)}\n".encode())
 
     def save(self, name: str, model: Model) -> Path:
-        if name not in self.names():  # whatever a folder that is there is called
+        if name not in self.names():  # existing names are not checked
             name = check_name(name)
         versions = self._versions(name)
         number = int(versions[-1].stem) + 1 if versions else 1
@@ -125,7 +126,7 @@ class ModelStore:
         return path
 
     def load(self, name: str) -> Model:
-        """Read the newest valid version; damaged ones are renamed and stay on disk."""
+        """Read the newest valid version; damaged versions are renamed and stay on the disk."""
         for version in reversed(self._versions(self._check(name))):
             try:
                 model = decode_model(_read(version))
@@ -145,11 +146,11 @@ class ModelStore:
         self._announce("set_aside", detail=f"{name}/{version.name}: {why}"[:300])
 
     def retry_damaged(self) -> None:
-        """Put back versions that were set aside as damaged and that this program can read.
+        """Restore versions that were set aside as damaged but are readable by this program.
 
-        An older program sets aside what a newer one wrote. A version comes back, as the newest,
-        where no sound one of its model was saved later; the model is then used next where it was
-        saved later than the one in use.
+        An older program sets aside the versions that a newer program wrote. A version is restored,
+        as the newest, unless a valid version of its model was saved later. If it was saved later
+        than the model in use, its model is used next.
         """
         for name in self.names():
             for model, file in self._readable_again(name):
@@ -167,7 +168,8 @@ class ModelStore:
                         self.current = name
 
     def _readable_again(self, name: str) -> list[tuple[Model, Path]]:
-        """Read the versions that were set aside as damaged; those that can be, the oldest first."""
+        """Read the versions that were set aside as damaged; return the readable versions, oldest
+        first."""
         found = []
         for file in self._files(name):
             if _DAMAGED_VERSION.fullmatch(file.name):
@@ -178,11 +180,13 @@ class ModelStore:
         return sorted(found, key=lambda one: one[0].summary.saved_at_s)
 
     def _newest_s(self, name: str) -> float:
-        """Return when the newest readable version of a model was saved, -1 if there is none."""
+        """Return the time at which a model's newest readable version was saved; -1 if there is no
+        such version."""
         return max((one.saved_at_s for one in self._sound(name, decode_summary)), default=-1.0)
 
     def note_failure(self, name: str, why: str) -> None:
-        """Record that the model in use failed: the next start sets its newest version aside."""
+        """Record that the model in use failed, so that the next start sets its newest version
+        aside."""
         write_whole(self._storage.models / self._check(name) / _FAILED, why.encode())
 
     def set_failed_aside(self) -> list[str]:
@@ -198,7 +202,7 @@ class ModelStore:
         return failed
 
     def sound_versions(self, name: str) -> Iterator[Model]:
-        """Yield the versions of a model that can be read, the newest first; only reads."""
+        """Yield the readable versions of a model, newest first; changes no files."""
         return self._sound(name, decode_model)
 
     def _sound(self, name: str, decode: Callable[[bytes], _T]) -> Iterator[_T]:
@@ -207,12 +211,12 @@ class ModelStore:
                 yield decode(_read(version))
 
     def good_models(self) -> Iterator[tuple[str, Model]]:
-        """Yield all readable models: the one used last, then the others, newest first.
+        """Yield all readable models: first the model used last, then the others, newest first.
 
-        Newest by journal position, and by time saved where there is none.
+        The order is by journal position, or by the time of saving if there is no position.
         """
         current = self.current
-        if current is not None:  # first: the others are many, and seldom needed
+        if current is not None:  # first: the many others are seldom needed
             with contextlib.suppress(RecordingError, NotFoundError):
                 yield current, self.load(current)
         for other in sorted(self.saved(), key=_age_of, reverse=True):
@@ -226,8 +230,8 @@ class ModelStore:
         raise RecordingError(f"the model {name!r} has no readable version")
 
     def add_file(self, name: str, data: bytes) -> str:
-        """Save an uploaded model under this name or one like it; return the name."""
-        try_model(decode_model(data, max_bytes=len(data)))  # a packed one is larger than its file
+        """Save an uploaded model under this name, or a similar free name; return the name."""
+        try_model(decode_model(data, max_bytes=len(data)))  # refuse compressed models
         name = self.free_name(name)
         write_whole(self._storage.models / name / "00001.npz", data)
         return name
@@ -236,7 +240,7 @@ class ModelStore:
         return free_name(check_name(wanted), {p.name for p in paths_in(self._storage.models)})
 
     def rename(self, name: str, new_name: str) -> str:
-        """Give a model another name; return the name as it was saved."""
+        """Rename a model; return the new name in its stored form."""
         was_current = self.current == self._check(name)
         new_name = check_name(new_name)
         others = {path.name for path in paths_in(self._storage.models)} - {name}
@@ -246,13 +250,13 @@ class ModelStore:
         if was_current:
             try:
                 self.current = new_name
-            except OSError:  # a name that is refused must not be the one that the disk has
+            except OSError:  # undo: the disk must not keep a name that was refused
                 self._take_back(new_name, name)
                 raise
         return new_name
 
     def _take_back(self, moved: str, name: str) -> None:
-        """Give a model its name back, as far as the disk allows it."""
+        """Rename a model back to its old name, if the disk allows it."""
         with contextlib.suppress(OSError):
             (self._storage.models / moved).rename(self._storage.models / name)
         with contextlib.suppress(OSError):
@@ -269,7 +273,7 @@ class ModelStore:
         return self._storage.discard(self._storage.models / self._check(name))
 
     def restore(self, key: str) -> str:
-        """Restore a deleted model; return its name, a new one if the old one is in use."""
+        """Restore a deleted model; return its name, which is new if the old name is in use."""
         [name] = self._storage.restore(key, self._storage.models)
         return name
 
@@ -282,7 +286,7 @@ class ModelStore:
         return paths_in(self._storage.models / name)
 
     def _versions(self, name: str) -> list[Path]:
-        """List the versions, the oldest first, including entries that are not files."""
+        """List the versions, oldest first, including entries that are not files."""
         versions = [path for path in self._files(name) if _VERSION.fullmatch(path.name)]
         return sorted(versions, key=lambda path: int(path.stem))
 
@@ -302,7 +306,8 @@ def _age_of(stored: StoredModel) -> tuple[int, int, float]:
 
 
 def _marked(marker: Path) -> tuple[str, str]:
-    """Return the name in a marker, and its checksum: a truncated name may be another model's."""
+    """Return the name in a marker and its checksum, since a truncated name may be another
+    model's."""
     with contextlib.suppress(OSError, UnicodeDecodeError):
         name, _, checksum = read_regular(marker, 4096).decode().strip().partition("\n")
         return name, checksum

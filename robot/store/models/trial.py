@@ -1,7 +1,8 @@
 """Tries an untrusted model before it is accepted: it must match its summary, drive, and learn.
 
-The contents of its parts must match their declarations (`robot/learner/part.py`). Nothing is
-allocated by a size that the model claims. Then a copy of it drives and learns on a few pictures.
+The contents of the model's parts must match their declarations (`robot/learner/part.py`). No memory
+is allocated by a length that the model declares. Then a copy of the model drives and learns on a
+few pictures.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from robot.types import Action
 _MACHINE = RealClock()
 
 TRIAL_S = 2.0
-"""Time for showing pictures, in seconds. The first is always shown, so that a slow computer tries a
-model, too, and never refuses a valid one."""
+"""Time for showing pictures, in seconds. The first picture is always shown, so that a slow computer
+also tries the model, and never refuses a valid model."""
 _PICTURES = 6
 _STEP_S = 0.15
 _MOST_MOVES = 32
@@ -55,7 +56,7 @@ def _check_summary(model: Model) -> None:
 
 
 def _drive(policy: Policy) -> None:
-    """Show some pictures, each with another move under way, and teach each of them."""
+    """Show some pictures, each with a different current move, and teach each picture."""
     until_s = _MACHINE.now_s() + TRIAL_S
     moves = cycle((*policy.moves, None))
     for i, frame in enumerate(_pictures(_PICTURES)):
@@ -67,7 +68,7 @@ def _drive(policy: Policy) -> None:
         policy.learn(x, policy.moves[i % len(policy.moves)], at_s)
         if _MACHINE.now_s() > until_s:
             break
-    for node in policy.learner.nodes():  # as a page shows them
+    for node in policy.learner.nodes():  # the page shows them
         policy.features.thumbnail(node.image)
         _demand(set(node.votes) <= set(policy.moves), "an image has votes for unknown moves")
     policy.reset()
