@@ -30,7 +30,7 @@ def test_the_page_prints_what_it_says(tmp_path: Path) -> None:
     command = [sys.executable, "-c", "\n".join(blocks)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.stderr == ""
-    said = re.findall(r"It prints (.*?)\.(?: |\n)", PAGE.read_text("utf-8"), re.DOTALL)
+    said = re.findall(r"The example prints (.*?)\.(?: |\n)", PAGE.read_text("utf-8"), re.DOTALL)
     promised = [line for sentence in said for line in re.findall(r"`([^`]+)`", sentence)]
     assert done.stdout.splitlines() == promised
 
