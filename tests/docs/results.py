@@ -26,9 +26,10 @@ FOLDER = Path(__file__).parents[2] / "docs/results"
 PAGE = FOLDER / "README.md"
 _TOP = """# Results
 
-Made from the JSON files here by `make docs`. Before you quote a figure: [how it is \
-measured](../reference/experiments.md). Before: [lab](../lab/earlier.md). Two cores of an AMD \
-EPYC, of an Intel Xeon on 21 November; Python 3.11.7, numpy 2.4.6. Seeds from 0.
+Made from the JSON files in this folder by `make docs`. Before you quote a figure, read [how it is \
+measured](../reference/experiments.md). Earlier results are in [the lab book](../lab/earlier.md). \
+The machine had two cores of an AMD EPYC (on 21 November of an Intel Xeon), with Python 3.11.7 and \
+numpy 2.4.6. Seeds are counted from 0.
 """
 
 
@@ -44,7 +45,7 @@ def render() -> str:
 
 
 def _section(question: dict[str, Any]) -> str:
-    columns = ["", "asked", *question["columns"]]
+    columns = ["", "target", *question["columns"]]
     rows = [[row["what"], row.get("asked", ""), *row["measured"]] for row in question["rows"]]
     lines = [columns, ["---"] * len(columns), *rows]
     runs = [f"`{run['command']}` ({run['commit']}, {run['date']})" for run in question["runs"]]
