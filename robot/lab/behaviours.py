@@ -1,4 +1,4 @@
-"""Beyond the paper: other behaviours (its future work), taught in episodes, judged by purpose."""
+"""Other behaviours, the paper's future work: taught in episodes, and judged by their purpose."""
 
 from __future__ import annotations
 
@@ -59,16 +59,16 @@ _COLUMNS: Columns = {
 }
 
 AT_WALL_M = 0.02
-"""A thing this near to a wall has been brought there."""
+"""Distance from a wall, in metres, at which a thing counts as brought to the wall."""
 _IN_VIEW_RAD = math.radians(31.0)
 _IN_REACH_M = 1.0
 
 
 def run_episodes(params: Params) -> Result:
-    """Teach in some episodes, correct in some, then let the robot drive some unaided.
+    """Teach in some episodes, correct in some, then let the robot drive unaided in some.
 
-    Parameters: `world`, `teacher`, `moves`, `learner`, `seed`, `episode_s`, and how many episodes
-    of each: `teach`, `correct`, `alone`. An episode ends when a movable thing is at a wall.
+    Parameters: `world`, `teacher`, `moves`, `learner`, `seed`, `episode_s`, and the numbers of
+    episodes `teach`, `correct` and `alone`. An episode ends when a movable thing is at a wall.
     """
     drives: dict[str, list[DriveLog]] = {"teach": [], "correct": [], "alone": []}
     with make_trial(params) as trial:

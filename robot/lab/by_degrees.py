@@ -1,4 +1,4 @@
-"""One pilot who steers by degrees: is his robot smoother than one that takes only moves?"""
+"""A pilot who steers by degrees: is his robot smoother than one that accepts only moves?"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How much of a figure is chance: the spread of some runs, and intervals by bootstrap."""
+"""The effect of chance on a figure: standard deviations of runs, and intervals by bootstrap."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 
 _DRAWS = 2000
-"""Of the bootstrap that the intervals come from."""
+"""Number of bootstrap samples for an interval."""
 
 
 def deviation(values: Sequence[float]) -> float:
-    """Return the standard deviation of a sample; 0 for one."""
+    """Return the standard deviation of a sample; 0 for a single value."""
     return statistics.stdev(values) if len(values) > 1 else 0.0
 
 
@@ -22,16 +22,16 @@ def mean_of_known(values: Sequence[float | None]) -> float | None:
 
 
 def interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return the 95 % interval of the mean of some runs, by bootstrap; the same on every call."""
+    """Return the 95 % bootstrap interval of the mean of some runs; reproducible."""
     draws = np.random.default_rng(0).choice(values, (_DRAWS, len(values)))
     low, high = np.quantile(draws.mean(axis=1), (0.025, 0.975))
     return float(low), float(high)
 
 
 def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tuple[float, float]:
-    """Return where 90 % of the differences of two medians lie when all values are drawn anew.
+    """Return the 90 % bootstrap interval of the difference of two medians.
 
-    A minute's SSD is half chance, so that medians of sixty robots differ by a fifth without cause.
+    Half of a minute's SSD is chance, so medians of sixty robots differ by a fifth without a cause.
     """
     rng = np.random.default_rng(0)
     ours, theirs = (
@@ -42,6 +42,6 @@ def difference_by_chance(values: Sequence[float], others: Sequence[float]) -> tu
 
 
 def mean_in_interval(values: Sequence[float], digits: int = 2) -> str:
-    """Return the mean of some runs as text, and its interval in brackets."""
+    """Return the mean of some runs as text, with its interval in brackets."""
     low, high = (f"{end:.{digits}f}" for end in interval(values))
     return f"{statistics.fmean(values):.{digits}f} [{low}, {high}]"

@@ -1,9 +1,9 @@
-"""Tasks on the workers of a Dask cluster, one at a time on each, whatever its number of threads.
+"""Runs tasks on the workers of a Dask cluster, one at a time per worker.
 
-Before its first task a worker is asked what decides figures there (`identify`); a worker on which
-they would differ gets none. Each task goes to one named worker, and to another if that one is lost.
-A task is submitted as a text for Python's `eval`: neither the scheduler nor a worker needs this
-program to read it.
+Before its first task, a worker returns everything that affects figures (`identify`). A worker whose
+figures would differ gets no task. Each task is assigned to one worker, and to another if that
+worker is lost. A task is submitted as a text for Python's `eval`, so neither the scheduler nor a
+worker needs this program to read the task.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ _WHO = "(lambda space: (exec(source, space), space['identify_all']())[1])({'__na
 _RUN = "__import__('robot.lab.cluster', fromlist=['run_packed']).run_packed(packed)"
 _CONNECT_S = 10.0
 _LOOK_S = 1.0
-"""How often it is asked which workers there are, in seconds."""
+"""Interval at which the scheduler is asked for its workers, in seconds."""
 _FIRST_WORKER_S, _NO_WORKER_S = 10.0, 60.0
-"""The call ends when there was no worker for this long: at the start, and later."""
+"""Time without any worker after which the call ends, at the start and later, in seconds."""
 _SILENT_S = 20.0
-"""A worker that is silent for this long, or takes this long to say who it is, is named."""
+"""Time after which a silent or unidentified worker is reported, in seconds."""
 _MOST_LOSSES = 3
-"""A task that took as many workers with it is not tried again."""
+"""Number of lost workers after which their task is not tried again."""
 
 OnWorkers = Callable[[int, str], object]
-"""Is told the number of workers that get tasks, and what changed in a sentence; that is empty when
-nothing did."""
+"""Called with the number of workers that get tasks, and a sentence about the change, empty if there
+is none."""
 
 
 def run_on_cluster(
     scheduler: str | None, waiting: Mapping[str, Task], on_workers: OnWorkers
 ) -> Iterator[tuple[str, Outcome, str]]:
-    """Yield each task's key, what came of it and, in words, where, as they are finished.
+    """Yield each finished task's key, its outcome and the name of its worker.
 
-    ConfigurationError if the cluster cannot be reached, is lost, or has no worker that can be used.
+    ConfigurationError if the cluster cannot be reached, is lost, or has no usable worker.
     """
     distributed = need("distributed", "the backend dask", "dask")
     if scheduler is None:
@@ -57,10 +57,10 @@ def run_on_cluster(
         return
     with _quiet(), contextlib.ExitStack() as stack:
         try:
-            # Where it cannot connect, a Client waits another 20 s, and prints a traceback.
+            # If it cannot connect, a Client waits another 20 s and prints a traceback.
             asyncio.run(_knock(scheduler))
             client = distributed.Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
-        except Exception as error:  # of many kinds, by the address and the network
+        except Exception as error:  # the kind depends on the address and the network
             raise ConfigurationError(
                 f"no Dask scheduler answers at {scheduler}: {_first_line(error)}; is it running, "
                 "is the address right, and does tls:// have its certificates?"
@@ -76,7 +76,7 @@ def run_packed(packed: bytes) -> Outcome:
 
 @dataclass(slots=True)
 class _Worker:
-    """A worker: what it does, and when it was last heard of, by the scheduler's and our clock."""
+    """A worker, its task, and the time of its last message by the scheduler's and by our clock."""
 
     name: str
     began_s: float
@@ -84,7 +84,7 @@ class _Worker:
     heard_s: float = 0.0
     future: Any = None
     key: str = ""
-    """The task that it runs; empty while it is asked who it is."""
+    """The key of its task; empty while it is being identified."""
     is_used: bool = False
     is_silent: bool = False
 
@@ -124,7 +124,7 @@ class _Run:
     # Workers -------------------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Note who came and who went; raises if there is nobody to wait for."""
+        """Note new and lost workers; raises if there is no worker to wait for."""
         try:
             found = self._client.sync(
                 self._client.scheduler.identity, callback_timeout=_CONNECT_S, n_workers=-1
@@ -154,7 +154,7 @@ class _Run:
             self._say(f"the worker at {worker.name} has been silent for {_SILENT_S:.0f} s")
 
     def _let_go(self, address: str) -> None:
-        """Take a task back from a worker that is gone."""
+        """Reassign the task of a lost worker."""
         worker = self._workers.pop(address)
         self._refused.pop(address, None)
         if worker.future is not None:
@@ -202,7 +202,7 @@ class _Run:
                 self._submit(address, _RUN, packed=pickle.dumps((task, contents_of(task))))
 
     def _submit(self, address: str, text: str, **names: Any) -> None:
-        """Have a worker evaluate a text in which these names are known."""
+        """Have a worker evaluate a text with these names defined."""
         future = self._client.submit(
             eval, text, names, workers=[address], allow_other_workers=False, pure=False
         )
@@ -210,7 +210,7 @@ class _Run:
         future.add_done_callback(lambda done: self._events.put((address, done)))
 
     def _take(self, address: str, worker: _Worker) -> Iterator[tuple[str, Outcome, str]]:
-        """Take the answer of a worker: who it is, or what came of a task."""
+        """Process a worker's answer: its identity, or a task's outcome."""
         future, key = worker.future, worker.key
         worker.future, worker.key = None, ""
         if future.status != "finished":
@@ -222,12 +222,12 @@ class _Run:
             self._judge(address, worker, future.result())
 
     def _take_failure(self, address: str, worker: _Worker, future: Any, key: str) -> None:
-        """The task did not come back: it was not run, or the worker was lost meanwhile."""
+        """Handle a task without an answer: it was not run, or its worker was lost."""
         error = future.exception() if future.status == "error" else None
         is_lost = error is None or type(error).__name__ == "KilledWorker"
         if is_lost or not key:
             worker.key = key
-            self._let_go(address)  # the next look asks it anew, if it is there
+            self._let_go(address)  # if it still exists, it is identified again
             return
         raise ConfigurationError(
             f"the worker at {worker.name} cannot run {self._tasks[key]}: "
@@ -249,7 +249,7 @@ class _Run:
 
 
 async def _knock(scheduler: str) -> None:
-    """Raise whatever keeps this process from connecting."""
+    """Connect once; raises the reason if this fails."""
     comm = await need("distributed.comm", "the backend dask", "dask").connect(
         scheduler, timeout=_CONNECT_S
     )
@@ -261,13 +261,13 @@ def _first_line(error: BaseException | None) -> str:
 
 
 def _close(client: Any) -> None:
-    with contextlib.suppress(Exception):  # it is lost already
+    with contextlib.suppress(Exception):  # the connection is lost already
         client.close(timeout=2)
 
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence the library's own reports: whatever goes wrong is said here, in a sentence."""
+    """Silence the library's logs, because errors are reported here in one sentence."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]
     levels = {log: log.level for log in map(logging.getLogger, names)}
     for log in levels:

@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from robot.exchange.drive import Drive
 
 Vectors = dict[tuple[type[Features], str, str, float], list[Vector]]
-"""By what extracted them, the drive's name and light: once for all learners that see alike."""
+"""Vectors by features, drive and light, extracted once for all learners with these features."""
 Seen = Sequence[tuple[Vector, Action, Point | None]]
-"""A drive to a learner: each frame's features, its label, and the label by degrees."""
+"""A drive as a learner's input: each frame's features, its label, and the label by degrees."""
 
 
 class Pair(NamedTuple):
-    """Two drives of one place: one to learn from, one to be tested on."""
+    """Two drives of one place: one for training, one for the test."""
 
     train: Drive
     test: Drive
@@ -47,9 +47,9 @@ class Lesson(NamedTuple):
     """How much of a drive is learned.
 
     Attributes:
-        frames: How many frames at most; None: all.
-        in_a_row: True: the first ones, as a pilot teaches. False: spread evenly over the drive,
-            which covers it, and flatters whatever learns from few.
+        frames: Maximum number of frames; None: all.
+        in_a_row: True: the first frames, as a pilot teaches. False: frames spread evenly over the
+            drive, which flatters learners that need few examples.
     """
 
     frames: int | None = None
@@ -62,7 +62,7 @@ class Lesson(NamedTuple):
         return f"first {self.frames}" if self.in_a_row else f"{self.frames} spread"
 
     def places(self, n: int) -> NDArray[np.intp]:
-        """Return which frames of a drive of `n` are learned, in order."""
+        """Return the indices of the frames to learn in a drive of `n`, in order."""
         count = min(self.frames or n, n)
         return (
             np.arange(count) if self.in_a_row else np.linspace(0, n - 1, count).round().astype(int)
@@ -75,7 +75,7 @@ WHOLE_DRIVE = Lesson()
 def load_pairs(folder: Path | str) -> list[Pair]:
     """Return both directions of every place X that has X_A.npz and X_B.npz in `folder`;
     RecordingError if there is no such folder or pair, or a recording is broken."""
-    from robot.exchange.npz import load_recording  # of another extension, asked for when needed
+    from robot.exchange.npz import load_recording  # from another extension, imported when needed
 
     pairs = recorded_pairs(Path(folder))
     loaded = {path: load_recording(path) for path, _ in pairs}
@@ -83,8 +83,8 @@ def load_pairs(folder: Path | str) -> list[Pair]:
 
 
 def recorded_pairs(folder: Path) -> list[tuple[Path, Path]]:
-    """Return the paths of each place's two recordings, both ways; RecordingError if there is no
-    such folder or recording."""
+    """Return the paths of each place's two recordings, in both directions; RecordingError if there
+    is no such folder or recording."""
     if not folder.is_dir():
         raise RecordingError(f"there is no folder {folder}")
     firsts = sorted(folder.glob("[!.]*_A.npz"))
@@ -104,11 +104,11 @@ def evaluate(
     light: float = 1.0,
     lessons: Sequence[Lesson] = (WHOLE_DRIVE,),
 ) -> Iterator[Result]:
-    """Yield what `judge` finds of each learner after each lesson on each pair, and of which it is.
+    """Yield the figures of `judge` for each learner, lesson and pair, with their names.
 
     Args:
-        light: How much of the light is left when the learner is tested.
-        lessons: How much of a drive is learned.
+        light: Share of the light that is left in the test.
+        lessons: The parts of a drive that are learned.
 
     Raises:
         ConfigurationError: If a learner is unknown.
@@ -129,7 +129,7 @@ def evaluate(
 
 def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) -> Seen:
     """Return a drive with the policy's features, its brightness multiplied by `light`."""
-    whose = policy.name if getattr(policy.features, "__dict__", True) else ""  # set up only for it
+    whose = policy.name if getattr(policy.features, "__dict__", True) else ""  # for one policy only
     key = (type(policy.features), whose, drive.name, light)
     if key not in known:
         frames = (shot.frame(0, 0.0) for shot in drive.shots)
@@ -139,7 +139,7 @@ def seen_by(policy: Policy, drive: Drive, known: Vectors, light: float = 1.0) ->
 
 
 def darkened(frame: Frame, light: float) -> Frame:
-    """Return the frame as it would be with `light` of the light."""
+    """Return the frame darkened to the share `light` of its light."""
     if light == 1.0:
         return frame
     pixels = (to_rgb(frame) * light).astype(np.uint8)
@@ -151,14 +151,15 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: Lesson = WHOLE_DRIVE)
 
     Returns:
         Shares between 0 and 1. `calibration_error` is the expected difference between confidence
-        and accuracy in ten equal bins of confidence (Guo et al. 2017); `novel` the share of views
-        unlike all examples. Where the drives have angles: their mean error, the correlation, and by
-        how much the answer changes from frame to frame (root mean square: the smoother, the less).
-        `learn_ms` and `predict_ms` are the times of a frame on this machine, without the features.
+        and accuracy in ten equal bins of confidence (Guo et al. 2017); `novel` is the share of
+        views unlike all examples. If the drives have angles: the mean error, the correlation, and
+        the root mean square of the change from frame to frame, which is smaller for smoother
+        driving. `learn_ms` and `predict_ms` are the times per frame on this machine, without the
+        features.
     """
     started_s = time.perf_counter()
     n_taught = teach(policy, train, lesson)
-    policy.propose(0, train[0][0])  # some are fitted only when asked
+    policy.propose(0, train[0][0])  # some learners are fitted at the first prediction
     learned_s = time.perf_counter() - started_s
     policy.reset()
     started_s = time.perf_counter()
@@ -183,9 +184,9 @@ def judge(policy: Policy, train: Seen, test: Seen, lesson: Lesson = WHOLE_DRIVE)
 
 
 def teach(policy: Policy, drive: Seen, lesson: Lesson = WHOLE_DRIVE) -> int:
-    """Teach a policy one more drive, perhaps of another place than the last.
+    """Teach a policy one more drive, perhaps in a new place.
 
-    Returns how many frames were learned.
+    Returns the number of learned frames.
     """
     policy.reset()
     places = lesson.places(len(drive))
@@ -198,7 +199,7 @@ def teach(policy: Policy, drive: Seen, lesson: Lesson = WHOLE_DRIVE) -> int:
 def _angles(
     truth: Sequence[Point | None], proposed: Sequence[Point | None]
 ) -> dict[str, float | None]:
-    """Return mean error, correlation and step of the angle; None where it is not known."""
+    """Return mean error, correlation and step of the angle; None if unknown."""
     known = [(t.steering, p.steering) for t, p in zip(truth, proposed, strict=True) if t and p]
     found = dict.fromkeys(("angle_error", "angle_correlation", "angle_step"))
     if known:
@@ -211,7 +212,7 @@ def _angles(
 
 
 def calibration_error(confidences: Sequence[float], right: Sequence[bool]) -> float:
-    """Return the mean over frames of |confidence - accuracy| of their tenth of confidence."""
+    """Return the mean over frames of |confidence - accuracy| in the frame's tenth of confidence."""
     values, hits = np.array(confidences), np.array(right, float)
     tenths = np.minimum((values * 10).astype(int), 9)
     gaps = [abs(float((values - hits)[tenths == tenth].sum())) for tenth in range(10)]
@@ -219,7 +220,7 @@ def calibration_error(confidences: Sequence[float], right: Sequence[bool]) -> fl
 
 
 def scores(truth: Sequence[Action], proposed: Sequence[Action | None]) -> tuple[float, float]:
-    """Return accuracy, and the mean over the true labels of the share that was recognised."""
+    """Return the accuracy, and the recall averaged over the true labels."""
     right = np.array([t is p for t, p in zip(truth, proposed, strict=True)])
     true = np.array([str(t) for t in truth])
     recalls = [float(right[true == label].mean()) for label in np.unique(true)]
@@ -239,8 +240,8 @@ _MEASURES = {
 
 
 def table(results: Sequence[Result]) -> Table:
-    """Return one row a pair, learner and lesson, then the mean of each learner after each lesson;
-    of times, the median."""
+    """Return one row for each pair, learner and lesson, then each learner's mean after each lesson;
+    for times, the median."""
     names = ("place", "train", "test", "learner", "lesson")
     rows: list[tuple[Cell, ...]] = [
         (*(r[name] for name in names), f"{r['correct']}/{r['frames']}", *_measures([r]))
@@ -254,7 +255,7 @@ def table(results: Sequence[Result]) -> Table:
 
 
 def _measures(results: Sequence[Result]) -> Iterator[str]:
-    """Yield the measures of some results as text; empty where none has it."""
+    """Yield the measures of some results as text; empty if no result has the measure."""
     for name in _MEASURES.values():
         known = [r[name] for r in results if r[name] is not None]
         join = statistics.median if name.endswith("_ms") else statistics.fmean

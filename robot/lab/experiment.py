@@ -1,4 +1,4 @@
-"""Defines an experiment: a plan of tasks, and the tables made of their results."""
+"""Defines an experiment: a plan of tasks, and the tables of their results."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ class ExperimentSettings:
     seeds: int = 10
     quick: bool = False
     learners: Sequence[str] = ()
-    """Empty: those of the experiment."""
+    """Learners to run; empty: the experiment's."""
     teacher: str | None = None
-    """None: those of the experiment."""
+    """Teacher to use; None: the experiment's."""
     recordings: str | None = None
     worlds: Sequence[str] = ()
-    """Foreign worlds; empty: those of the experiment."""
+    """Third-party worlds; empty: the experiment's."""
     robot: str = "sim"
-    """Whose cycles figure 5 times."""
+    """The robot whose cycles figure 5 times."""
 
     @property
     def n_seeds(self) -> int:
-        """How many runs of each kind; one with `--quick`."""
+        """Number of runs of each kind; one with `--quick`."""
         return 1 if self.quick else self.seeds
 
     def taught(self, place: Params) -> Params:
-        """Return a place of simulated people with the teacher that was named, if one was."""
+        """Return a place of simulated people, with the named teacher if one was named."""
         return {**place, "teacher": self.teacher or place["teacher"]}
 
     @property
     def learner(self) -> str:
-        """The learner of an experiment that is about only one."""
+        """Return the learner of an experiment with only one learner."""
         if len(self.learners) > 1:
             raise ConfigurationError(
                 "habits, ready and degrees are about one learner: name one --learner, not "
@@ -50,10 +50,10 @@ class ExperimentSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plot:
-    """Lines over numbers, or points beside names, for matplotlib.
+    """A plot for matplotlib: lines over numbers, or points beside names.
 
     Attributes:
-        series: Name, x values or names, y values; None where there is none.
+        series: Name, x values or names, y values; None for a missing value.
     """
 
     title: str
@@ -72,7 +72,7 @@ def seeded(
     first: int = 0,
     least: int = 1,
 ) -> Iterator[Task]:
-    """Yield each case with every seed from `first` on, with `least` seeds at least."""
+    """Yield each case with every seed from `first` on, at least `least` seeds."""
     for case in cases:
         for seed in range(max(least, settings.n_seeds)):
             yield Task(run, {**case, "seed": first + seed})
@@ -80,14 +80,15 @@ def seeded(
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """One figure of the paper, or one question beyond it.
+    """One figure of the paper, or one further question.
 
     Attributes:
         plan: Makes the tasks to run.
-        tables: Makes the tables of what was run.
-        drawn: Columns of each table that are plotted over its rows.
+        tables: Makes the tables of the results.
+        drawn: Columns of each table that are plotted over the rows.
         plots: Makes further plots.
-        times_machine: Its runs are made one after the other, here.
+        times_machine: True if it measures time: its runs are made one after the other on this
+            machine.
     """
 
     title: str
@@ -100,7 +101,7 @@ class Experiment:
 
 
 def group(runs: Runs, *names: str) -> dict[tuple[Any, ...], list[Result]]:
-    """Sort results by the parameters of these names, in the order of the tasks."""
+    """Group results by the parameters of these names, in the order of the tasks."""
     groups: dict[tuple[Any, ...], list[Result]] = {}
     for task, result in runs:
         groups.setdefault(tuple(task.params.get(name) for name in names), []).append(result)
@@ -122,10 +123,10 @@ EXPERIMENTS = {
     "ground": "robot.lab.ground.ground:GROUND",
     "streams": "robot.lab.streams:ONLINE",
 }
-"""Where each is, in the order in which `all` runs them; imported when it is asked for."""
+"""The location of each experiment, in the order of `all`; imported when needed."""
 
 
 def load_experiment(name: str) -> Experiment:
-    """Return an experiment; raises MissingExtraError if it lacks its libraries."""
+    """Return an experiment; raises MissingExtraError if a library is missing."""
     experiment: Experiment = resolve_name(EXPERIMENTS[name])
     return experiment

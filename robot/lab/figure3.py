@@ -21,10 +21,10 @@ from robot.types import DEFAULT_MOVES, Action, Frame, Mode
 
 LEARNERS = ("knn-3", "knn-9", "published-32", "published-64", "published-128", "default-32")
 RIVALS = ("som-32", "gng-32", "alvinn-8")
-"""Learners that the paper names, where their libraries are installed (extra `rivals`)."""
+"""The paper's other learners, used if their libraries are installed (extra `rivals`)."""
 KINDS = {"simulated_footage": "Simulated", "recorded_footage": "Recorded"}
 FRAMES = 700
-"""Frames to train on, and as many to test on, as in the paper."""
+"""Number of frames for the training, and for the test, as in the paper."""
 PUBLISHED = {
     "knn-3": (609.5, 46.1),
     "knn-9": (624.4, 36.1),
@@ -32,7 +32,7 @@ PUBLISHED = {
     "published-64": (614.5, 40.5),
     "published-128": (616.1, 36.6),
 }
-"""Of the paper: frames of 700 rightly classified: mean and standard deviation."""
+"""The paper's figures: correctly classified frames of 700, mean and standard deviation."""
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
@@ -47,7 +47,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def recorded_tasks(settings: ExperimentSettings, learners: Iterable[str]) -> Iterator[Task]:
-    """Yield every learner on every pair of recordings, if a folder of them was given."""
+    """Yield every learner on every pair of recordings, if a folder of recordings was given."""
     pairs = recorded_pairs(Path(settings.recordings)) if settings.recordings else []
     for (train, test), learner in product(pairs[:2] if settings.quick else pairs, learners):
         params = {"train": str(train), "test": str(test), "learner": learner}
@@ -87,7 +87,7 @@ KEPT = ("accuracy", "balanced_accuracy", "calibration_error")
 def run_simulated_footage(params: Params) -> Result:
     """Train on a teacher's drive, test on another; `world`, `teacher`, `moves`, `learner`, `seed`.
 
-    Both drives are of the same place, with other starts, noise and slips of the hand.
+    Both drives are in the same place, with different starts, noise and slips of the hand.
     """
     policy = make_learner(params["learner"], tuple(map(Action, params["moves"])))
     train, test = (
@@ -100,7 +100,7 @@ def run_simulated_footage(params: Params) -> Result:
 
 def run_recorded_footage(params: Params) -> Result:
     """Train on one recording, test on another; `train`, `test` (paths) and `learner`."""
-    from robot.exchange.npz import load_recording  # of another extension, asked for when needed
+    from robot.exchange.npz import load_recording  # from another extension, imported when needed
 
     policy = make_learner(params["learner"], DEFAULT_MOVES)
     train, test = (seen_by(policy, load_recording(params[part]), {}) for part in ("train", "test"))

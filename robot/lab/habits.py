@@ -42,7 +42,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
         {"habit": habit, "world": world, "rate_hz": rate_hz, "teach_s": teach_s}
         for habit, world, (rate_hz, teach_s) in product(HABITS, WORLDS, times_s)
     ]
-    # In an order of chance, so that the runs done by any moment are a sample of all.
+    # In random order, so that at any moment the finished runs are a sample of all.
     random.Random(0).shuffle(chosen)
     chosen *= max(1, settings.n_seeds // 10)
     for number, case in enumerate(QUICK if settings.quick else chosen):
@@ -57,9 +57,9 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return the release criteria, then one table each by rate, habit and place.
+    """Return a table of the release criteria, then one table each by rate, habit and place.
 
-    The tables are of lessons of 90 s, of which the quick form has none.
+    The tables contain lessons of 90 s, of which the quick form has none.
     """
     tables = [_gate(runs)]
     for name in ("rate_hz", "habit", "world"):
@@ -74,12 +74,12 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _drives(results: Iterable[Result], phases: Sequence[str] = ("before", "after")) -> list[Result]:
-    """Return the figures of each unaided drive; those of its teacher are `teacher`."""
+    """Return the figures of each unaided drive, with its teacher's figures under `teacher`."""
     return [result[phase] for result in results for phase in phases if phase in result]
 
 
 def _share(drives: Sequence[Result], name: str) -> float:
-    """Return the robots' sum as a share of their teachers'; 0 where they did nothing."""
+    """Return the robots' sum as a share of their teachers' sum; 0 if the teachers' sum is 0."""
     whole = float(sum(own["teacher"][name] for own in drives))
     return float(sum(own[name] for own in drives)) / whole if whole else 0.0
 
@@ -134,16 +134,17 @@ def _gate(runs: Runs) -> Table:
 
 _MEANS = ("driven_m", "covered_m2", "steering_per_s")
 DRIFT_SHARE = 0.15
-"""Drift of the wheels while a simulated pilot teaches. In a second of driving straight the heading
-changes by 17 degrees (standard deviation)."""
+"""Drift of the wheels while a simulated pilot teaches. While driving straight, the heading changes
+by 17 degrees a second (standard deviation)."""
 
 
 def run_habit(params: Params) -> Result:
-    """Teach, drive unaided, correct, drive again; and the pilot from where the robot began.
+    """Teach, drive unaided, correct, drive again; the pilot drives from the robot's start too.
 
-    In a minute neither sees all of a place, and from another corner the difference would be that of
-    the corners. The pilot's minutes have the lesson's frame rate, too: with ten pictures a second a
-    hand moves later than with thirty, and a pilot who follows a wall drives differently.
+    In a minute neither robot nor pilot sees the whole place, so from different corners the
+    difference would be due to the corners. The pilot's minutes have the lesson's frame rate too,
+    because with ten pictures a second a hand moves later than with thirty, and a pilot who follows
+    a wall drives differently.
 
     Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `teach_s`, `correct_s`, `alone_s`,
     `reference_s`.
@@ -160,7 +161,7 @@ def run_habit(params: Params) -> Result:
 
 
 def taught_by(habit: Habit, name: str, params: Params) -> Trial:
-    """Return a trial with such a pilot, of the name that its chances follow from."""
+    """Return a trial with a pilot of this habit; the name seeds the random numbers."""
     policy, rate_hz = make_learner(params["learner"], habit.moves), params["rate_hz"]
     world, seed, pilot = params["world"], params["seed"], habit.pilot(name)
     return Trial(world, seed, policy, pilot, rate_hz=rate_hz, drift=DRIFT_SHARE)
@@ -169,9 +170,9 @@ def taught_by(habit: Habit, name: str, params: Params) -> Trial:
 def beside_pilot(
     drive: DriveLog, taught: DriveLog, habit: Habit, name: str, params: Params, n_minutes: int
 ) -> dict[str, Any]:
-    """Return the figures of a robot's minute, and of its pilot's own from where it began.
+    """Return the figures of a robot's minute, and of its pilot's minute from the same start.
 
-    A push counts as the pilot's in the lesson, too: there the robot learned it.
+    The pilot's pushes in the lesson count too, because the robot learned them there.
     """
     minutes = [
         drive_by_hand(
@@ -198,10 +199,10 @@ def beside_pilot(
 
 
 def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
-    """Return the SSD of a drive against what the pilot would have held at each of its ticks.
+    """Return the SSD of a drive against the pilot's wanted moves at each of its ticks.
 
-    Who drives in curves soon goes round and round somewhere, so that two drives differ by where
-    that is. In the robot's own place they differ by what they do.
+    A pilot who drives in curves soon circles in one place, so two separate drives differ by this
+    place. At the robot's place, robot and pilot differ only by their moves.
     """
     pilot.change_mode(Mode.TRAIN)
     held = DriveLog()
@@ -213,7 +214,7 @@ def ssd_in_place(drive: DriveLog, pilot: SimulatedPilot) -> float:
 
 
 def _ssd_of_turns_alike(drive: DriveLog, teacher: DriveLog) -> float:
-    """Return the SSD with left and right as one move: which side it is, is often chance."""
+    """Return the SSD with left and right as one move, because the side is often chance."""
     alike = (
         [replace(at, action=Action.LEFT) if at.action is Action.RIGHT else at for at in log]
         for log in (teacher, drive)

@@ -37,13 +37,14 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
     """Return a policy.
 
     Args:
-        name: `default-32`, the name of an entry point, or `path.py:Name`, a class or function
-            that, called without arguments, returns a `Policy` or a `Learner` (which then gets the
-            default's features and action filter).
-        moves: The moves that it may propose.
+        name: `default-32`, the name of an entry point, or `path.py:Name`: a class or function that
+            returns, without arguments, a `Policy` or a `Learner`. A `Learner` gets the default's
+            features and action filter.
+        moves: The moves that the policy may propose.
 
     Raises:
-        ConfigurationError: If it is unknown, or returns neither; says which file and why.
+        ConfigurationError: If the name is unknown, or returns neither; names the file and the
+            reason.
     """
     made = _make_idea(name, "drivelesson.learners")
     if made is None:
@@ -53,7 +54,9 @@ def make_learner(name: str, moves: tuple[Action, ...]) -> Policy:
         return made
     if isinstance(made, Learner):
         return Policy(name, 0, made, GradientFeatures(), moves=moves)
-    raise ConfigurationError(f"{name} gives a {type(made).__name__}, neither Policy nor Learner")
+    raise ConfigurationError(
+        f"{name} returned a {type(made).__name__}, which is neither a Policy nor a Learner"
+    )
 
 
 def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
@@ -73,7 +76,7 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
 def make_trial(params: Params) -> Trial:
     """Build a trial of `world`, `learner`, `teacher`, `moves` and `seed`.
 
-    The sonar controller is a program on the robot, so it has no human delay.
+    The sonar controller is a program on the robot, so it has no human delays.
     """
     moves, seed = tuple(map(Action, params["moves"])), params["seed"]
     teacher = make_teacher(params["teacher"], moves)
@@ -83,14 +86,14 @@ def make_trial(params: Params) -> Trial:
 
 
 def _make_idea(name: str, group: str) -> Any:
-    """Return what an entry point or a file makes, or None if the name is a built-in one."""
+    """Return the object made by an entry point or a file; None for a built-in name."""
     file, colon, attribute = name.rpartition(":")
     try:
         for point in entry_points(group=group, name=name):
             return point.load()()
         if colon and file.endswith(".py"):
             return getattr(_load_file(Path(file)), attribute)()
-    except Exception as error:  # a stranger's code: whatever it raises, say where
+    except Exception as error:  # foreign code: name the place of any error
         raise ConfigurationError(
             f"the idea {name} cannot be used: {type(error).__name__}: {error}"
         ) from error

@@ -1,7 +1,7 @@
 """Identifies the causes of a run's figures: the program, Python, its libraries, and the arithmetic.
 
-A cluster's workers are sent this file as text and run it, whether they have this program or not:
-it needs only the standard library, and any Python 3.
+A cluster's workers get this file as text and run it, even if this program is not installed there.
+So it needs only the standard library and any Python 3.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from pathlib import Path
 
 MISSING = "missing"
 LIBRARIES = ("numpy", "panda3d", "opencv-python-headless", "scikit-learn", "river")
-"""Libraries that decide figures. Packages with entry points of this program are added."""
+"""Libraries that affect figures. Packages with entry points of this program are added."""
 
 
 def identify() -> dict[str, str]:
-    """Return the code that decides the figures of this process; `MISSING` where it is absent."""
+    """Return the versions of all code that affects this process's figures; `MISSING` if absent."""
     return {
         "drivelesson": fingerprint(_program()),
         "Python": platform.python_version(),
@@ -28,12 +28,12 @@ def identify() -> dict[str, str]:
 
 
 def identify_all() -> dict[str, str]:
-    """Return the code, and under `arithmetic` what it computes on this processor."""
+    """Return the same, and under `arithmetic` a fingerprint of computed numbers."""
     return {**identify(), "arithmetic": arithmetic()}
 
 
 def differences(ours: Mapping[str, str], theirs: Mapping[str, str]) -> list[str]:
-    """Say in words what another process has otherwise, most important first."""
+    """Describe the differences of another process in words, the most important first."""
     if theirs["drivelesson"] == MISSING:
         return ["it does not have Drivelesson"]
     names = dict.fromkeys((*ours, *theirs))
@@ -59,10 +59,10 @@ def fingerprint(folder: Path | None) -> str:
 
 
 def arithmetic() -> str:
-    """Return a fingerprint of what numpy computes here, to the last digit.
+    """Return a fingerprint of numpy's results on this machine, to the last digit.
 
-    It depends on the processor, on the library of linear algebra, and on how many threads share a
-    sum.
+    The results depend on the processor, on the linear algebra library, and on the number of threads
+    that share a sum.
     """
     try:
         import numpy as np
@@ -92,7 +92,7 @@ def arithmetic() -> str:
 
 
 def _program() -> Path | None:
-    """Return the folder of `robot`, if it is this program's (Robot Framework has one, too)."""
+    """Return the folder of `robot` if it is this program's (Robot Framework has a `robot` too)."""
     try:
         found = importlib.util.find_spec("robot")
     except (ImportError, ValueError):
@@ -103,7 +103,7 @@ def _program() -> Path | None:
 
 
 def _plugins() -> set[str]:
-    """Name the other installed packages that add something to this program."""
+    """Return the names of the installed packages that extend this program."""
     return {
         str(package.metadata["Name"])
         for package in importlib.metadata.distributions()

@@ -1,4 +1,4 @@
-"""Experiments in which robots are taught, and held against their teachers by SSD.
+"""Experiments in which robots are taught, and compared with their teachers by SSD.
 
 Figures 6, 7 and 8 of the paper.
 """
@@ -33,8 +33,8 @@ def run_lesson(params: Params) -> Result:
     """Teach, drive unaided, correct, drive unaided again; figures of each phase.
 
     Parameters: `world`, `learner`, `teacher`, `moves`, `seed`, `teach_s`, `correct_s`, `alone_s`,
-    `reference_s` (how long the teacher drives once more so that its own profile is well known;
-    nothing is measured of the robot after it).
+    `reference_s` (for how long the teacher drives once more, for a reliable profile; the robot is
+    not measured after it).
     """
     alone_s = params.get("alone_s", 60.0)
     with make_trial(params) as trial:
@@ -46,7 +46,7 @@ def run_lesson(params: Params) -> Result:
     result: Result = {
         name: {
             **metrics.against(drive, teacher, moves),
-            # Only the teaching, as in the paper.
+            # Against the teaching only, as in the paper.
             "ssd_against_lesson": compare(taught.profile(), drive.profile(), moves).ssd,
         }
         for name, drive in drives.items()
@@ -59,7 +59,7 @@ def run_lesson(params: Params) -> Result:
 def ssd_tables(
     results: Iterable[tuple[str, str, Result]], *published: tuple[str, str, tuple[Cell, ...]]
 ) -> list[Table]:
-    """Return tables of SSD, each with the paper's rows (title, name, figures) before ours."""
+    """Return tables of SSD, each with the paper's rows (title, name, figures) before our rows."""
     made = []
     for table in tables_of(results, SSD_COLUMNS, "SSD"):
         missing = (None,) * len(SSD_COLUMNS)
@@ -82,7 +82,7 @@ _NODES_PUBLISHED = {
     32: (3.48, 5.84),
     64: (12.20, 10.57),
 }
-"""Of the paper: SSD by number of nodes, self-trained by sonar: mean and standard deviation."""
+"""The paper's SSD by number of nodes, self-trained by sonar: mean and standard deviation."""
 KINDS = ("published", "default")
 
 
@@ -117,13 +117,13 @@ _TRIALS_PUBLISHED = {
     2: {"before": (14.24, 12.15, 46.76), "after": (1.72, 1.93, 7.50)},
     3: {"before": (20.47, 16.42, 65.56), "after": (10.84, 15.21, 86.79)},
 }
-"""Of the paper: SSD by trial, 32 nodes, human teachers: mean, standard deviation, maximum."""
+"""The paper's SSD by trial, 32 nodes, human teachers: mean, standard deviation, maximum."""
 
 
 def trial_cases(
     trial: int, learners: Iterable[str], settings: ExperimentSettings
 ) -> Iterable[Params]:
-    """One of the paper's trials, with retraining."""
+    """Return the cases of one of the paper's trials, with retraining."""
     for learner in learners:
         yield {**settings.taught(TRIALS[trial]), **_RETRAINED, "trial": trial, "learner": learner}
 
@@ -136,7 +136,7 @@ def _trials(settings: ExperimentSettings) -> Iterable[Params]:
 
 
 def _tables_by_trial(runs: Runs) -> list[Table]:
-    """Return a table a trial, of the minutes before and after retraining and of the teachers'."""
+    """Return a table per trial: minutes before and after retraining, and the teachers' minutes."""
     titles = {
         trial: f"Trial {trial}: {setting['world']}, {', '.join(setting['moves'])}"
         for trial, setting in TRIALS.items()
@@ -177,7 +177,7 @@ _TIMES_PUBLISHED = {
     ("human", 90): 11.79,
     ("human", 180): 9.38,
 }
-"""Of the paper: mean SSD by teacher and seconds of training."""
+"""The paper's mean SSD by teacher and seconds of training."""
 SECONDS = (90, 180)
 
 

@@ -1,4 +1,4 @@
-"""How a robot drives: the log of a drive, tick by tick, and its measures.
+"""The log of a drive, tick by tick, and its measures.
 
 Collisions, pushing, distance, floor covered, agreement. Pure: logs in, numbers out.
 """
@@ -21,7 +21,7 @@ from robot.study.profile import Profile, behavior_profile, compare
 from robot.types import Action, DrivenBy, Point, Pose
 
 STAY_M, STUCK_S = 0.15, 20.0
-"""A robot is stuck if it stays within this distance, in metres, for this time, in seconds: a full
+"""A robot is stuck if it stays within this distance, in metres, for this time, in seconds. A full
 turn about one wheel takes 19.5 s."""
 CELL_M = 0.1
 """Side of the squares in which covered floor is counted, in metres."""
@@ -29,7 +29,7 @@ CELL_M = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSample:
-    """One tick of a drive. `distance_m` is what the sonar read before the action was chosen."""
+    """One tick of a drive. `distance_m` is the sonar's reading before the action was chosen."""
 
     now_s: float
     action: Action
@@ -48,11 +48,11 @@ class DriveSample:
 
 
 class DriveLog(list[DriveSample]):
-    """The moments of one drive, in time order."""
+    """The ticks of one drive, in time order."""
 
     @property
     def seconds(self) -> float:
-        """How long the drive was, the last tick included."""
+        """The duration of the drive, including the last tick."""
         if len(self) < 2:
             return 0.0
         return (self[-1].now_s - self[0].now_s) * len(self) / (len(self) - 1)
@@ -64,7 +64,7 @@ class DriveLog(list[DriveSample]):
         return [moment.action for moment in self]
 
     def steering(self) -> list[float]:
-        """Return where each tick steered, from -1 to 1; a move steers as it is declared."""
+        """Return each tick's steering from -1 to 1; a move has its declared steering."""
         points = [moment.point or point_of(moment.action) for moment in self]
         return [point.steering if point else 0.0 for point in points]
 
@@ -73,19 +73,19 @@ class DriveLog(list[DriveSample]):
 
 
 def collisions_per_minute(log: DriveLog) -> float:
-    """Return how often a minute the body touched something anew; a lasting contact counts once."""
+    """Return the number of new contacts per minute; a lasting contact counts once."""
     flags = [moment.is_touching for moment in log]
     begun = sum(now and not before for before, now in pairwise([False, *flags]))
     return _per_minute(begun, log)
 
 
 def pushing_s_per_minute(log: DriveLog) -> float:
-    """Return how many seconds a minute the robot drove against something."""
+    """Return the seconds per minute for which the robot drove against something."""
     return _per_minute(sum(seconds for moment, seconds in _spans(log) if moment.is_pushing), log)
 
 
 def longest_push_s(log: DriveLog) -> float:
-    """Return the longest time without a break for which the robot drove against something."""
+    """Return the longest uninterrupted time for which the robot drove against something."""
     longest_s = current_s = 0.0
     for moment, seconds in _spans(log):
         current_s = current_s + seconds if moment.is_pushing else 0.0
@@ -100,7 +100,7 @@ def driven_m(log: DriveLog) -> float:
 
 
 def covered_m2(log: DriveLog) -> float:
-    """Return the floor that the robot's centre crossed, in squares of 10 cm."""
+    """Return the floor area that the robot's centre crossed, counted in squares of 10 cm."""
     cells = {
         (math.floor(moment.pose.x_m / CELL_M), math.floor(moment.pose.y_m / CELL_M))
         for moment in log
@@ -130,7 +130,7 @@ def asking_share(log: DriveLog) -> float:
 
 
 def agreement(log: DriveLog) -> float | None:
-    """Return how often robot and teacher would have done the same, of the ticks with both."""
+    """Return the share of ticks with equal moves of robot and teacher, of the ticks with both."""
     both = [
         moment.proposed is moment.wanted
         for moment in log
@@ -140,7 +140,7 @@ def agreement(log: DriveLog) -> float | None:
 
 
 def figures(log: DriveLog) -> dict[str, float]:
-    """Return what every experiment tells of a drive."""
+    """Return the figures of a drive that every experiment reports."""
     return {
         "longest_push_s": longest_push_s(log),
         "pushing_s_per_min": pushing_s_per_minute(log),
@@ -154,7 +154,7 @@ def figures(log: DriveLog) -> dict[str, float]:
 
 
 def against(log: DriveLog, teacher: DriveLog, moves: tuple[Action, ...]) -> dict[str, Any]:
-    """Return the figures of a drive, and how far its Behavior Profile is from the teacher's."""
+    """Return the figures of a drive, and its Behavior Profile's difference from the teacher's."""
     difference = compare(teacher.profile(), log.profile(), moves)
     rare = rare_moves(move_shares(teacher.actions()), move_shares(log.actions()))
     return {
@@ -171,17 +171,17 @@ def _per_minute(amount: float, log: DriveLog) -> float:
 
 
 def _spans(log: DriveLog) -> Iterator[tuple[DriveSample, float]]:
-    """Yield each tick with the time until the next; the last one's is the mean."""
+    """Yield each tick with the time until the next tick; for the last tick, with the mean time."""
     yield from ((moment, following.now_s - moment.now_s) for moment, following in pairwise(log))
     if log:
         yield log[-1], log.seconds / len(log)
 
 
 def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
-    """Return by how much steering changes a second, as root mean square: the smoother, the less.
+    """Return the root mean square of the steering's change per second; smaller is smoother.
 
     Args:
-        steering: From -1 to 1 at each tick, shape (n,).
+        steering: Steering from -1 to 1 at each tick, shape (n,).
         at_s: The times of the ticks, shape (n,).
     """
     rates = np.diff(np.asarray(steering, np.float64)) / np.diff(np.asarray(at_s, np.float64))
@@ -189,7 +189,7 @@ def steering_per_s(steering: ArrayLike, at_s: ArrayLike) -> float:
 
 
 RARE_SHARE = 0.05
-"""A move on fewer of the ticks is rare: a slip taught once and never repeated costs up to 200."""
+"""Share of ticks below which a move is rare; a slip that is never repeated costs an SSD of 200."""
 
 
 def move_shares(moves: Sequence[Action]) -> dict[Action, float]:
@@ -199,7 +199,7 @@ def move_shares(moves: Sequence[Action]) -> dict[Action, float]:
 
 
 def rare_moves(teacher: Mapping[Action, float], robot: Mapping[Action, float]) -> set[Action]:
-    """Return the moves that both make on less than `RARE_SHARE` of their ticks."""
+    """Return the moves that both make on fewer than `RARE_SHARE` of their ticks."""
     return {
         move
         for move in {*teacher, *robot}

@@ -68,16 +68,16 @@ _COLUMNS: Columns = {
 
 
 BLOCKED_M = TEACHER_PARAMS["usual"].turn_at_m
-"""Views with less free way than this are those in question: both pilots turn there."""
+"""Free distance ahead, in metres, below which both pilots turn: these views are tested."""
 LOOKS_HZ = 10.0
 NEW_S, ASKED_S, ALONE_S = 30.0, 40.0, 60.0
 
 
 def run_mind(params: Params) -> Result:
-    """Teach LEFT, then RIGHT twice; ask after each; then let it drive unaided.
+    """Teach LEFT, then RIGHT twice; test after each lesson; then let the robot drive unaided.
 
-    Parameters: `world`, `learner`, `seed`, `old_s` (of LEFT), and `is_told`: whether the pilot says
-    in between that he has changed his mind.
+    Parameters: `world`, `learner`, `seed`, `old_s` (duration of LEFT), and `is_told`: whether the
+    pilot reports the change of mind in between.
     """
     world, seed = params["world"], params["seed"]
     rate_hz = (10.0, 30.0)[seed % 2]
@@ -100,12 +100,12 @@ def run_mind(params: Params) -> Result:
 
 
 def ask(policy: Policy, world: str, seed: int, seconds: float) -> dict[str, int]:
-    """Return what the policy would do where the new pilot turns; it learns nothing.
+    """Return the policy's moves on views in which the new pilot turns; the policy learns nothing.
 
     Returns:
-        `blocked`: how many of the views on which the pilot turns RIGHT have no way ahead; `right`
-        and `left`: how often the policy would turn to that side there; `turning` and
-        `turning_right`: the same over all views on which the pilot turns.
+        `blocked`: number of views on which the pilot turns RIGHT because the way ahead is blocked;
+        `right` and `left`: number of these views on which the policy would turn to that side;
+        `turning` and `turning_right`: the same over all views on which the pilot turns.
     """
     policy.reset()
     pilot = HABITS["right"].pilot(f"asked {seed}")

@@ -1,4 +1,4 @@
-"""Runs a task here for another process, and returns its outcome, ready to be sent back."""
+"""Runs a task for another process, and returns a picklable outcome."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from robot.lab.task import Params, Result, Task
 
 
 class TrialError(RobotError):
-    """A run raised something: its task, and the traceback where it was not ours."""
+    """A run raised an error; names the task, with the traceback of foreign errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The result of a run, or in words what it raised: an idea's errors need not be picklable."""
+    """The result of a run, or its error in words: a plug-in's errors may not be picklable."""
 
     result: Result | None = None
     error: str = ""
     traceback: str = ""
 
     def value(self, task: Task, where: str = "") -> Result:
-        """Return the result; TrialError, with the traceback of the run, if there is none."""
+        """Return the result; TrialError, with the run's traceback, if there is no result."""
         if self.result is None:
             raise TrialError(f"{self.traceback}the run {task} failed{where}: {self.error}")
         return self.result
 
 
 Contents = Mapping[str, tuple[str, bytes]]
-"""Files that parameters name, by the parameter's value: each file's path, and what it holds."""
+"""Files named by parameters, by the parameter's value: each file's path and content."""
 
 
 def contents_of(task: Task) -> Contents:
@@ -44,7 +44,7 @@ def contents_of(task: Task) -> Contents:
 def run_task(task: Task, contents: Contents | None = None) -> Outcome:
     """Run a task; never raises an Exception.
 
-    `contents` are for a machine that does not have the files.
+    `contents` are the files for a machine that does not have them.
     """
     try:
         return Outcome(result=task.run(_placed(task.params, contents or {})))
@@ -52,7 +52,7 @@ def run_task(task: Task, contents: Contents | None = None) -> Outcome:
         cause = error.__cause__
         is_ours = cause is None or isinstance(cause, RobotError | OSError)
         return Outcome(error=str(error), traceback="" if is_ours else _told(cause))
-    except Exception as error:  # an idea's: it may raise anything
+    except Exception as error:  # a plug-in may raise anything
         return Outcome(error=f"{type(error).__name__}: {error}", traceback=_told(error))
 
 
@@ -61,7 +61,7 @@ def _told(error: BaseException | None) -> str:
 
 
 def _placed(params: Params, contents: Contents) -> Params:
-    """Write the files that came along into a folder of this process, and name them there."""
+    """Write the contents to a folder of this process; return the parameters with its paths."""
     placed = dict(params)
     for name, value in params.items():
         if isinstance(value, str) and value in contents:

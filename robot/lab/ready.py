@@ -1,4 +1,7 @@
-"""Does "ready" mean ready? Forty pilots follow the page's hints; then the robot drives a minute."""
+"""Does "ready" mean ready?
+
+Forty pilots follow the page's hints; then the robot drives for a minute.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +42,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return one table: those called ready in time, those called ready later, the others."""
+    """Return one table: robots that were ready in time, ready later, and never ready."""
     called = [("The minute after", _when(result), result) for _, result in runs]
     called.sort(key=lambda each: ("within four minutes", "later", "never").index(each[1]))
     return tables_of(called, _COLUMNS, "called ready")
@@ -72,10 +75,10 @@ TEACH_STEP_S, TRY_STEP_S = 10.0, 40.0
 
 
 def run_ready(params: Params) -> Result:
-    """Teach, try and teach again as `Readiness` advises, then let it drive unaided for a minute.
+    """Teach, try and teach again on the advice of `Readiness`, then drive unaided for a minute.
 
-    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. The
-    result's `missing` is what the page says after `in_time_s`, or in the end.
+    Parameters: `habit`, `world`, `learner`, `rate_hz`, `seed`, `limit_s`, `in_time_s`. The result's
+    `missing` is the page's hint after `in_time_s`, or at the end.
     """
     habit, readiness = HABITS[params["habit"]], Readiness()
     limit_s, in_time_s = params["limit_s"], params["in_time_s"]

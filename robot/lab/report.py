@@ -1,4 +1,4 @@
-"""All results in one self-contained HTML file: tables, plots, and how they were made."""
+"""All results in one self-contained HTML file: tables, plots, and the way to reproduce them."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pre { background: #f2f4f5; padding: .8rem; overflow-x: auto }
 
 
 def write_html(made: Iterable[tuple[Experiment, Runs]], command: str) -> str:
-    """Return the report on some experiments as HTML, given the command line that made them."""
+    """Return the report on some experiments as HTML; it contains the command line that ran them."""
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8>",
         "<meta name=viewport content='width=device-width, initial-scale=1'>",
@@ -44,7 +44,7 @@ def write_html(made: Iterable[tuple[Experiment, Runs]], command: str) -> str:
 
 
 def machine() -> list[str]:
-    """Return what the figures were made on: processor, Python, and the relevant libraries."""
+    """Return a description of the machine: processor, Python, and the relevant libraries."""
     names = ("drivelesson", "numpy", "panda3d", "scikit-learn", "joblib")
     return [
         f"{platform.system()} {platform.machine()}, {processor()}",
@@ -99,7 +99,7 @@ def draw_svg(plot: Plot) -> str:
     if matplotlib is not installed."""
     matplotlib = need("matplotlib", "plots", "experiments")
     matplotlib.use("Agg")
-    matplotlib.rcParams["svg.hashsalt"] = "drivelesson"  # the same plot, the same bytes
+    matplotlib.rcParams["svg.hashsalt"] = "drivelesson"  # so that equal plots have equal bytes
     from matplotlib.figure import Figure
 
     has_names = isinstance(plot.series[0][1][0], str)

@@ -1,6 +1,6 @@
-"""Many independent tasks: side by side in processes of this machine, or on a Dask cluster.
+"""Runs independent tasks in parallel processes on this machine, or on a Dask cluster.
 
-Each result is on the disk as soon as its run is finished: a crash or Ctrl-C loses none of them.
+Each result is saved as soon as its run is finished, so a crash or Ctrl-C loses no results.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Store:
             folder.mkdir(parents=True, exist_ok=True)
 
     def get(self, task: Task, key: str = "") -> Result | None:
-        """Return the result of a task that is done; None if it is not, or its file is broken."""
+        """Return the saved result of a task; None if there is none, or its file is damaged."""
         try:
             kept = json.loads(self._path(task, key).read_text("utf-8"))
             return dict(kept["result"]) if kept["made_by"] == identity() else None
@@ -34,7 +34,7 @@ class Store:
             return None
 
     def put(self, task: Task, result: Result, key: str = "") -> None:
-        """Save a result atomically: the whole file or nothing."""
+        """Save a result atomically."""
         path = self._path(task, key)
         made = {"kind": task.kind, "params": dict(task.params), "made_by": identity()}
         text = json.dumps({**made, "result": result})
@@ -58,18 +58,18 @@ def run_all(
     """Return the results of all tasks, in their order; tasks with a stored result are not run.
 
     Args:
-        jobs: How many at a time on this machine; 1 runs them here, without other processes.
+        jobs: Number of parallel processes on this machine; 1: run in this process.
         backend: `processes`, or `dask` for the cluster whose `scheduler` is named.
         on_done: Called with each task when it is done.
-        on_workers: Called with the number of workers, and what changed in a sentence.
+        on_workers: Called with the number of workers, and a sentence about the change.
 
     Raises:
         MissingExtraError: If joblib or dask is not installed.
-        TrialError: If a run raised something; with its traceback.
-        ConfigurationError: If the cluster cannot be used, or a file that a task names is changed
-            meanwhile: nobody knows what was run then.
+        TrialError: If a run raised an error; with its traceback.
+        ConfigurationError: If the cluster cannot be used, or a file that a task names changes
+            meanwhile, because the version that ran would be unknown.
     """
-    keys = [task.key() for task in tasks]  # computed once: a key reads all files of its task
+    keys = [task.key() for task in tasks]  # once, because a key reads all files of its task
     done: dict[str, Result] = {}
     waiting: dict[str, Task] = {}
     for key, task in zip(keys, tasks, strict=True):

@@ -1,4 +1,7 @@
-"""Streams beyond driving: digits, parts of images, text; predicted first, learned then."""
+"""Streams beyond driving: digits, parts of images, text.
+
+Each example is predicted, then learned.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +49,7 @@ def _plan(settings: ExperimentSettings) -> Iterator[Task]:
 
 
 def _tables(runs: Runs) -> list[Table]:
-    """Return one table: learners down, streams across."""
+    """Return one table: a row for each learner, a column for each stream."""
     rows: dict[str, list[str]] = {}
     for (learner, _), results in group(runs, "learner", "stream").items():
         rights = [result["right"] / result["examples"] for result in results]
@@ -56,7 +59,7 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def run_stream(params: Params) -> Result:
-    """Predict and learn one stream. Parameters: `stream`, `learner`, `seed`."""
+    """Predict, then learn, each example of a stream. Parameters: `stream`, `learner`, `seed`."""
     examples = read_stream(params["stream"])
     order = np.random.default_rng(params["seed"]).permutation(len(examples))
     scaler, learner = preprocessing.StandardScaler(), LEARNERS[params["learner"]]()
@@ -93,7 +96,7 @@ LEARNERS: dict[str, Callable[[], Any]] = {
 
 
 def read_stream(stream: str) -> list[Example]:
-    """Return all examples of a stream: a vector and its label each."""
+    """Return all examples of a stream, each a vector and its label."""
     if stream == "digits":
         xs, ys = load_digits(return_X_y=True)
         return [(x, str(y)) for x, y in zip(xs, ys, strict=True)]
@@ -107,14 +110,14 @@ def read_stream(stream: str) -> list[Example]:
 
 
 def _hashed(sentence: str) -> NDArray[np.float64]:
-    """Return how often the words of each hash occur, as square roots."""
+    """Return the square roots of the word counts by hash."""
     vectorizer = HashingVectorizer(n_features=_N_HASHES, alternate_sign=False, norm=None)
     counts: NDArray[np.float64] = np.sqrt(vectorizer.transform([sentence]).toarray()[0])
     return counts
 
 
 def _sentences(library: str) -> list[str]:
-    """Return sentences of a library's documentation, without its own name and code."""
+    """Return sentences of a library's documentation, without its name and code."""
     texts: dict[str, None] = {}
     package = import_module(library)
     for found in sorted(pkgutil.iter_modules(package.__path__), key=lambda each: each.name):
@@ -122,7 +125,7 @@ def _sentences(library: str) -> list[str]:
             continue
         try:
             module = import_module(f"{library}.{found.name}")
-        except ImportError:  # what needs a library that is not here
+        except ImportError:  # this module needs a library that is not installed
             continue
         for _, member in sorted(inspect.getmembers(module, callable), key=lambda pair: pair[0]):
             texts.update(dict.fromkeys(_of_text(inspect.getdoc(member) or "", library)))

@@ -1,4 +1,4 @@
-"""How runs become the rows of a table."""
+"""Makes tables from the results of runs."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 Columns = Mapping[str, Callable[[Sequence[Result]], Cell]]
-"""How each cell of a row is made of the row's results, by the column's title."""
+"""For each column's title, the function from a row's results to its cell."""
 
 
 def of(name: str, join: Callable[[list[Any]], Cell]) -> Callable[[Sequence[Result]], Cell]:
-    """Return how a cell is made of one figure of all results, such as `ssd` or `teacher.ssd`."""
+    """Return the function from results to a cell for a figure such as `ssd` or `teacher.ssd`."""
     return lambda results: join([reduce(getitem, name.split("."), each) for each in results])
 
 
@@ -33,9 +33,9 @@ def mean_percent(shares: Sequence[float]) -> str:
 def tables_of(
     results: Iterable[tuple[str, str, Result]], columns: Columns, head: str = ""
 ) -> list[Table]:
-    """Return the tables that results stand in, given the title and the row of each.
+    """Return the tables of some results, given each result's table title and row.
 
-    Tables and rows are in the order in which they came; the names of rows stand below `head`.
+    Tables and rows are in the order of the results; `head` is the title of the rows' names.
     """
     tables: dict[str, dict[str, list[Result]]] = {}
     for title, row, result in results:

@@ -1,4 +1,4 @@
-"""One independent run as data: what is run, with which seed. Equal tasks give equal numbers."""
+"""One independent run as data: function, parameters and seed. Equal tasks yield equal results."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ from typing import Any
 from robot.lab.identity import identify
 
 Params = Mapping[str, Any]
-"""Plain values."""
+"""Parameters as plain values."""
 Result = dict[str, Any]
-"""Plain figures, ready for JSON. Figures that depend on the machine's speed are under `timing`."""
+"""Results as plain values for JSON.
+
+Figures that depend on the machine's speed are under `timing`.
+"""
 _FILES = (".py", ".toml", ".npz")
 """Suffixes of the files that a parameter may name: ideas, worlds and recordings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A run with its parameters. `run` is a function of a module, so that processes can share it.
+    """A run with its parameters. `run` is a module's function, so that other processes find it.
 
-    The same task gives the same figures on every machine.
+    The same task yields the same figures on every machine.
     """
 
     run: Callable[[Params], Result]
@@ -32,17 +35,17 @@ class Task:
 
     @property
     def kind(self) -> str:
-        """The name of the function that is run, without `run_`."""
+        """The name of the function, without `run_`."""
         return self.run.__name__.removeprefix("run_")
 
     def __str__(self) -> str:
-        """The run in words: its kind, and what tells it from others."""
+        """Return the run in words: its kind and its parameters."""
         said = [f"{name} {self.params[name]}" for name in _TOLD if name in self.params]
         return ", ".join([self.kind, *said])
 
     @property
     def files(self) -> dict[str, str]:
-        """The files that parameters name, such as `idea.py:Name`, by the parameter's value."""
+        """The files that parameters name, for example `idea.py:Name`, by the parameter's value."""
         found = {}
         for value in self.params.values():
             for file in (value, value.rpartition(":")[0]) if isinstance(value, str) else ():
@@ -51,9 +54,9 @@ class Task:
         return found
 
     def key(self) -> str:
-        """Return the name under which its result is saved: a fingerprint of task and program.
+        """Return the key under which the result is saved: a fingerprint of task and program.
 
-        A changed program, library, idea file or recording gives another key: old results are not
+        A changed program, library, idea file or recording changes the key, so old results are not
         reused.
         """
         text = json.dumps([self.kind, dict(self.params), identity()], sort_keys=True)
@@ -68,5 +71,5 @@ _TOLD = ("trial", "world", "learner", "teacher", "place", "teach_s", "seed")
 
 @cache
 def identity() -> dict[str, str]:
-    """Return the code that decides the figures of this process; see `identify`."""
+    """Return the versions of all code that affects this process's figures; see `identify`."""
     return identify()

@@ -1,7 +1,7 @@
 """One simulated trial, faster than real time, through the real control loop.
 
 The paper's trials have three phases: teaching, driving unaided, driving with corrections. A
-simulated pilot holds directions as a phone would; `ControlLoop.tick` decides, drives and learns.
+simulated pilot holds directions like a phone; `ControlLoop.tick` decides, drives and learns.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from robot.testing import VirtualClock
 from robot.types import Action, DrivenBy, Mode, Pose, Prediction, Sensors, StartStop
 
 FRAME_RATE_HZ = 10.0
-"""Frames, ticks and heartbeats a second: about the paper's cycle rate with 32 nodes."""
+"""Frames, ticks and heartbeats per second: about the paper's cycle rate with 32 nodes."""
 PATIENT_LINK = LinkGovernorConfig(warn_s=10.0, cap_speed_s=10.0, stop_learning_s=10.0, stop_s=10.0)
-"""Limits that a busy machine does not exceed: its delays must not affect an experiment."""
+"""Limits that a busy machine does not exceed, because its delays must not affect an experiment."""
 
 
 class Trial(StartStop):
     """A simulated robot, its loop and its pilot, on a clock that runs as fast as the machine can.
 
-    Use it as a context manager: it holds a renderer.
+    Use it as a context manager, because it has a renderer.
 
     Args:
-        rate_hz: Frames, ticks and heartbeats a second.
-        drift: How far the wheels drift apart while the pilot teaches (`Simulation.drift_share`).
+        rate_hz: Frames, ticks and heartbeats per second.
+        drift: The drift of the wheels while the pilot teaches (`Simulation.drift_share`).
 
     Attributes:
-        timing: When it is over: its pictures, and how many a second of this machine's time.
+        timing: After the trial: the number of pictures, and the pictures per second of real time.
     """
 
     timing: dict[str, float]
@@ -71,16 +71,16 @@ class Trial(StartStop):
         supervised: bool = True,
         until: Callable[[DriveSample], bool] | None = None,
     ) -> DriveLog:
-        """Drive for a while in one mode, and return what happened.
+        """Drive for a while in one mode, and return the log.
 
         Args:
-            mode: TRAIN: the pilot drives. AUTONOMOUS: the robot does.
+            mode: TRAIN: the pilot drives. AUTONOMOUS: the robot drives.
             supervised: False: the pilot only watches and never takes the wheel.
-            until: The drive ends early after the first moment for which this is true.
+            until: The drive ends early after the first tick for which this returns True.
 
         Raises:
-            Exception: The learner's own error: the figures would be those of another learner.
-            RobotError: If the loop stopped by itself: an experiment must not go on then.
+            Exception: The learner's error, because the figures would then be another learner's.
+            RobotError: If the loop stopped by itself, because the experiment is then invalid.
         """
         log = DriveLog()
         self.driver.simulation.drift_share = self.drift if mode is Mode.TRAIN else 0.0
@@ -103,9 +103,9 @@ class Trial(StartStop):
     def lesson(
         self, teach_s: float, correct_s: float, alone_s: float
     ) -> tuple[DriveLog, dict[str, DriveLog]]:
-        """Teach, drive unaided, and if it is to be corrected: correct, drive unaided again.
+        """Teach, drive unaided, and with corrections: correct, drive unaided again.
 
-        Returns the teaching, and the unaided drives: `before` correction, and `after` it.
+        Returns the teaching, and the unaided drives `before` and `after` the correction.
         """
         taught = self.drive(Mode.TRAIN, teach_s)
         alone = {"before": self.drive(Mode.AUTONOMOUS, alone_s, supervised=False)}
@@ -159,8 +159,8 @@ def drive_by_hand(
 ) -> DriveLog:
     """Let a pilot drive without a loop, and return the drive.
 
-    `watching` proposes a move for each picture, which the pilot sees on the screen; it learns
-    nothing.
+    `watching` proposes a move for each picture, which the pilot sees on the screen. `watching`
+    learns nothing.
     """
     log, clock = DriveLog(), VirtualClock()
     driver = SimDriver(SimOptions(world=world, seed=seed))

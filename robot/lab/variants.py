@@ -1,6 +1,7 @@
-"""The default learner without one of its parts: what is each part worth?
+"""Variants of the default learner without one of its parts, to measure each part's effect.
 
-`drivelesson experiment ablation` compares them. Each is an entry point of `drivelesson.variants`.
+`drivelesson experiment ablation` compares the variants. Each is an entry point of
+`drivelesson.variants`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from robot.types import Action, Prediction
 
 
 class NoClock(ActionFilter):
-    """However long it turns, its turns lose no votes."""
+    """Turns lose no votes, however long the robot turns."""
 
     def _watch(self, *seen: Any) -> float:
         super()._watch(*seen)
@@ -27,7 +28,7 @@ class NoClock(ActionFilter):
 
 
 class NoPace(ActionFilter):
-    """Every pilot is taken to drive alike."""
+    """Assumes that all pilots drive at the same pace."""
 
     def on_frame(self, seen: Seen) -> None:
         self.pace = PilotPace(self._kinds)
@@ -35,7 +36,7 @@ class NoPace(ActionFilter):
 
 
 class MovePolicy(Policy):
-    """Steers as each move was steered in the mean: what is the angle worth beside it?"""
+    """Steers by each move's mean steering, to measure the effect of the learned angle."""
 
     def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
         said = super().propose(frame_id, x, **seen)
@@ -65,7 +66,7 @@ VARIANTS: dict[str, Design] = {
     "grey-alone": Design(features=GreyFeatures, is_linear=False),
     "whole-numbers": Design(is_integer=True),
 }
-"""The default with one thing changed, by the kind that names it."""
+"""The default learner with one change, by the name of the kind."""
 
 
 def make_variant(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:

@@ -1,7 +1,7 @@
-"""A study's data in one zip, and its table, which any machine can rebuild from it.
+"""A study's data in one zip, and its table, which any machine can rebuild from the zip.
 
-Nothing is computed elsewhere: the server packs the result of `rebuild`, and
-`drivelesson study report` compares its own result with the packed files.
+Only `rebuild` computes the table: the server packs its result, and `drivelesson study report` calls
+it again and compares the result with the packed files.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ The columns are described in docs/reference/study.md of Drivelesson.
 
 
 def rebuild(plan_text: str, logs: Mapping[str, bytes]) -> dict[str, str]:
-    """Return the table, by its path, from a plan and logs by participant.
+    """Return the table's files by path, computed from a plan and the logs by participant.
 
     Raises ConfigurationError if the plan cannot be read, RecordingError if a log cannot be read.
     """
@@ -44,7 +44,7 @@ def rebuild(plan_text: str, logs: Mapping[str, bytes]) -> dict[str, str]:
 
 
 def pack(plan_text: str, logs: Mapping[str, bytes]) -> bytes:
-    """Return the zip: plan, event logs, and the table made from them."""
+    """Return the zip: plan, event logs, and the table computed from both."""
     files: dict[str, bytes] = {
         "README.txt": _ABOUT.encode(),
         PLAN: plan_text.encode(),
@@ -65,7 +65,7 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
     """Return the plan, the logs by participant, and the packed table by its path;
     ConfigurationError if the file is not such a zip."""
     wrong = f"{path} cannot be read as a zip"
-    # zipfile, zlib and lzma have errors of their own
+    # zipfile, zlib and lzma raise different errors
     with told_as(ConfigurationError, wrong, Exception), zipfile.ZipFile(path) as archive:
         entries = [info for info in archive.infolist() if not info.is_dir()]
         if sum(info.file_size for info in entries) > _LARGEST_ZIP_MB * 1_000_000:
@@ -92,7 +92,7 @@ def unpack(path: Path) -> tuple[str, dict[str, bytes], dict[str, bytes]]:
 def report(zip_file: Path, out: Path) -> tuple[list[str], list[str]]:
     """Rebuild the table of a zip in a folder; see `unpack` and `rebuild`.
 
-    Returns the paths that are equal to the packed ones, and those that differ.
+    Returns the paths of files equal to the packed ones, and of files that differ.
     """
     plan_text, logs, packed = unpack(zip_file)
     made = rebuild(plan_text, logs)

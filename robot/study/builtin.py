@@ -1,4 +1,4 @@
-"""The paper's protocol as plans: a first study, and the guided trial of one person. Pure.
+"""The paper's protocol as plans: an example study, and the guided trial of one person. Pure.
 
 Source: FLAIRS-30 (2017), experiment with human teachers: trials 1 to 3; 90 s of teaching and
 330 s with corrections, or 180 s and 240 s; then 60 s alone, and a question on a 7-point scale.
@@ -77,7 +77,7 @@ def paper_plan(trial: int = 1) -> str:
 def trial_plan(trial: int, teach_s: int, learner: str = "default-32") -> str:
     """Return the guided trial of one person, with one teaching time and the closing question.
     Raises ConfigurationError if the trial or the teaching time is unknown."""
-    if repr(trial) not in map(repr, TRIALS):  # True is not a trial, though it equals 1
+    if repr(trial) not in map(repr, TRIALS):  # True equals 1, but is not a trial
         raise ConfigurationError(f"there is no trial {trial!r}; choose 1, 2 or 3")
     if repr(teach_s) not in map(repr, TIMES_S):
         raise ConfigurationError(f"teaching takes 90 or 180 s, not {teach_s!r}")
@@ -95,6 +95,6 @@ def _write(trial: int, times: Mapping[int, int], **fields: Any) -> str:
         correct=correct,
         alone=ALONE_S,
         conditions="".join(_CONDITION.format(teach=t, correct=c) for t, c in times.items()),
-        # JSON and TOML write these values in the same way.
+        # These values have the same form in JSON and TOML.
         **{name: json.dumps(value) for name, value in {"moves": moves, **fields}.items()},
     )

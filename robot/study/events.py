@@ -43,16 +43,19 @@ class StudyEvent:
 
 COLUMNS = tuple(field.name for field in fields(StudyEvent))
 _WHOLE, _REAL = ("position", "attempt"), ("wall_s", "phase_s", "distance_m")
-_LATEST_S = 2.5e11  # the year 9892: later ones have no date
+_LATEST_S = 2.5e11  # the year 9892; later times cannot be dates
 _RECORDING = re.compile(rb"(?m)^[^,\n]*,recording,.*,(\d{4}-\d\d-\d\d_\d{6}_\d{3})\r?$")
-# A spreadsheet runs a text with this beginning as a formula, at the beginning of a line or after
+# A spreadsheet runs a text that begins like this as a formula, at the start of a line or after
 # characters that may end a cell.
 _CELL, _RUNS = r"(^|[;\t\r\n])", r"""((?:[^\S\t\r\n]|['"])*[=+\-@＝＋－＠])"""
 _FORMULA, _DISARMED = re.compile(_CELL + _RUNS), re.compile(f"{_CELL}'{_RUNS}")
 
 
 def write_csv(lines: Iterable[Sequence[object]]) -> str:
-    """Return lines as CSV. Texts that a spreadsheet would run as formulas get an apostrophe."""
+    """Return lines as CSV.
+
+    An apostrophe precedes texts that a spreadsheet would run as formulas.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     for line in lines:
@@ -74,7 +77,7 @@ def whole_lines(data: bytes) -> bytes:
 
 
 def recordings_in(log: bytes) -> list[str]:
-    """Return the recordings that a log names, also if some of its lines cannot be read."""
+    """Return the recordings named in a log, even if some of its lines cannot be read."""
     found = _RECORDING.findall(log)
     return list(dict.fromkeys(name.decode() for name in found))
 
@@ -96,7 +99,7 @@ def read_events(data: bytes, where: str = "the event log") -> list[StudyEvent]:
 
 
 def check_begun(events: Sequence[StudyEvent], where: str) -> int:
-    """Return the slot of the session; RecordingError if the first event is another one."""
+    """Return the slot of the session; RecordingError if the first event is not its begin."""
     first = events[0] if events else None
     if (
         first is None
@@ -118,12 +121,12 @@ def _read(line: list[str]) -> StudyEvent:
     if wall_s is None or wall_s < 0:
         raise ValueError("'wall_s' is missing, or before 1970")
     if texts["event"] == "frame":
-        Action(texts["move"])  # refuses invalid names
+        Action(texts["move"])  # raises for an invalid name
     return StudyEvent(**values)  # type: ignore[arg-type]  # as the columns say
 
 
 def number_in(text: str) -> float | None:
-    """Return the number in a text, None for an empty one; ValueError if it is out of range."""
+    """Return the number in a text, None if it is empty; ValueError if it is out of range."""
     number = float(text) if text else None
     if number is not None and not (math.isfinite(number) and abs(number) <= _LATEST_S):
         raise ValueError(f"{text!r} is out of range")

@@ -17,13 +17,13 @@ from robot.types import Action, Mode
 MOST_PARTICIPANTS, MOST_CONDITIONS, MOST_PHASES, MOST_QUESTIONS = 500, 8, 12, 60
 LONGEST_PHASE_S = 7200.0
 CODE = re.compile(r"[A-Z]{1,3}[0-9]{1,4}")
-"""A participant's code: no other personal data is asked for or stored."""
+"""Form of a participant's code; no other personal data is requested or stored."""
 _MOVES = 'a list of moves such as ["forward", "left"]'
 
 
 PhaseKind = Literal["teach", "correct", "alone"]
-"""The pilot drives and the robot learns; the robot drives and is corrected; or it drives by
-itself."""
+"""`teach`: the pilot drives and the robot learns; `correct`: the robot drives and is corrected;
+`alone`: the robot drives by itself."""
 
 
 class PlannedPhase(PlanTable):
@@ -41,7 +41,7 @@ class PlannedPhase(PlanTable):
 
 
 class _Condition(PlanTable):
-    """A table [[condition]]; missing fields are those of the rest of the plan."""
+    """A table [[condition]]; missing fields are taken from the top of the plan."""
 
     name: str = text()
     world: str = text("")
@@ -52,7 +52,7 @@ class _Condition(PlanTable):
 
 
 class _Plan(PlanTable):
-    """The whole file, with the tables in it unread."""
+    """The whole file, before its tables are read."""
 
     title: str = text(most=100)
     participants: int = whole(12, least=1, most=MOST_PARTICIPANTS)
@@ -105,12 +105,12 @@ class StudyPlan:
         return {condition.name: condition for condition in self.conditions}
 
     def order(self, slot: int) -> tuple[str, ...]:
-        """Return the names of the conditions for one place in the plan (from 0), in order."""
+        """Return the names of the conditions for one slot in the plan (from 0), in order."""
         return tuple(self.conditions[i].name for i in self._orders[slot % self.balanced_every])
 
     @property
     def balanced_every(self) -> int:
-        """Number of participants for whose multiples the order is balanced."""
+        """The order is balanced if the number of participants is a multiple of this number."""
         return len(self._orders)
 
     @cached_property
@@ -127,10 +127,10 @@ class StudyPlan:
 def williams_rows(n: int) -> list[tuple[int, ...]]:
     """Return the participants' orders of `n` conditions, numbered from 0: a Latin square.
 
-    Every condition is equally often at every position, and follows every other equally often.
-    Source: E. J. Williams, "Experimental designs balanced for the estimation of residual effects of
-    treatments", Australian Journal of Scientific Research A 2 (1949): one square for an even number
-    of conditions, a square and its mirror image for an odd one.
+    Every condition is at every position equally often, and follows every other condition equally
+    often. Source: E. J. Williams, "Experimental designs balanced for the estimation of residual
+    effects of treatments", Australian Journal of Scientific Research A 2 (1949): one square for an
+    even number of conditions, a square and its mirror image for an odd one.
     """
     first = [0] + [(k + 1) // 2 if k % 2 else n - k // 2 for k in range(1, n)]
     rows = [tuple((start + i) % n for start in first) for i in range(n)]
@@ -138,7 +138,7 @@ def williams_rows(n: int) -> list[tuple[int, ...]]:
 
 
 def parse_plan(text: str, where: str = "the plan") -> StudyPlan:
-    """Read a plan; the message of a ConfigurationError names fault, place and remedy."""
+    """Parse a plan; the message of a ConfigurationError names fault, location and remedy."""
     import tomllib
 
     wrong = f"{where} is not TOML"

@@ -1,4 +1,4 @@
-"""The tables of a plan, read one by one; an error names fault, place and remedy. Pure."""
+"""The tables of a plan, parsed one by one; an error names fault, location and remedy. Pure."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ def words(default: Any = ...) -> Any:
 
 
 class PlanTable(RawValue):
-    """Base of the tables: a field has the same form in all of them."""
+    """Base of the tables: a field has the same form in all tables."""
 
     @classmethod
     def read(cls, table: Mapping[str, Any], where: str) -> Self:
-        """Read one table; the message of a ConfigurationError names the place."""
+        """Parse one table; the message of a ConfigurationError names the location."""
         refuse_unknown(table, cls.known(table), where)
         spread = {name: _by_language(name, value) for name, value in table.items()}
         found = read(cls, spread, f"{where}: ")
@@ -43,7 +43,7 @@ class PlanTable(RawValue):
     def read_all(
         cls, tables: Sequence[Mapping[str, Any]], where: str, name: str, least: int, most: int
     ) -> list[Self]:
-        """Read the tables [[name]]; errors give a table's number."""
+        """Parse the tables [[name]]; errors contain the table's number."""
         if not least <= len(tables) <= most:
             raise ConfigurationError(
                 f"{where}: there must be {least} to {most} tables [[{name}]], not {len(tables)}; "
@@ -56,7 +56,7 @@ class PlanTable(RawValue):
 
     @classmethod
     def known(cls, table: Mapping[str, Any]) -> Sequence[str]:
-        """Return the fields that such a table may have."""
+        """Return the fields that a table of this kind may have."""
         return list(fields_of(cls))
 
     def check_together(self) -> None:
@@ -79,7 +79,7 @@ def refuse_twins(names: Sequence[str], what: str, where: str) -> None:
 
 
 def _by_language(name: str, value: Any) -> Any:
-    """Return a text with its languages; a plain one is for all."""
+    """Return a text by language; a plain text is for all languages."""
     if name == "options" and isinstance(value, list):
         return [_by_language("text", each) for each in value]
     if name not in _BY_LANGUAGE or not isinstance(value, str):
@@ -88,7 +88,7 @@ def _by_language(name: str, value: Any) -> Any:
 
 
 def _check(name: str, value: Any) -> None:
-    """Refuse values that the field's type allows but the plan does not."""
+    """Refuse values that the field's type allows but plans do not."""
     if name == "name" and not _NAME.fullmatch(value):
         raise ValueError(
             f"'name' is {value[:40]!r}; "

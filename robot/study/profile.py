@@ -1,11 +1,12 @@
 """Behavior Profile: the distances at which a driver makes each move, and the difference of two.
 
-P(d < c | move) for c = 0, 0.02, ..., 4 m, d the sonar reading, and the sum of squared differences
-(SSD) of two profiles over all moves and all c: the measure of FLAIRS-30, 2017.
+A profile is P(d < c | move) for c = 0, 0.02, ..., 4 m, where d is the sonar reading. The sum of
+squared differences (SSD) of two profiles over all moves and all c is the measure of FLAIRS-30,
+2017.
 
-The paper does not define the profile of a move that was never made. Here it is 0 for every c, as
-without any reading: a robot that never turns is then far from a teacher who does. Such moves are
-named, and `made` gives the same sum over the moves that both made.
+The paper does not define the profile of a move that was never made. Here it is 0 for every c, like
+a profile without readings. So a robot that never turns is far from a teacher who turns. Such moves
+are listed, and `made` is the same sum over the moves that both made.
 """
 
 from __future__ import annotations
@@ -51,18 +52,18 @@ class Difference:
 
     @property
     def ssd(self) -> float:
-        """The published figure: the sum over all moves; one never made counts as P = 0."""
+        """The published figure: the sum over all moves; a move never made counts as P = 0."""
         return float(sum(self.per_move.values()))
 
     @property
     def made(self) -> float:
-        """The same over the moves that both made."""
+        """The same sum over the moves that both made."""
         never = {*self.never_by_teacher, *self.never_by_robot}
         return float(sum(ssd for move, ssd in self.per_move.items() if move not in never))
 
 
 def compare(teacher: Profile, robot: Profile, moves: Sequence[Action]) -> Difference:
-    """Return the squared differences of two profiles, for each of `moves` and as a sum."""
+    """Return the squared differences of two profiles, for each of `moves` and in total."""
     nothing = np.zeros(len(THRESHOLDS_M))
     return Difference(
         per_move={

@@ -29,12 +29,12 @@ _DIGITS = 6
 
 
 def columns(plan: StudyPlan) -> tuple[str, ...]:
-    """Return the titles of all columns: those of every study, the scores, one for each question."""
+    """Return the titles of all columns: those common to all studies, the scores, the questions."""
     return (*DRIVE_COLUMNS, *SCORES, *(question.name for question in plan.questions))
 
 
 def refuse_same_columns(plan: StudyPlan, where: str = "the plan") -> None:
-    """Refuse (ConfigurationError) a new plan in which a question has the name of another column."""
+    """Raise ConfigurationError for a new plan in which a question has another column's name."""
     refuse_twins(columns(plan), "phases.csv column", where)
 
 
@@ -62,14 +62,14 @@ def frames(events: Sequence[StudyEvent], by: DrivenBy) -> list[StudyEvent]:
 
 
 def profile_of(frames: Sequence[StudyEvent]) -> Profile:
-    """Return the Behavior Profile of some frames; those without a sonar reading do not count."""
+    """Return the Behavior Profile of some frames; frames without a sonar reading do not count."""
     seen = [(Action(f.move), f.distance_m) for f in frames if f.distance_m is not None]
     return behavior_profile([move for move, _ in seen], [distance for _, distance in seen])
 
 
 def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[ConditionLog]:
-    """Sort a session's events by condition; only the last attempt at a condition counts.
-    RecordingError if the log cannot be read, or the plan no longer has a condition of it."""
+    """Group a session's events by condition; only the last attempt at a condition counts.
+    RecordingError if the log cannot be read, or names a condition that the plan no longer has."""
     where = f"events/{participant}.csv"
     events = read_events(log, where)
     slot = check_begun(events, where)
@@ -78,7 +78,8 @@ def condition_logs(plan: StudyPlan, participant: str, log: bytes) -> list[Condit
         mine = [event for event in events if event.position == position]
         attempt = max(event.attempt for event in mine)
         last = [event for event in mine if event.attempt == attempt]
-        # The condition as it was driven: a plan that was changed since may have another here.
+        # By name, because a plan that was changed since may have another condition at this
+        # position.
         condition = plan.by_name.get(name := last[0].condition)
         if condition is None:
             raise RecordingError(
@@ -154,8 +155,8 @@ def _drive(
 def outcome(log: ConditionLog) -> dict[str, Any]:
     """Return the comparison of participant and robot as plain values; profiles at 0, 0.02, ... m.
 
-    The participant's profile is that of teaching, the robot's that of driving by itself. `ssd` is
-    None if either is missing (nobody moved, or there is no sonar).
+    The participant's profile is from teaching, the robot's from driving by itself. `ssd` is None if
+    either profile is missing (nobody moved, or there is no sonar).
     """
     moves = log.condition.moves
     pilot = log.profile(DrivenBy.PILOT, "teach")

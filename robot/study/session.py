@@ -18,7 +18,7 @@ from robot.study.questions import Question
 from robot.types import Action, DrivenBy, Mode
 
 LONGEST_STEP_S = 0.5
-"""Longest gap between two ticks that counts, in seconds: a longer one was a pause."""
+"""Longest gap between two ticks that counts, in seconds; a longer gap was a pause."""
 
 
 class SessionStep(StrEnum):
@@ -37,8 +37,8 @@ class StudySession:
 
     Args:
         plan: The study.
-        participant: The code.
-        slot: The participant's place in the plan, from 0: it sets the order of the conditions.
+        participant: The participant's code.
+        slot: The participant's slot in the plan, from 0, which sets the order of the conditions.
         pace: Seconds of a phase per second of the clock: 1, except in demonstrations and tests.
     """
 
@@ -61,7 +61,7 @@ class StudySession:
 
     @property
     def condition(self) -> Condition:
-        """The present condition, or the next one."""
+        """The current condition, or the next one."""
         return self.plan.by_name[self.order[min(self.position, len(self.order) - 1)]]
 
     @property
@@ -79,11 +79,11 @@ class StudySession:
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """The questions after the present condition."""
+        """The questions after the current condition."""
         return self.plan.questions_at(self.position, len(self.order))
 
     def require(self, step: SessionStep) -> None:
-        """Raise ConfigurationError, which names the awaited step, unless it is this one."""
+        """Raise ConfigurationError, which names the awaited step, unless it is this step."""
         if self.step is not step:
             raise ConfigurationError(
                 f"the session of {self.participant} waits for {self.step.value!r}, "
@@ -93,7 +93,7 @@ class StudySession:
     # Events -----------------------------------------------------------------------------------
 
     def make(self, event: str, wall_s: float, **fields: Any) -> StudyEvent:
-        """Create an event at the present place of the session, and apply it."""
+        """Create an event at the session's current position, and apply it."""
         phase = None if event == "condition_begun" else self.phase
         made = StudyEvent(
             wall_s=round(wall_s, 3),

@@ -1,4 +1,4 @@
-"""The learner as it drives, for a loop of your own: pictures and times go in, moves come out."""
+"""The learner as it drives, for your own loop: it converts pictures and times to moves."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from robot.types import DEFAULT_MOVES, Action, Encoding, Example, Frame, Point, 
 
 
 class DrivingLearner:
-    """Features, learner, action filter and undo in one, as the control loop joins them.
+    """Features, learner, action filter and undo in one object, combined as in the control loop.
 
-    Each picture is shown to `see`; a person's move for it is given to `teach`, before the next.
-    A picture that nobody taught counts as driven by what `see` proposed. For one thread.
+    Pass each picture to `see`, and a person's move for it to `teach` before the next picture. A
+    picture without a call of `teach` counts as driven by the proposal of `see`. Use it on one
+    thread.
 
     Args:
-        moves: The moves that it may choose, two at least: names, or a `Move` where its steering and
-            throttle are known. Those of a classic name are; of another name the learner cannot tell
-            if it is a turn.
-        learner: Name of a learner, such as `default-32`, or a policy that nobody else uses.
+        moves: The moves to choose from, at least two: names, or a `Move` if steering and throttle
+            are known. They are known for the classic names; for any other name the learner cannot
+            tell if the move is a turn.
+        learner: Name of a learner, for example `default-32`, or a policy for this object only.
 
     Raises:
-        ConfigurationError: If there is no such learner.
+        ConfigurationError: If there is no learner of this name.
         ValueError: If a move has no valid name, or there are fewer than two.
     """
 
@@ -48,20 +49,20 @@ class DrivingLearner:
 
     @property
     def policy(self) -> Policy:
-        """The policy that learns; only the history may change it."""
+        """The policy that learns; only the history may change the policy."""
         return self.history.policy
 
     @property
     def n_examples(self) -> int:
-        """How many examples it was taught, without those that were taken back."""
+        """Number of examples taught, without those that were undone."""
         return self.history.n_examples
 
     def see(self, picture: NDArray[np.uint8], at_s: float, *, bumped: bool = False) -> Prediction:
-        """Return what to do on the next picture; before the first example the action is None.
+        """Return the decision on the next picture; its action is None before the first example.
 
         Args:
             picture: Pixels in RGB, shape (height, width, 3), uint8.
-            at_s: When it was taken, in seconds; later than the one before.
+            at_s: The time of exposure in seconds, later than the previous picture's.
             bumped: True if a bumper is pressed.
 
         Raises:
@@ -96,16 +97,16 @@ class DrivingLearner:
         return prediction
 
     def teach(self, move: str, *, is_correction: bool = False, point: Point | None = None) -> None:
-        """Learn what a person did on the picture that was seen last.
+        """Learn a person's move on the last picture.
 
         Args:
             move: The person's move.
-            is_correction: True if the learner was driving and the person overruled it.
-            point: The move by degrees, if the person meant it so.
+            is_correction: True if the learner was driving and the person overruled the learner.
+            point: The move by degrees, if the person steered by degrees.
 
         Raises:
-            ValueError: If the move is none of `moves`, a share of the point is not from -1 to 1, or
-                no picture was seen since the last call.
+            ValueError: If the move is not one of `moves`, a share of the point is not from -1 to 1,
+                or no picture was seen since the last call.
         """
         if self._seen is None:
             raise ValueError("there is no new picture to learn: call see() before each teach()")
@@ -120,10 +121,10 @@ class DrivingLearner:
         self._seen = self._under_way = None
 
     def undo(self, seconds: float) -> int:
-        """Un-learn the last `seconds` of teaching, 35 at most; return how many examples went."""
+        """Unlearn the last `seconds` of teaching, 35 at most; return the number of examples."""
         return len(self.history.undo(seconds))
 
     def reset(self) -> None:
-        """Begin another drive: what was learned stays, what was under way does not."""
+        """Begin another drive: the learned examples stay, the state of the drive is dropped."""
         self.history.begin_drive()
         self._seen = self._under_way = None

@@ -1,4 +1,4 @@
-"""BSOC as a river classifier: dicts in, any hashable label, features that come and go."""
+"""BSOC as a river classifier: dicts as input, any hashable labels, features that come and go."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ except ImportError as error:
 class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     """An online classifier of at most `max_nodes` images.
 
-    Scale the features before (`preprocessing.StandardScaler`): distances are sums over them.
-    A feature that is missing counts as 0.
+    Scale the features first (`preprocessing.StandardScaler`), because distances are sums over
+    features. A feature that is missing counts as 0.
 
     Parameters
     ----------
     max_nodes
-        How many images to keep at most.
+        Maximum number of images to keep.
     n_voters
-        How many of the nearest images vote.
+        Number of nearest images that vote.
     group_cost
-        How many times dearer it is to merge images of two classes.
+        Factor by which the cost of merging images of two classes is higher.
 
     Examples
     --------
@@ -47,7 +47,7 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
     """
 
     _room = 16
-    """Number of features that vectors have room for; it is at least doubled when too small."""
+    """Number of features that fit into a vector; if it is too small, it is at least doubled."""
 
     def __init__(
         self, max_nodes: int = 32, n_voters: int = N_VOTERS, group_cost: float = GROUP_COST
@@ -66,11 +66,11 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
         return True
 
     def learn_one(self, x: Mapping[Any, Any], y: Any) -> None:
-        # In an order of their own, so that the order in the dict does not matter.
+        # In a fixed order, so that the order in the dict does not matter.
         known, n = self._columns, len(self._columns)
         new = sorted((name for name in x if name not in known), key=repr)
         columns = known | {name: n + i for i, name in enumerate(new)} if new else known
-        # Images grow longer: features that nobody had seen were 0 in all of them.
+        # Lengthen the images: features that never occurred before were 0 in all of them.
         more = max(self._room, len(columns) - self._room)
         if len(columns) > self._room:
             self._room += more
@@ -81,11 +81,11 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
                     state.arrays[name] = np.pad(state.arrays[name], longer)
                 self._learner.set_state(state)
         label = self._labels.get(y, len(self._labels))
-        self._learner.learn_one(self._vector(x, columns), str(label))  # may refuse it
+        self._learner.learn_one(self._vector(x, columns), str(label))  # may raise
         self._columns, self._labels[y] = columns, label
 
     def predict_proba_one(self, x: Mapping[Any, Any]) -> dict[Any, float]:
-        """Return each label's share; nothing before the first example."""
+        """Return each label's share; empty before the first example."""
         if not self._labels:
             return {}
         shares = self._learner.predict_proba_one(self._vector(x, self._columns))
@@ -96,13 +96,13 @@ class RiverBSOC(base.MiniBatchClassifier):  # type: ignore[misc]
             self.learn_one(row, label)
 
     def predict_proba_many(self, X: pd.DataFrame) -> pd.DataFrame:  # noqa: N803
-        import pandas as pd  # as river does: a caller that passes frames has it
+        import pandas as pd  # like river: a caller that passes frames has pandas
 
         rows = [self.predict_proba_one(row) for row in X.to_dict(orient="records")]
         return pd.DataFrame(rows, index=X.index, columns=list(self._labels))
 
     def _vector(self, x: Mapping[Any, Any], columns: Mapping[Any, int]) -> NDArray[np.float32]:
-        """Return known features as a vector; one that was never learned is not known."""
+        """Return known features as a vector; features that were never learned are left out."""
         vector = np.zeros(self._room, np.float32)
         for name in x.keys() & columns.keys():
             vector[columns[name]] = x[name]

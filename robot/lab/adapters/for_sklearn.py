@@ -21,20 +21,20 @@ except ImportError as error:
 
 
 class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
-    """An online classifier of at most `max_nodes` images, with an online ridge if wanted.
+    """An online classifier of at most `max_nodes` images, optionally with an online ridge.
 
-    Scale the features to about [0, 1] or to variance 1 before: distances are sums over them.
-    Predicting changes nothing that was learned, and may be done on several threads.
+    Scale the features to about [0, 1] or to variance 1 first, because distances are sums over
+    features. Predictions do not change the learner, and may run on several threads.
 
     Args:
-        max_nodes: How many images to keep at most.
-        n_voters: How many of the nearest images vote.
-        group_cost: How many times dearer it is to merge images of two classes.
-        penalty: Of the linear part's squared coefficients; None: there is none.
+        max_nodes: Maximum number of images to keep.
+        n_voters: Number of nearest images that vote.
+        group_cost: Factor by which the cost of merging images of two classes is higher.
+        penalty: Penalty of the linear part's squared coefficients; None: no linear part.
 
     Attributes:
         classes_: The classes, sorted, shape (n,).
-        learner_: The learner; its labels are numbers of classes in the order that they came.
+        learner_: The learner; its labels number the classes in order of appearance.
     """
 
     classes_: NDArray[Any]
@@ -57,10 +57,10 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         super().__setstate__(state)
-        self._is_loaded = True  # joblib's mmap_mode makes arrays that cannot be written
+        self._is_loaded = True  # joblib's mmap_mode makes read-only arrays
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:  # noqa: N803 - scikit-learn's name
-        """Forget, and learn examples in their order; X of shape (n, d), y of shape (n,)."""
+        """Forget all, and learn examples in their order; X of shape (n, d), y of shape (n,)."""
         return self._learn(X, y, None, is_new=True)
 
     def partial_fit(self, X: ArrayLike, y: ArrayLike, classes: Any = None) -> Self:  # noqa: N803
@@ -69,12 +69,12 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         Args:
             X: Features, shape (n, d).
             y: Labels, shape (n,).
-            classes: All that there will be, in the first call or in each. The columns of
-                `predict_proba` are then theirs from the first call on; else a class may come
-                later, and takes its place among the sorted ones.
+            classes: All classes, in the first call or in each. The columns of `predict_proba` are
+                then fixed from the first call on. Without this argument, later classes are inserted
+                in sorted order.
 
         Raises:
-            ValueError: If a label is not among the classes that were named.
+            ValueError: If a label is not among `classes`.
         """
         return self._learn(X, y, classes, is_new=not hasattr(self, "learner_"))
 
@@ -105,7 +105,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
                 n_voters=self.n_voters,
                 group_cost=self.group_cost,
                 linear=linear,
-                forgets=False,  # a stream of examples in any order is no pilot who changes his mind
+                forgets=False,  # examples in any order do not mean a change of mind
             )
             self._came: list[Any] = []
             self.classes_, self._are_all_named = given, classes is not None
@@ -114,7 +114,7 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         places = {label: place for place, label in enumerate(self._came)}
         for x, label in zip(xs, ys.tolist(), strict=True):
             place = places.setdefault(label, len(places))
-            self.learner_.learn_one(x, str(place))  # may refuse values that are too large
+            self.learner_.learn_one(x, str(place))  # raises if values are too large
             if place == len(self._came):
                 self._came.append(label)
         return self

@@ -1,4 +1,4 @@
-"""Other people's learners behind the same interface, for comparison and for teaching."""
+"""Third-party learners behind the same interface, for comparison and for teaching."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ from robot.types import Action
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rival:
-    """A kind of learner of another library.
+    """A kind of learner from another library.
 
     Attributes:
-        make: Returns a new model, given the library's class, the number of the learner's name
-            (of neighbours, trees, hidden units; a penalty) and how many examples there are.
-        library: Module and class, and the extra that has them.
-        features: The default's are fair; the paper's, and colours, go with no action filter.
-        is_eager: It is fitted to every example; else with each tenth part more of them.
-        is_angular: It regresses only the angle.
+        make: Returns a new model, given the library's class, the number in the learner's name (of
+            neighbours, trees, hidden units; a penalty) and the number of examples.
+        library: Module and class, and the extra that installs them.
+        features: What the learner sees. With gradients, the default's features, it also gets the
+        default's action filter (a fair comparison); with grey values or colours it gets none.
+        is_eager: True: fitted again after every example. False: after each tenth part more.
+        is_angular: True if it regresses only the angle.
     """
 
     make: Callable[[Any, int, int], Any]
@@ -78,7 +79,7 @@ RIVALS = {
         library=("sklearn.linear_model", "Ridge", "evaluate"),
         is_angular=True,
     ),
-    # Of the kind of donkeycar's `linear`.
+    # Similar to donkeycar's `linear`.
     "angle-cnn": Rival(
         make=lambda make, number, n_examples: BatchNetwork(
             ConvolutionalNetwork(number, has_softmax=False)
@@ -90,7 +91,7 @@ RIVALS = {
 
 
 def make_baseline(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return a rival by its learner's name; a `Maker`. MissingExtraError if its library is not
+    """Return a rival by its learner's name (a `Maker`). MissingExtraError if its library is not
     installed."""
     kind = split_name(name)[0]
     rival, make = RIVALS[kind], None

@@ -1,5 +1,5 @@
-"""A classifier of another library behind the learner's interface: it keeps every frame, and is
-fitted anew when asked after an example."""
+"""A classifier of another library behind the learner's interface. It keeps every frame, and is
+fitted again before the first prediction after an example."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ from robot.types import Point, Prediction
 class Baseline(Stateful, BaseLearner):
     """A learner of another library, for comparison and for teaching.
 
-    Its state is its examples: the same ones give the same learner, because every classifier is
+    Its state is its examples: equal examples yield equal learners, because every classifier is
     seeded. Memory and time grow with every example.
 
     Args:
-        kind: Its name in a model.
-        number: The number in its name: of neighbours, trees, units ...
-        make: Returns a new classifier with `fit`, `predict_proba` and `classes_`, given how many
-            examples there are.
-        is_eager: It is fitted to every example; else with each tenth part more of them.
+        kind: The learner's name in a model.
+        number: The number in the learner's name: of neighbours, trees, units ...
+        make: Returns a new classifier with `fit`, `predict_proba` and `classes_`, given the number
+            of examples.
+        is_eager: True: fitted again after every example. False: after each tenth part more.
     """
 
     _dtypes = (np.uint8, np.float32, np.float64)
@@ -57,7 +57,7 @@ class Baseline(Stateful, BaseLearner):
         self._n_fitted = 0
 
     def learn_one(self, x: Vector, y: Label) -> None:
-        """Learn one labelled vector; raises ValueError on bad input, and is then unchanged."""
+        """Learn one labelled vector; on bad input, raise ValueError without any change."""
         if not isinstance(y, str) or not y:
             raise ValueError(f"a label must be a string, not {y!r}")
         array = checked_vector(x, self._xs[0].size if self._xs else None)
@@ -72,7 +72,7 @@ class Baseline(Stateful, BaseLearner):
         return Evidence(label=best, probabilities=probabilities, confidence=probabilities[best])
 
     def _fitted(self, x: Vector) -> tuple[Any, Any]:
-        """Return the model of all examples, and the vector as it takes it."""
+        """Return the model fitted to all examples, and the vector in the model's form."""
         if not self._xs:
             raise NotFittedError("nothing was learned yet")
         array = checked_vector(x, self._xs[0].size)
@@ -88,7 +88,7 @@ class Baseline(Stateful, BaseLearner):
 
     @property
     def n_examples(self) -> int:
-        """How many examples it keeps."""
+        """Number of stored examples."""
         return len(self._ys)
 
     def get_state(self) -> State:
@@ -96,7 +96,7 @@ class Baseline(Stateful, BaseLearner):
         return State(kind=self.kind, params=params, arrays=arrays, labels=list(self._ys))
 
     def set_state(self, state: State) -> None:
-        """Keep only the examples of `state`; raises ValueError if it is of another kind."""
+        """Replace all examples by those of `state`; raises ValueError if it is of another kind."""
         if state.kind != self.kind:
             raise ValueError(f"the model is a {state.kind}, not a {self.kind}")
         self._ys = list(map(str, state.labels))
@@ -108,7 +108,7 @@ class Baseline(Stateful, BaseLearner):
 
 
 def _tenth_parts(n_examples: int) -> int:
-    """Return the largest of 1, 2, ... 10, 11, 12 ... 20, 22 ... that is not more than this."""
+    """Return the largest of 1, 2, ... 10, 11, 12 ... 20, 22 ... that is at most this number."""
     count = 1
     while (following := count + max(1, count // 10)) <= n_examples:
         count = following
@@ -116,7 +116,7 @@ def _tenth_parts(n_examples: int) -> int:
 
 
 class AngleBaseline(Baseline):
-    """A regression of another library on the angle; it learns no labels, but knows their angles."""
+    """A regression of another library on the angle; it learns no labels, but their angles."""
 
     abilities = Abilities(angles=True)
     fields = (
@@ -161,7 +161,7 @@ class AngleBaseline(Baseline):
 
 
 class AnglePolicy(Policy):
-    """Steers as its learner says, whatever the pilot means by the move."""
+    """Steers by its learner's angle, not by the pilot's usual angle for the move."""
 
     def propose(self, frame_id: int, x: Vector, **seen: Any) -> Prediction:
         said, angle = super().propose(frame_id, x, **seen), self._degrees.angle

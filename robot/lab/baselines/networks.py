@@ -1,4 +1,4 @@
-"""Small neural networks on colour pixels, fitted anew in batch as examples come."""
+"""Small neural networks on colour pixels, fitted again in batch as examples are added."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from robot.types import Frame
 Floats = NDArray[np.float32]
 _EPOCHS, _BATCH = 30, 16
 _RATE, _DECAYS, _TINY = 0.001, (0.9, 0.999), 1e-8
-"""Of Adam (Kingma and Ba 2015)."""
+"""Parameters of Adam (Kingma and Ba 2015)."""
 
 
 class ColourFeatures(GreyFeatures):
-    """RGB, 40x30, area average: 3600 bytes. Learners of it keep no images to be shown."""
+    """RGB, 40x30, area average: 3600 bytes. Learners on these features have no images to show."""
 
     name = "colour"
 
@@ -33,9 +33,9 @@ class ColourFeatures(GreyFeatures):
 
 
 class BatchNetwork:
-    """Fits a network by going over all examples some times; for a `Baseline`.
+    """Fits a network in several passes over all examples; for a `Baseline`.
 
-    It learns classes, or numbers where the network ends in no softmax.
+    It learns classes, or numbers if the network has no softmax.
     """
 
     def __init__(self, network: Any) -> None:
@@ -43,12 +43,12 @@ class BatchNetwork:
         self.classes_: Sequence[Label] = ()
 
     def fit(self, xs: Floats, ys: list[Any]) -> None:
-        """Go over the examples, in another order each time; the same for the same examples."""
+        """Make passes over the examples, each in another order, reproducible for equal examples."""
         scaled, targets, classes = xs / 127.5 - 1.0, np.array(ys), {}
         if isinstance(ys[0], str):
             found, targets = np.unique(targets, return_inverse=True)
             self.classes_ = found.tolist()
-            classes = {"classes": list(range(max(2, len(self.classes_))))}  # scikit-learn wants two
+            classes = {"classes": list(range(max(2, len(self.classes_))))}  # scikit-learn needs two
         rng = np.random.default_rng(0)
         for _ in range(_EPOCHS):
             order = rng.permutation(len(ys))
@@ -61,9 +61,9 @@ class BatchNetwork:
         return numbers
 
     def predict_proba(self, xs: Floats) -> Floats:
-        """Return the chance of each class, shape (n, classes)."""
+        """Return the probability of each class, shape (n, classes)."""
         chances: Floats = self._network.predict_proba(xs / 127.5 - 1.0)
-        if chances.shape[1] == 1:  # of two classes scikit-learn gives only the second
+        if chances.shape[1] == 1:  # for two classes scikit-learn returns only the second
             chances = np.hstack([1.0 - chances, chances])
         chances = chances[:, : len(self.classes_)]
         shares: Floats = chances / chances.sum(axis=1, keepdims=True)
@@ -73,14 +73,14 @@ class BatchNetwork:
 class ConvolutionalNetwork:
     """Two layers of 5x5 and 3x3 convolutions with stride 2, a hidden layer, and a softmax.
 
-    Each layer is the same sum, over other places of the values before it: a convolution over each
-    of its windows, a full layer over all of them.
+    All layers compute the same kind of sum over values of the layer before: a convolution over each
+    of its windows, a full layer over all values.
 
     Args:
-        n_hidden: Units of the hidden layer.
-        shape: Of a picture: height, width, channels.
-        kernels: Side and number of each layer of convolutions.
-        has_softmax: False: its output is a number, not chances.
+        n_hidden: Number of units in the hidden layer.
+        shape: Shape of a picture: height, width, channels.
+        kernels: Kernel side and number of kernels of each convolution layer.
+        has_softmax: False: the output is a number instead of probabilities.
     """
 
     def __init__(
@@ -106,11 +106,11 @@ class ConvolutionalNetwork:
     def partial_fit(
         self, xs: Floats, ys: NDArray[Any], classes: Sequence[int] | None = None
     ) -> None:
-        """Make one step of Adam on some examples: of numbers of classes, or of plain numbers."""
+        """Make one step of Adam on some examples; `ys` are class numbers or plain numbers."""
         self.step(xs, ys[:, None] if classes is None else np.eye(len(classes))[ys])
 
     def step(self, xs: Floats, targets: NDArray[Any]) -> None:
-        """The same with what each output should be, shape (n, outputs)."""
+        """Make one step, given the target of each output, shape (n, outputs)."""
         targets = targets.astype(np.float32)
         if not self.weights:
             self._begin(targets.shape[1])
@@ -129,8 +129,8 @@ class ConvolutionalNetwork:
         return self._forward(xs)[1]
 
     def slopes(self, xs: Floats, targets: Floats) -> list[Floats]:
-        """Return the slope by each weight of the mean loss, which is cross entropy after a softmax
-        and half the squared error without: by the outputs, both have the same slope."""
+        """Return the gradient of the mean loss by each weight. The loss is cross entropy after a
+        softmax, otherwise half the squared error; by the outputs, both have the same gradient."""
         layers, outputs = self._forward(xs)
         error: Floats = outputs - targets
         error /= len(xs)
@@ -138,7 +138,7 @@ class ConvolutionalNetwork:
         for i, (values, seen) in reversed(list(enumerate(layers))):
             error = error.reshape(*seen.shape[:2], -1)
             slopes.append(np.tensordot(seen, error, ((0, 1), (0, 1))))
-            if i > 0:  # the picture itself is no layer's output
+            if i > 0:  # the picture needs no gradient
                 back = (error @ self.weights[i].T)[..., :-1]
                 error = np.zeros_like(values)
                 for place, parts in enumerate(self._places[i]):
@@ -155,8 +155,8 @@ class ConvolutionalNetwork:
         self._moments = [(np.zeros_like(w), np.zeros_like(w)) for w in self.weights]
 
     def _forward(self, xs: Floats) -> tuple[list[tuple[Floats, Floats]], Floats]:
-        """Return each layer's values, shape (n, values), with what each of its places sees of
-        them and a one for its bias; and the outputs."""
+        """Return each layer's input, shape (n, values), with its windows and a one for the bias;
+        and the outputs."""
         layers: list[tuple[Floats, Floats]] = []
         values: Floats = xs
         for places, weights in zip(self._places, self.weights, strict=True):

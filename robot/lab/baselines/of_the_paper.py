@@ -19,10 +19,10 @@ Images = NDArray[Any]
 
 
 class Prototypes:
-    """A classifier on top of a clustering: each image of a net counts the labels nearest to it.
+    """A classifier on top of a clustering: each image counts the labels of its nearest examples.
 
     Args:
-        cluster: Returns a net's images of these frames, seen once and in order, shape (n, d).
+        cluster: Returns a net's images, shape (n, d), of the given frames, seen once and in order.
     """
 
     def __init__(self, cluster: Callable[[Images], Images]) -> None:
@@ -48,7 +48,7 @@ class Prototypes:
 
 
 def som(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a map of about `number` images, as square as they allow."""
+    """Return a map of about `number` images, as square as this number allows."""
     rows = math.isqrt(number)
 
     def cluster(xs: Images) -> Images:
@@ -61,26 +61,26 @@ def som(make: Any, number: int, n_examples: int) -> Prototypes:
 
 
 def gng(make: Any, number: int, n_examples: int) -> Prototypes:
-    """Return a gas that grows to at most `number` images, evenly over the examples."""
+    """Return a gas that grows evenly over the examples to at most `number` images."""
 
     def cluster(xs: Images) -> Images:
         every = max(len(xs) // number, 1)
         net = make(n_epochs=1, sigma=every, max_units=number, shuffle=False)
-        net.fit(np.vstack([xs, xs[-1:]]).astype(np.float64))  # it needs two
+        net.fit(np.vstack([xs, xs[-1:]]).astype(np.float64))  # the gas needs two
         return np.stack([unit.prototype for unit in net.units])
 
     return Prototypes(cluster)
 
 
 KEPT, SHIFTS = 200, [shift for shift in range(-7, 8) if shift]
-"""Pictures in ALVINN's rotating set, and by how many pixels of 40 its 14 variations are moved."""
+"""Size of ALVINN's rotating set, and the shifts of its 14 variations in pixels of 40."""
 
 
 class RotatingSet:
-    """ALVINN: after each frame one pass over a set in which it and its variations replace others.
+    """ALVINN: after each frame, one pass over a set of recent frames and their variations.
 
     Args:
-        network: A network of scikit-learn with `partial_fit`.
+        network: A scikit-learn network with `partial_fit`.
     """
 
     def __init__(self, network: Any) -> None:
@@ -106,7 +106,7 @@ class RotatingSet:
             self._network.partial_fit(kept, told, classes=self.classes_)
 
     def predict_proba(self, xs: Images) -> Images:
-        if len(self.classes_) == 1:  # which the network takes for one of two
+        if len(self.classes_) == 1:  # the network treats it as one of two
             return np.ones((len(xs), 1))
         shares: Images = self._network.predict_proba(xs / 255.0)
         return shares

@@ -1,4 +1,4 @@
 """The first blocks of a small vision net, trained on photographs and never changed, as features.
 
-`network` has OpenCV run the net in `net.onnx`, and `features` turns a frame into a vector.
+`network` runs the net in `net.onnx` by OpenCV, and `features` converts a frame to a vector.
 """

@@ -1,4 +1,4 @@
-"""A frame as what a vision net sees in each part of it, and the default's parts on top of that."""
+"""Features from a vision net's output in each part of a frame, and the default learner on them."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from robot.types import Action, Frame
 
 
 class EyesFeatures(PictureFeatures):
-    """Outputs of a frozen net in 2x5 parts beside a grey picture at a quarter of its contrast.
+    """Outputs of a frozen net in 2x5 parts, and a grey picture at a quarter of its contrast.
 
-    2000 bytes. The grey part is there for the gallery and to compare frames; at that contrast it
+    2000 bytes. The grey part is for the gallery and for comparing frames; at this contrast it
     weighs little in distances.
     """
 
@@ -33,20 +33,23 @@ class EyesFeatures(PictureFeatures):
     n_outputs = n_others = n_rows * n_columns * CHANNELS
     contrast = 4
     step = 24.0
-    """A standard deviation of an output, in the values of the vector; 128 is the usual output."""
+    """One standard deviation of an output, in values of the vector; 128 is the mean output."""
     penalty = 0.2
-    """Of the linear part on top. Less is better with few examples, more with many."""
+    """Penalty of the linear part.
+
+    A smaller penalty is better with few examples, a larger one with many.
+    """
     balance = 0.25
-    """By how much a rare label weighs more: few examples of a turn are enough to see it."""
+    """Extra weight of rare labels, which is low because few examples of a turn are enough here."""
     novelty_margin = 0.3
-    """To a net a new corner is farther from all known ones than to gradients. With the usual
-    margin it asks three times as often after a short lesson, and drives no better for it."""
+    """In the net's features a new corner is farther from all known ones than in gradients. With the
+    usual margin the robot asks three times as often after a short lesson, and drives no better."""
 
     def __init__(self) -> None:
         self._network = Network()
 
     def extract(self, frame: Frame) -> Vector:
-        """Return shape (2000,), uint8: 80 channels of 2x5 parts, then 30x40 pixels quartered."""
+        """Return shape (2000,), uint8: 80 channels of 2x5 parts, then 30x40 grey values."""
         import cv2
 
         rgb = image.at_common_scale(image.to_rgb(frame), *COMMON_SIDES)
@@ -58,14 +61,14 @@ class EyesFeatures(PictureFeatures):
         return np.concatenate([values.ravel(), small.ravel() >> 2])
 
     def cells(self, difference: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sums of squares of each part's outputs and of its pixels."""
+        """Return the sums of squares of each part's outputs and pixels."""
         by_output = (difference[: self.n_outputs] ** 2).reshape(CHANNELS, self.n_rows, -1)
         parts = by_output.sum(axis=0)
         return sum_over_cells(difference[self.n_outputs :], parts)
 
 
 def make_eyes(number: int, name: str, moves: tuple[Action, ...], integer: bool) -> Policy:
-    """Return the default's parts on what a frozen vision net sees; needs the extra `eyes`."""
+    """Return the default learner on a frozen vision net's outputs; needs the extra `eyes`."""
     features = EyesFeatures()
     linear = ContextRidge(features.n_outputs, penalty=EyesFeatures.penalty)
     learner = BSOCClassifier(

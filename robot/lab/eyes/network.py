@@ -18,19 +18,19 @@ from robot.errors import ConfigurationError, need, told_as
 
 Floats = NDArray[np.float32]
 WIDTH, HEIGHT = 160, 128
-"""Size of the pictures that it sees, in pixels; the camera's 160x120 is a little stretched."""
+"""Size of the net's input in pixels; the camera's 160x120 is stretched slightly."""
 CHANNELS, ROWS, COLUMNS = 80, 8, 10
 """Shape of the output: a number for each channel and part of the picture."""
 GREY, RANGE = 127.0, 128.0
-"""The grey level that became 0 when it was trained, and how many levels became 1."""
+"""The grey level that was 0 in the training, and the number of levels that was 1."""
 _HERE = Path(__file__).parent
 
 
 class Network:
-    """The net, and what its outputs usually are.
+    """The net, with the mean and standard deviation of its outputs.
 
     Raises:
-        ConfigurationError: If its files are missing or damaged.
+        ConfigurationError: If the net's files are missing or damaged.
     """
 
     def __init__(self) -> None:
@@ -42,14 +42,14 @@ class Network:
             self._net: Any = cv2.dnn.readNetFromONNX(file)
         self.usual: Floats = usual[:, None, None]
         self.spread: Floats = spread[:, None, None]
-        # OpenCV's net holds its input: two threads at a time would mix up their pictures.
+        # OpenCV's net stores its input, so two threads at a time would mix up their pictures.
         self._lock = threading.Lock()
 
     def run(self, rgb: NDArray[np.uint8]) -> Floats:
-        """Return its outputs for a picture of shape (128, 160, 3): shape (80, 8, 10).
+        """Return the outputs for a picture of shape (128, 160, 3): shape (80, 8, 10).
 
-        They are standardised: by `usual` and `spread`, the mean and standard deviation of each
-        channel on the photographs that it was trained with.
+        The outputs are standardised by `usual` and `spread`, each channel's mean and standard
+        deviation on the photographs of the training.
         """
         picture = (rgb.astype(np.float32) - GREY) / RANGE
         with self._lock:

@@ -1,4 +1,4 @@
-"""Worlds that others made: how well does a robot drive after a given number of examples?"""
+"""Third-party worlds: how well does a robot drive after a given number of examples?"""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _QUICK_WORLDS = ("Sidewalk", "ViZDoom")
 
 
 def _plan(settings: ExperimentSettings) -> Iterator[Task]:
-    """Plan every world, learner and way, in the quick form twice; the teacher once a world."""
+    """Plan every world, learner and way of teaching (quick: twice); once the world's teacher."""
     learners = settings.learners or (LEARNERS[:2] if settings.quick else LEARNERS)
     worlds = settings.worlds or (_QUICK_WORLDS if settings.quick else tuple(WORLDS))
     drivers = [(TEACHER, ""), *product(learners, WAYS[:1] if settings.quick else WAYS)]
@@ -54,7 +54,7 @@ def _tables(runs: Runs) -> list[Table]:
 
 
 def _plots(runs: Runs) -> list[Plot]:
-    """Return two plots a world: the score over examples, and over takeovers."""
+    """Return two plots for each world: the score over examples, and over takeovers."""
     return [
         Plot(
             title=world,
@@ -72,20 +72,20 @@ def _plots(runs: Runs) -> list[Plot]:
 
 
 def _means(results: Sequence[Result], name: str) -> list[float]:
-    """Return the mean of a figure of each stage."""
+    """Return the mean of a figure at each stage."""
     stages = zip(*(result["stages"] for result in results), strict=True)
     return [float(np.mean([run[name] for run in own])) for own in stages]
 
 
 def score_at(stage: int) -> Callable[[Sequence[Result]], str]:
-    """Return the function that makes a cell of the mean score of each run at this stage."""
+    """Return the function that computes a cell: the mean score of each run at this stage."""
     return lambda results: mean_in_interval(
         [statistics.fmean(result["stages"][stage]["scores"]) for result in results]
     )
 
 
 def _last(name: str) -> Callable[[Sequence[Result]], float | None]:
-    """Return how a cell is made of a figure of the last stage, which teachers have not."""
+    """Return the function that computes a cell from a figure of the last stage."""
     return lambda results: mean_of_known([result["stages"][-1].get(name) for result in results])
 
 

@@ -1,4 +1,4 @@
-"""One learner in one foreign world: taught, then unaided, and both again with more examples."""
+"""One learner in one third-party world: taught, then unaided, and both again with more examples."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from robot.lab.task import Params, Result
 from robot.types import Action, Prediction
 
 FIRST_EXAMPLES = 50
-"""Number of examples that are demonstrated before the robot drives and is corrected, or asks."""
+"""Number of demonstrated examples before the robot drives and is corrected, or asks."""
 WRONG_FOR = 2
 """Number of wrong decisions in a row after which the teacher takes the wheel."""
 HOLDS_FOR = 5
-"""Least number of decisions for which the teacher then keeps the wheel; it gives it back once the
-robot would do the same."""
+"""Minimum number of decisions for which the teacher then keeps the wheel. After these, the teacher
+returns the wheel as soon as the robot would make the same move."""
 UNSURE = 0.6
-"""Confidence below which a robot that may ask does so; it also asks where the product asks."""
+"""Confidence below which a robot that may ask does ask; it also asks whenever the product would."""
 _PATIENCE = 20
-"""Upper bound of decisions for each example: a robot without mistakes gets no corrections."""
+"""Maximum number of decisions per example, because a robot without mistakes gets no corrections."""
 _ALONE_SEED = 1_000_000
 TEACHER = "teacher"
-"""Learner name with which the scripted teacher itself drives."""
+"""Learner name for drives of the scripted teacher itself."""
 
 
 def run_ground(params: Params) -> Result:
-    """Teach, and let it drive unaided at each number of examples.
+    """Teach, and let the robot drive unaided at each number of examples.
 
     Parameters: `world`, `learner`, `way` (`demonstration`, `corrections` or `asked`), `seed`,
-    `counts` (of examples), `drives` (unaided, at each). The learner `teacher` is the world's own:
-    its scores are those of the same drives.
+    `counts` (numbers of examples), `drives` (number of unaided drives at each count). The learner
+    `teacher` is the world's scripted teacher, scored on the same drives.
     """
     with contextlib.closing(make_world(params["world"])) as world:
         first_seed = _ALONE_SEED + 100 * params["seed"]
@@ -59,7 +59,7 @@ def _score_of_teacher(world: ForeignWorld, seed: int) -> float:
 
 
 class Course:
-    """Teaching: who drives when, over as many episodes as it takes."""
+    """A course of teaching over as many episodes as needed; it decides who drives."""
 
     def __init__(self, world: ForeignWorld, learner: DrivingLearner, way: str, seed: int) -> None:
         self._world, self._learner, self._way = world, learner, way
@@ -68,7 +68,7 @@ class Course:
         self.takeovers = self.decisions = 0
 
     def teach(self, count: int) -> None:
-        """Go on until the learner has had `count` examples, or makes no mistakes."""
+        """Continue until the learner has `count` examples, or makes no mistakes."""
         most = self.decisions + _PATIENCE * (count - self._learner.n_examples)
         while self._learner.n_examples < count and self.decisions < most:
             self._drive(count, most)
@@ -89,7 +89,7 @@ class Course:
                 move: str | None = wanted
             else:
                 move, point = None if proposed.needs_help else proposed.action, proposed.point
-            if move is not None:  # a robot that stands and asks is waited for
+            if move is not None:  # None: wait for a robot that stands and asks
                 picture, is_over = self._world.step(move, point)
 
     def _is_teacher_due(self, proposed: Prediction, wanted: str) -> bool:

@@ -1,4 +1,4 @@
-"""Worlds that others made, each with a scripted teacher; Gymnasium, loaded when one is made."""
+"""Third-party worlds, each with a scripted teacher; Gymnasium is imported when a world is made."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from robot.errors import ConfigurationError, did_you_mean, need
 from robot.types import Action, Point
 
 Picture = NDArray[np.uint8]
-"""RGB, shape (height, width, 3)."""
+"""A picture in RGB, shape (height, width, 3)."""
 STEP_S = 0.1
-"""Time from one decision to the next."""
+"""Time from one decision to the next, in seconds."""
 _HALF_WIDTH_M = 0.45
-"""Of a lane that MiniWorld's agent, 80 cm wide, fits through."""
+"""Half the width of a lane for MiniWorld's agent, which is 80 cm wide."""
 
 
 class ForeignWorld(ABC):
-    """One world: episodes of pictures and moves, a score, and a teacher who knows the truth.
+    """One world: episodes of pictures and moves, a score, and a teacher who knows the true state.
 
     Attributes:
-        codes: The world's own numbers of its moves.
-        longest: Decisions in an episode at most.
-        frames: Steps of the world that a decision lasts.
-        score: Of the episode so far.
-        point: The move that the teacher `wanted`, by degrees, where the world is driven by degrees.
+        codes: The world's numbers of its moves.
+        longest: Maximum number of decisions in an episode.
+        frames: Number of the world's steps per decision.
+        score: The score of the episode so far.
+        point: The teacher's `wanted` move by degrees, if the world is driven by degrees.
     """
 
     codes: Mapping[str, int]
@@ -51,13 +51,13 @@ class ForeignWorld(ABC):
         self._n_steps = 0
 
     def reset(self, seed: int) -> Picture:
-        """Begin an episode, and return its first picture."""
+        """Begin an episode and return its first picture."""
         seen, _ = self._env.reset(seed=seed)
         self.score, self._n_steps = 0.0, 0
         return self._picture(seen)
 
     def step(self, move: str, point: Point | None = None) -> tuple[Picture, bool]:
-        """Make a move, perhaps by degrees; return the next picture, and whether it was the last."""
+        """Make a move, perhaps by degrees; return the next picture, and whether it is the last."""
         self._n_steps += 1
         is_over = self._n_steps >= self.longest
         for frame in range(self.frames):
@@ -71,7 +71,7 @@ class ForeignWorld(ABC):
 
     @abstractmethod
     def wanted(self) -> str:
-        """Return what the teacher would do now."""
+        """Return the move that the teacher would make now."""
 
     def close(self) -> None:
         self._env.close()
@@ -84,14 +84,15 @@ class ForeignWorld(ABC):
 
     @abstractmethod
     def _note(self, reward: float) -> None:
-        """Take in what the world says of a step."""
+        """Process the world's result of a step."""
 
 
 class MiniWorld(ForeignWorld):
-    """Rooms with a red box to be reached; the score is 1 if it was.
+    """Rooms with a red box as the goal; the score is 1 if the box was reached.
 
-    The teacher goes to the box if it is in sight; otherwise it goes straight, and turns left
-    where the way ends, until the way is free again. All of that can be seen in the pictures.
+    The teacher drives to the box if it is in sight. Otherwise the teacher drives straight, and
+    turns left at obstacles until the way is free. The pictures contain everything that the teacher
+    uses.
     """
 
     codes: Mapping[str, int] = MappingProxyType({"left": 0, "right": 1, "forward": 2})
@@ -130,7 +131,7 @@ class MiniWorld(ForeignWorld):
         return self._turning or "forward"
 
     def _free_m(self, bearing: float, most_m: float = 4.0, half_width_m: float = 0.0) -> float:
-        """Return how far a lane is free in a direction, counter-clockwise of straight ahead."""
+        """Return the free length of a lane in a direction, counter-clockwise of straight ahead."""
         heading = self.inner.agent.dir + bearing
         ahead = np.array([math.cos(heading), 0.0, -math.sin(heading)])
         aside = half_width_m * np.array([ahead[2], 0.0, -ahead[0]])
@@ -150,20 +151,20 @@ class MiniWorld(ForeignWorld):
 class CarRacing(ForeignWorld):
     """A car on a race track; the score is the share of its tiles, in percent.
 
-    The five moves of the world's own discrete form. The teacher knows the track: it steers to a
-    point ahead where that lies well aside, since a car that steers gets no gas, and is slower in
-    bends.
+    The moves are the five of the world's discrete form. The teacher knows the track. It steers to a
+    point ahead only if the point is well to one side, because a car that steers gets no gas, and it
+    is slower in bends.
 
     Args:
         names: The names of left, right, gas, brake and nothing.
-        is_continuous: It is driven by degrees.
+        is_continuous: True if the world is driven by degrees.
     """
 
     longest = 150
     frames = 4
     look_ahead = 6
     _zoom_frames = 50
-    """The world begins with a zoom, in which nothing can be done."""
+    """Length of the zoom at the world's start, in frames, during which moves have no effect."""
 
     def __init__(self, names: Collection[str], *, is_continuous: bool = False) -> None:
         self.codes = dict(zip(names, (2, 1, 3, 4, 0), strict=True))
@@ -171,7 +172,7 @@ class CarRacing(ForeignWorld):
         super().__init__("CarRacing-v3", "Box2D", continuous=is_continuous)
         self._draw = self.inner._render
         self._is_seen = True
-        # Most of a step's time is spent on drawing frames that nobody sees.
+        # Skip the drawing of frames that nobody sees, which takes most of a step's time.
         self.inner._render = lambda mode: self._draw(mode) if self._is_seen else self.inner.state
 
     def _picture(self, seen: Any) -> Picture:
@@ -197,7 +198,7 @@ class CarRacing(ForeignWorld):
         return gas if speed < fastest else nothing
 
     def _ahead(self) -> tuple[float, float, float]:
-        """Return the bearing of the point ahead, the speed, and how fast the bend lets it be."""
+        """Return the bearing of the point ahead, the speed, and the maximum speed for the bend."""
         hull = self.inner.car.hull
         track = np.array([tile[2:4] for tile in self.inner.track])
         here = np.array(hull.position)
@@ -224,9 +225,9 @@ CAR_MOVES = {
 
 
 class CarRacingByDegrees(CarRacing):
-    """The same world's continuous form; its moves are those of the discrete one.
+    """The same world's continuous form, with the moves of the discrete form.
 
-    The teacher steers in proportion, and gives gas meanwhile.
+    The teacher steers in proportion to the bearing, and gives gas meanwhile.
     """
 
     def __init__(self) -> None:
@@ -241,9 +242,9 @@ class CarRacingByDegrees(CarRacing):
         return np.array([steering, max(throttle, 0.0), max(-throttle, 0.0)], np.float32)
 
     def wanted(self) -> str:
-        """Steer to a point ahead the more, the farther aside it is.
+        """Steer to a point ahead, in proportion to its bearing.
 
-        Who coasts or brakes through a bend still steers: it counts as a turn, not as coasting.
+        A teacher who coasts or brakes through a bend still steers, so the move counts as a turn.
         """
         bearing, speed, fastest = self._ahead()
         throttle = -0.8 if speed > 1.3 * fastest else 0.2 if speed < fastest else 0.0
@@ -253,9 +254,9 @@ class CarRacingByDegrees(CarRacing):
 
 
 class VizDoom(ForeignWorld):
-    """Gathering health on a floor of acid; the score is the tics survived, of 2,100.
+    """Gathering health on a floor of acid; the score is the number of tics survived, of 2,100.
 
-    The teacher goes to the medikit that looks largest, and turns left where there is none.
+    The teacher drives to the medikit that looks largest, and turns left if there is none in sight.
     """
 
     codes: Mapping[str, int] = MappingProxyType({"left": 3, "right": 2, "forward": 1})
@@ -308,7 +309,7 @@ def make_world(name: str) -> ForeignWorld:
     """Return a world by its name.
 
     Raises:
-        ConfigurationError: If there is none of this name.
+        ConfigurationError: If there is no world of this name.
         MissingExtraError: If its library is not installed.
     """
     if name not in WORLDS:

@@ -1,1 +1,1 @@
-"""Pilots that are not people. They drive through the same commands as a phone."""
+"""Simulated pilots. They drive by the same commands as a phone."""

@@ -9,18 +9,18 @@ from robot.types import Action
 
 
 class WallFollower:
-    """Keeps the wall on its right at about 30 cm, as far as a turn about one wheel allows.
+    """Keeps the wall on its right at about 30 cm, as well as turns about one wheel allow.
 
-    It measures at the right edge of the picture, 28 degrees from straight ahead:
-    there a parallel wall at 30 cm is 64 cm away.
+    It measures at the right edge of the picture, 28 degrees from straight ahead. In this direction
+    a parallel wall at 30 cm is 64 cm away.
     """
 
     LOOK_RAD = math.radians(-28.0)
     NEAR_M, GOOD_M, FAR_M = 0.45, 0.62, 0.85
     AHEAD_NEAR_M, AHEAD_FREE_M = 0.30, 0.60
     ONWARDS_S = 0.8
-    """Time for which it drives on after a turn before it turns to the wall, in seconds: otherwise
-    it would alternate between left and right at a gap in the wall, without end."""
+    """Time for which it drives on after a turn before it turns to the wall, in seconds. Otherwise
+    it would alternate between left and right at a gap in the wall forever."""
 
     def __init__(self) -> None:
         self._turning: Action | None = None
@@ -44,14 +44,14 @@ class WallFollower:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Accept the move that it would make itself; and driving on, while there is room."""
+        """Accept the teacher's own move, and driving on while there is room."""
         if action is Action.FORWARD:
             return situation.free_ahead_m > 0.08 and not situation.is_pushing
         return action is self._turning
 
 
 class Follower:
-    """Follows the thing that moves: turns to it, drives after it, and backs off when too near.
+    """Follows the moving thing: turns to it, drives after it, and backs off when too near.
 
     It never stands, because a stopped robot does not learn.
     """
@@ -76,7 +76,7 @@ class Follower:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Accept the move that it would make itself, and either of two moves at the border."""
+        """Accept the teacher's own move, and both moves at the border between two."""
         target = situation.target
         if target is None or action is Action.STOP:
             return action is not Action.STOP
@@ -89,7 +89,7 @@ class Follower:
 
 
 class Pusher(Follower):
-    """Turns to the thing and pushes it until it is at a wall."""
+    """Turns to the movable thing and pushes it to a wall."""
 
     TURN_AT_RAD, GOOD_RAD = math.radians(10.0), math.radians(4.0)
     NEAR_M = 0.0

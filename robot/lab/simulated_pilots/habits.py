@@ -1,8 +1,7 @@
-"""Pilots who differ as people do: in regularity, speed, side, slips and aim.
+"""Pilots who differ like people: in regularity, speed, side, slips and aim.
 
-A `Habit` is a teacher, a model of human delays and a policy of taking over.
-`drivelesson experiment habits` teaches robots with all of them, so that results do not depend on
-one kind of pilot.
+A `Habit` is a teacher, a model of human delays and a takeover policy. `drivelesson experiment
+habits` teaches robots with all habits, so that results do not depend on one kind of pilot.
 """
 
 from __future__ import annotations
@@ -32,9 +31,9 @@ class Person(Wanderer):
     """A wanderer as irregular as a person: no two turns begin or end alike.
 
     Args:
-        params: The distances that it aims at.
-        irregularity: Deviation of each turn's beginning and end, as a share of its distance.
-        overshoot_s: How long it goes on turning when the way is free: mean of an exponential.
+        params: The distances at which the person aims to turn and to drive on.
+        irregularity: Standard deviation of the distance at each turn's start and end, as a share of
+        it. overshoot_s: Mean time of turning on after the way is free (exponential distribution).
     """
 
     def __init__(
@@ -52,7 +51,7 @@ class Person(Wanderer):
         self._on_until_s: float | None = None
 
     def choose(self, situation: Situation) -> Action:
-        """Return FORWARD or the turn under way, which goes on a little too long."""
+        """Return FORWARD, or the current turn, which lasts slightly too long."""
         turning = self._turning
         wanted = super().choose(situation)
         if turning is not None and wanted is Action.FORWARD:
@@ -97,10 +96,10 @@ class Bouncer(Wanderer):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Habit:
-    """How one kind of pilot teaches."""
+    """The way in which one kind of pilot teaches."""
 
     teacher: Callable[[tuple[Action, ...], str], Teacher] = Person
-    """From the turns and a seed."""
+    """Makes the teacher from the turns and a seed."""
     hand: HumanDelayConfig = PRACTISED
     takeover: TakeoverPolicy = LENIENT
     turns: tuple[Action, ...] = BOTH

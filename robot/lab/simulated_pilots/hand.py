@@ -1,7 +1,7 @@
 """Human delays and errors: reaction time, tremor and lapses.
 
-The hand follows a decision `reaction_s` later. Its command names the frame that is on the screen at
-that moment.
+The hand follows a decision `reaction_s` later. Its command names the frame on the screen at that
+moment.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ EPSILON_S = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HumanDelayConfig:
-    """How fast and how exact a person is. The default is a practised person on a fast link."""
+    """A person's speed and precision. The default is a practised person on a fast link."""
 
     reaction_s: float = 0.2
     tremors_per_min: float = 4.0
-    """How often a finger slips to another button."""
+    """Number of slips of the finger to another button, per minute."""
     tremor_s: float = 0.15
     lapses_per_min: float = 1.0
-    """How often the pilot looks away and goes on holding what it held."""
+    """Number of times per minute at which the pilot looks away while holding the same button."""
     lapse_s: float = 0.8
     looks_hz: float = 10.0
-    """How often a second the pilot judges what is on the screen; people do 5 to 10 times."""
+    """Number of judgements of the screen per second; people make 5 to 10."""
     pauses_per_min: float = 0.0
-    """How often the pilot lets go and thinks; the robot then stands."""
+    """Number of times per minute at which the pilot lets go and thinks; the robot then stands."""
     pause_s: float = 1.0
 
 
@@ -39,11 +39,11 @@ PRACTISED = HumanDelayConfig()
 STEADY = HumanDelayConfig(
     reaction_s=0.0, tremors_per_min=0.0, lapses_per_min=0.0, looks_hz=math.inf
 )
-"""No hand at all: a program on the robot itself."""
+"""No human delays, like a program on the robot itself."""
 
 
 class HumanDelayModel:
-    """Turns decisions into commands, with human delays and errors: a finger slips to `buttons`."""
+    """Converts decisions to commands, with human delays and errors: a finger slips to `buttons`."""
 
     def __init__(self, config: HumanDelayConfig, buttons: Sequence[Action], seed: str) -> None:
         self.config = config
@@ -58,15 +58,15 @@ class HumanDelayModel:
         self._seq = 0
 
     def wish(self, action: Action | None, now_s: float, point: Point | None = None) -> None:
-        """Decide now to hold `action`, perhaps by degrees, or nothing; the hand follows."""
+        """Decide to hold `action`, perhaps by degrees, or nothing; the hand follows later."""
         self._wishes.append((now_s + self.config.reaction_s, action, point))
 
     def send(self, frame_id: int | None, frame_age_s: float, now_s: float) -> PilotCommand:
-        """Return what is held, naming the frame on the screen. Call it at every heartbeat."""
+        """Return the held move and the frame on the screen. Call it at every heartbeat."""
         self._seq += 1
         return PilotCommand(
             held=(held := self._hold(now_s)),
-            point=self._point if held is self._held else None,  # a finger that slips hits a button
+            point=self._point if held is self._held else None,  # a slipping finger hits a button
             frame_id=frame_id,
             seq=self._seq,
             received_s=now_s,

@@ -13,17 +13,17 @@ from robot.types import Action, Mode, PilotCommand
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TakeoverPolicy:
-    """When a pilot takes the wheel from the robot, and when it gives it back."""
+    """Rules for when a pilot takes the wheel from the robot, and when the pilot returns it."""
 
     patience_s: float = 0.5
-    """Time of moves that are not tolerated after which the pilot takes the wheel, in seconds."""
+    """Time of intolerable moves after which the pilot takes the wheel, in seconds."""
     shortest_hold_s: float = 0.8
     contented_s: float = 0.5
-    """Time of agreeing proposals after which the pilot gives the wheel back, in seconds."""
+    """Time of agreeing proposals after which the pilot returns the wheel, in seconds."""
     longest_hold_s: float = 8.0
     lenience: float = 0.5
-    """Share of incidents in which it lets the robot get stuck first and then shows the way out:
-    without such examples nothing ever shows the robot a wall from near."""
+    """Share of incidents in which the pilot lets the robot get stuck first and then shows the way
+    out. Without such examples the robot would never learn a wall from near."""
     lenient_patience_s: float = 2.0
 
 
@@ -31,7 +31,7 @@ LENIENT = TakeoverPolicy()
 
 
 class SimulatedPilot:
-    """Drives as a phone does: sees frames, holds directions, sends ten heartbeats a second."""
+    """Drives like a phone: sees frames, holds directions, sends ten heartbeats a second."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class SimulatedPilot:
         self._holds_since_s = self._annoyed_since_s = self._content_since_s = None
 
     def act(self, situation: Situation, proposed: Action | None) -> PilotCommand:
-        """See a frame, with what the robot would do; return the command of this heartbeat."""
+        """See a frame with the robot's proposal; return the command of this heartbeat."""
         self._look_until(situation.at_s - EPSILON_S)
         self._screen = (situation, proposed)
         if self._looks_at_s is None:
@@ -70,10 +70,11 @@ class SimulatedPilot:
         return self._hand.send(situation.frame_id, 0.0, situation.at_s)
 
     def _look_until(self, end_s: float) -> None:
-        """Look at the screen whenever it is time to, at the picture that is there at that time.
+        """Look at the screen at each due time, at the picture shown then.
 
-        The times are the pilot's own: rounded up to those of pictures, who looks eight times a
-        second would look five times at ten pictures a second, and be another pilot than at thirty.
+        The times do not depend on the pictures. If they were rounded up to the pictures' times, a
+        pilot who looks eight times a second would look only five times at ten pictures a second,
+        and so differ from the same pilot at thirty.
         """
         period_s = 1 / self._hand.config.looks_hz
         while self._screen and self._looks_at_s is not None and self._looks_at_s <= end_s:
@@ -84,7 +85,7 @@ class SimulatedPilot:
             self._looks_at_s = at_s + period_s if period_s else None  # None: at the next picture
 
     def _judge(self, situation: Situation, proposed: Action | None, now_s: float) -> Action | None:
-        """Return the move to hold; None lets the robot drive, or leaves it standing."""
+        """Return the move to hold; None: let the robot drive, or stand."""
         if self.mode is Mode.STOPPED:
             return None
         wanted = self.teacher.choose(situation)

@@ -1,7 +1,7 @@
 """Describes a pilot's view of the screen in a few numbers instead of a picture.
 
-A person looks at the frame and knows where there is room. A simulated pilot gets these figures from
-the simulated world, for the instant of one frame.
+A person sees in the frame where there is room. A simulated pilot gets these numbers from the
+simulated world, for the time of one frame.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from robot.simulator.world import WALLS, World
 from robot.types import Action, Pose
 
 FAN_RAD: NDArray[np.float64] = np.radians(np.linspace(-108.0, 108.0, 55))
-"""Directions in which the free way is measured: every 4 degrees, from right to left."""
+"""Directions in which the free distance is measured: every 4 degrees, from right to left."""
 _AHEAD = len(FAN_RAD) // 2
 _MARGIN_M = 0.015
-"""A pilot steers clear of things by this much."""
+"""Distance that a pilot keeps from things, in metres."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """Where the thing of interest is: its bearing, its distance, and its distance from a wall."""
+    """The thing of interest: its bearing, its distance, and its distance from a wall."""
 
     bearing_rad: float
     distance_m: float
@@ -37,7 +37,10 @@ class Target:
 
 @dataclass(frozen=True, kw_only=True)
 class Situation:
-    """The instant of one frame. `ranges_m` are from the body's middle, along `FAN_RAD`."""
+    """The situation at one frame.
+
+    `ranges_m` are measured from the body's centre, along `FAN_RAD`.
+    """
 
     frame_id: int
     at_s: float
@@ -46,22 +49,22 @@ class Situation:
     bumped: bool
     is_pushing: bool
     doing: Action
-    ranges_m: NDArray[np.float64] = field(compare=False)  # arrays have no one answer
+    ranges_m: NDArray[np.float64] = field(compare=False)  # `==` on arrays gives an array
     ahead: str
-    """The thing that the robot would meet if it drove straight on: `east wall`, `backpack` ..."""
+    """The thing straight ahead of the robot: `east wall`, `backpack` ..."""
     target: Target | None = None
-    """The thing that moves or can be moved, if this place has one."""
+    """The moving or movable thing, if this place has one."""
 
     @property
     def free_ahead_m(self) -> float:
-        """How far the body could drive straight on."""
+        """The distance that the body could drive straight on."""
         return float(self.free_ways_m[_AHEAD])
 
     @cached_property
     def free_ways_m(self) -> NDArray[np.float64]:
-        """How far the body could drive after turning to each of `FAN_RAD`, shape (55,).
+        """The distances that the body could drive after a turn to each of `FAN_RAD`, shape (55,).
 
-        The body is a disc: what it meets on its way lies within its width.
+        The body is a disc, so obstacles on its way are those within its width.
         """
         ways = _ways_m(self.ranges_m, FAN_RAD[None, :] - FAN_RAD[:, None])
         nearest: NDArray[np.float64] = ways.min(axis=1)
@@ -71,24 +74,24 @@ class Situation:
         return float(np.interp(bearing_rad, FAN_RAD, self.ranges_m))
 
     def turn_needed_rad(self, side: int, free_m: float) -> float:
-        """Return how far to turn until there are `free_m` ahead; pi if it cannot be seen.
+        """Return the angle to turn until `free_m` ahead are free; pi if this is outside the view.
 
         Args:
             side: 1 for left, -1 for right.
-            free_m: The way that has to be free.
+            free_m: The distance that has to be free.
         """
         ways = self.free_ways_m[_AHEAD:] if side > 0 else self.free_ways_m[_AHEAD::-1]
         free = np.flatnonzero(ways > free_m)
         return abs(float(FAN_RAD[_AHEAD + int(free[0])])) if len(free) else math.pi
 
     def room_m(self, side: int) -> float:
-        """Return the mean free way on one side, up to a limit."""
+        """Return the mean free distance on one side, up to a limit."""
         half = self.ranges_m[_AHEAD + 4 :] if side > 0 else self.ranges_m[: _AHEAD - 3]
         return float(np.minimum(half, 1.2).mean())
 
 
 def observe(simulation: Simulation, frame_id: int, at_s: float) -> Situation:
-    """Return what there is to see from where the robot stands now."""
+    """Return the situation at the robot's current place."""
     sensors = simulation.sense()
     ranges = ranges_m(simulation.world, simulation.pose, FAN_RAD)
     return Situation(
@@ -118,7 +121,7 @@ def _target(world: World, pose: Pose) -> Target | None:
 
 
 def _ways_m(ranges: NDArray[np.float64], bearings_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how far the body can go before it meets each of the points; inf if it passes by."""
+    """Return the distance that the body can drive until it meets each point, else inf."""
     aside, ahead = ranges * np.sin(bearings_rad), ranges * np.cos(bearings_rad)
     edge = np.sqrt(np.maximum(RADIUS_M**2 - aside**2, 0.0))
     is_in_the_way = (ahead > 0) & (np.abs(aside) < RADIUS_M + _MARGIN_M)

@@ -1,7 +1,7 @@
-"""Simulated teachers: what they want the robot to do.
+"""Simulated teachers, which decide the moves that they want.
 
-A teacher looks at a situation and chooses a move, and decides which moves of the robot it
-tolerates. Human delays and errors are in `hand.py`; when a pilot takes the wheel is in `pilot.py`.
+A teacher looks at a situation, chooses a move, and decides which moves of the robot it tolerates.
+Human delays and errors are in `hand.py`, and the takeover rules in `pilot.py`.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from robot.types import Action, Point, Pose
 
 
 class Teacher(Protocol):
-    """Protocol of a teacher; one can be loaded from a file of your own.
+    """Protocol of a teacher; a teacher can be loaded from your own file.
 
-    A teacher who steers by degrees has a `point`: what it meant by the move that it chose last.
+    A teacher who steers by degrees has a `point`: the steering and throttle of its last move.
     """
 
     def choose(self, situation: Situation) -> Action:
@@ -30,12 +30,12 @@ class Teacher(Protocol):
         ...
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Return True if the robot may do this; asked at each look while the robot drives."""
+        """Return True if the robot may make this move; called at each look while it drives."""
         ...
 
 
 class SonarController:
-    """The paper's self-training: sonar below 20 cm or bumped: left for two seconds, else forward.
+    """The paper's self-training: left for two seconds if sonar < 20 cm or bumped, else forward.
 
     Source: FLAIRS-30, 2017, section on self-training.
     """
@@ -62,33 +62,33 @@ _SIDES = {Action.LEFT: 1, Action.RIGHT: -1}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TeacherParams:
-    """How a teacher drives: the distances at which it turns and goes on."""
+    """A teacher's driving: the distances, in metres, at which it turns and drives on."""
 
     turn_at_m: float = 0.22
-    """Turns when there is less free way than this."""
+    """Turns if the free distance ahead is less than this."""
     go_at_m: float = 0.45
-    """Goes on when there is more than this."""
+    """Drives on if the free distance is more than this."""
     danger_m: float = 0.06
-    """Does not let the robot drive on with less than this."""
+    """Does not let the robot drive on with less free distance than this."""
     left_at: tuple[str, ...] = ()
     right_at: tuple[str, ...] = ()
-    """Habits: always turns left or right at these; at anything else the shorter way."""
+    """Habits: the teacher turns left or right at these things, and the shorter way at others."""
 
 
 class Wanderer:
     """Drives where there is room: forward until something is near, then a turn until it is free.
 
     Args:
-        turns: With only one it always turns that way; with two it chooses the shorter turn,
-            and stays with it until the way is free.
+        turns: With one turn, the teacher always turns this way; with two, it chooses the shorter
+            turn and keeps to it until the way is free.
     """
 
     LONG_TURN_S = 8.0
-    """Time of turning in a narrow place, in seconds (150 degrees), after which it goes on as soon
-    as it can at all."""
+    """Time of turning in a narrow place, in seconds (150 degrees), after which the teacher drives
+    on as soon as the way is free at all."""
     STUCK_S, STUCK_M = 13.0, 0.15
-    """A robot is stuck if it stays for this time, in seconds, within this distance, in metres. A
-    full turn-about takes less."""
+    """A robot is stuck if it stays for this time, in seconds, within this distance, in metres.
+    Turning about takes less time."""
 
     def __init__(
         self,
@@ -112,7 +112,7 @@ class Wanderer:
         return self._turning or Action.FORWARD
 
     def tolerates(self, situation: Situation, action: Action) -> bool:
-        """Reject driving on where it is tight, needless or wrong turns, and standing."""
+        """Reject driving on in tight places, needless or wrong turns, and standing."""
         if action is Action.STOP or self._is_stuck(situation):
             return False
         if action is Action.FORWARD:
@@ -138,7 +138,7 @@ class Wanderer:
         return self.params.go_at_m
 
     def _choose_turn(self, situation: Situation) -> Action:
-        """Follow the habit, if any; else choose the side on which less turning is needed."""
+        """Follow the habit, if any; otherwise choose the side that needs less turning."""
         for side, habit in ((1, self.params.left_at), (-1, self.params.right_at)):
             if situation.ahead in habit and side in self._turns:
                 return self._turns[side]
@@ -154,21 +154,21 @@ class Wanderer:
 
 
 class Steerer(Wanderer):
-    """Drives where there is room, in curves: begins to steer far off, and turns hard when near.
+    """Drives where there is room, in curves: steers slightly when far off, and hard when near.
 
-    It chooses the side, and tolerates the robot's moves, as `Wanderer` does; the hand never jerks.
+    It chooses the side and tolerates the robot's moves like `Wanderer`; its hand moves smoothly.
 
     Args:
-        is_cut: The body takes only moves: the steering is cut to them.
+        is_cut: True if the body accepts only moves, to which the steering is rounded.
 
     Attributes:
-        point: The move that it chose last, by degrees; None if that is cut.
+        point: The last chosen move by degrees; None if `is_cut`.
     """
 
     FAR_M, NEAR_M = 0.45, 0.12
-    """Begins to steer with less free way than this, and steers fully with less than that."""
+    """Free distances, in metres, below which it begins to steer and below which it steers fully."""
     LAG_S = 0.3
-    """Time constant of the hand."""
+    """Time constant of the hand, in seconds."""
 
     def __init__(self, turns: tuple[Action, ...], *, is_cut: bool = False) -> None:
         super().__init__(turns)
@@ -177,7 +177,7 @@ class Steerer(Wanderer):
         self._steering, self._at_s = 0.0, -math.inf
 
     def choose(self, situation: Situation) -> Action:
-        """Return the move that its steering counts as."""
+        """Return the move nearest to its steering."""
         share = (self.FAR_M - situation.free_ahead_m) / (self.FAR_M - self.NEAR_M)
         if share <= 0.0:
             self._turning = None
@@ -198,7 +198,7 @@ class Steerer(Wanderer):
 
 SHELVES = ("east wall", "west wall")
 WALLS = ("south wall", "north wall")
-"""Dark shelves stand along two walls of the office; the two others are light."""
+"""Dark shelves stand along two walls of the office; the other two walls are light."""
 
 TEACHER_PARAMS: dict[str, TeacherParams] = {
     "usual": TeacherParams(),

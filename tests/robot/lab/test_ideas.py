@@ -70,7 +70,7 @@ def test_an_idea_is_tried_on_recorded_footage_too(tmp_path: Path) -> None:
     [
         ("", "Missing", "no attribute 'Missing'"),
         ("1 / 0", "Name", "ZeroDivisionError"),
-        ("class Name: pass", "Name", "neither Policy nor Learner"),
+        ("class Name: pass", "Name", "neither a Policy nor a Learner"),
     ],
 )
 def test_a_broken_idea_is_one_clear_error(
