@@ -49,8 +49,6 @@ def run(args: argparse.Namespace) -> int:
     world = args.world or LESSONS.get(args.lesson, "box")
     load_world(world)
     count, others = split(args.robots)
-    lesson = f"#{args.lesson}" if args.lesson else ""
-    print(f"The lessons, to project: http://127.0.0.1:{args.port}/lesson{lesson}", flush=True)
     listed = read_list(others) if others else []
     file = args.data / "class.key"
     key = keep_class_key(file)
@@ -60,7 +58,8 @@ def run(args: argparse.Namespace) -> int:
     if args.lesson == "fair-data":
         place["model"] = (NAME, left_turns(world))
     with simulated_robots(count, **place, world=world, key=file) as ports:
-        serve_board(key, args.port, [*(RobotAddress(here, port) for port in ports), *listed])
+        listed = [*(RobotAddress(here, port) for port in ports), *listed]
+        serve_board(key, args.port, listed, lesson=args.lesson)
     return 0
 
 

@@ -49,9 +49,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def serve_board(
-    key: ClassKey, port: int, listed: Sequence[RobotAddress], picture_every_s: float = 1.0
+    key: ClassKey,
+    port: int,
+    listed: Sequence[RobotAddress],
+    picture_every_s: float = 1.0,
+    lesson: str = "",
 ) -> None:
-    """Serve the board of these robots; if none are given, of all that the network announces."""
+    """Serve the board of these robots; if none are given, of all that the network announces.
+
+    The printed address of the lessons opens `lesson`; without one, the list of them.
+    """
     from server.board.app import create_board_app
     from server.board.board import Board
     from server.board.discovery import browsing
@@ -81,4 +88,6 @@ def serve_board(
         page = f"http://{config.host}:{config.port}"
         print(f"The board is ready: open {page}", flush=True)
         print(f"The robots' codes, to print: {page}/codes", flush=True)
+        opened = f"#{lesson}" if lesson else ""
+        print(f"The lessons, to project: {page}/lesson{opened}", flush=True)
         serve(create_board_app(config, board, clock, begin), [listener])

@@ -26,7 +26,7 @@ async ({ stopReasons, links, phases, moves, hasStick, seed }) => {
   const study = (kind, more = {}) => leadOf({ step: 'drive', position: 10, of: 12, kind, mode: kind === 'teach' ? 'train' : 'autonomous', left_s: 123, ...more });
   const drives = ['train', 'autonomous'];
   const states = [
-    ...['offline', 'gateway', 'full', 'foreign'].map((kind) => ({ link: 'lost', way: { kind, robot: 'unknown' } })),
+    ...['offline', 'gateway', 'full', 'foreign', 'silent', 'starting'].map((kind) => ({ link: 'lost', way: { kind, robot: 'unknown' } })),
     ...['blocked', 'cut'].flatMap((kind) => ['stands', 'driven', 'alone'].map((robot) => ({ link: 'lost', way: { kind, robot } }))),
     {}, { link: 'lost' }, { link: 'lost', robot: { you_are_pilot: false } }, { link: 'connecting' }, { robot: { stop_held_by: 'teacher' } }, { robot: { emergency: true } },
     { role: 'viewer', robot: { you_are_pilot: false } }, { robot: { you_are_pilot: false, pilot: null } },

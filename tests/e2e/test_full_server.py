@@ -37,8 +37,11 @@ def test_another_place_is_chosen_on_the_page(chromium: Any, tmp_path: Path) -> N
                 wait_until(lambda place=place: simulation.world.name == place, f"it is in {place}")
                 shown = choice.input_value
                 wait_until(lambda shown=shown, place=place: shown() == place, "it is chosen")
-                drawn = page.locator("settings-screen .thing").count()
-                assert drawn == len(simulation.world.obstacles)
+                drawn = len(simulation.world.obstacles)
+                page.wait_for_function(
+                    "n => document.querySelectorAll('settings-screen .thing').length === n",
+                    arg=drawn,
+                )
                 start = simulation.world.start
                 assert abs(world.pose.x_m - start.x_m) <= simulation.world.start_spread_m + 0.01
                 # Its map on the drive screen is that of the place.

@@ -23,7 +23,7 @@ from server.config import Config
 from tests.kit.sizes import IS_FULL
 
 from .boxes import MEASURE
-from .world import World, open_page, running_world
+from .world import World, open_page, running_world, show
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
@@ -72,6 +72,8 @@ def test_the_drive_screen_holds_still(
         locale=language, has_touch=True, service_workers="block", reduced_motion="reduce"
     )
     page = open_page(context, standing.address)
+    for screen in ("study", "challenge", "drive"):  # with which the page fetches their sentences
+        show(page, screen)
     devtools = context.new_cdp_session(page)
     words = messages(language)
     wrong: list[str] = []

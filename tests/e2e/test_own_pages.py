@@ -65,7 +65,7 @@ def whole_chromium() -> Iterator[Any]:
         yield browser
 
 
-_KNOWS_UPRIGHT = "document.querySelector('drive-pad').tilt.zero !== null"
+_KNOWS_UPRIGHT = "(document.querySelector('drive-pad').tilt?.zero ?? null) !== null"
 
 
 def test_tilting_drives_while_the_thumb_rests(whole_chromium: Any, world: World) -> None:

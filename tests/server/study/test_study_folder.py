@@ -80,27 +80,6 @@ def test_a_session_that_is_still_recorded_is_not_withdrawn(tmp_path: Path) -> No
         assert (tmp_path / "studies/walk/P01.csv").exists()
 
 
-def test_results_of_older_trials_are_listed_and_downloaded_whatever_else_is_there(
-    tmp_path: Path,
-) -> None:
-    folder = tmp_path / "lessons"
-    folder.mkdir(parents=True)
-    names = ["20260101-140000-trial-2", "20260101-120000-trial-1"]
-    texts = {names[0]: '{"trial": 2, "ssd": null}', names[1]: "damaged", "list": "[1]"}
-    for name, text in texts.items():
-        (folder / f"{name}.json").write_text(text)
-    (folder / "20260101-130000-trial-1.json").mkdir()
-    with VirtualServer(data=tmp_path) as server:
-        listed = ask(server, "GET", "/api/studies")
-        assert listed.status_code == 200, listed.text
-        assert listed.json()["older"] == names
-        for name in names:
-            answer = ask(server, "GET", f"/api/studies/older/{name}.json")
-            assert answer.content == texts[name].encode()
-        for name in ("20260101-130000-trial-1", "..%2F..%2Fx", "list"):
-            assert ask(server, "GET", f"/api/studies/older/{name}.json").status_code == 404
-
-
 def test_a_damaged_log_is_named_and_stops_nobody_else(tmp_path: Path) -> None:
     with VirtualServer(data=tmp_path) as server:
         begin(server, "P01")
