@@ -1,4 +1,4 @@
-"""The outcome of one tick, for the page, the recorder and other listeners."""
+"""The outcome of one tick, for the page and all other listeners."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ class Gateway:
     watch_by: str = ""
     """Sentence that tells a video player without a session how it can watch."""
     tls_files: tuple[str, str] | None = None
-    """The files of key and certificate chain if the page is served by https."""
+    """The files of key and chain if the page is served by https."""
 
     def __init__(self, config: Config, clock: Clock) -> None:
         self.config, self.clock = config, clock
@@ -76,7 +76,7 @@ class Gateway:
         return contextlib.nullcontext()
 
     def use_tls(self, context: ssl.SSLContext) -> None:
-        """Remember the running server's TLS context, because its certificate may be renewed."""
+        """Remember the running server's TLS context, whose files may be renewed."""
 
     @property
     def admits_all(self) -> bool:
@@ -94,7 +94,7 @@ class Gateway:
         return [f"{scheme}://{f'[{host}]' if ':' in host else host}:{self.config.port}"]
 
     def address_for(self, role: Role) -> str:
-        """Return the address at which a browser gets this role; with pairing it works once."""
+        """Return the address by which a browser gets this role, once if it must prove who it is."""
         return self.addresses()[0] + (role.start or "")
 
     def draw(self, address: str) -> list[str]:
@@ -143,7 +143,7 @@ class Gateway:
         return 0
 
     def anonymous(self, address: str) -> Session:
-        """Return the session by which a client that has not paired is counted."""
+        """Return the session by which a client without a session is counted."""
         return Session(Role.VIEWER, address)
 
     def check(self, path: str, method: str | None, role: Role) -> Refusal | None:

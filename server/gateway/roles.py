@@ -60,6 +60,6 @@ class Session:
 
     role: Role
     name: str
-    """The session's name for a paired browser, otherwise the client's address."""
+    """The session's name for a browser that proved who it is, otherwise the client's address."""
     is_crowd: bool = False
     """True if the name is only an address, behind which many people may be."""

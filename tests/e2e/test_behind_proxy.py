@@ -13,6 +13,7 @@ from server.access.config import NetworkConfig, PublicAddress, read_networks
 from server.access.pairing import Pairing
 from server.config import Config
 from server.gateway.roles import Role
+from tests.joined_page import joined_page
 from tests.kit.sizes import few
 from tests.kit.wait import wait_until
 from tests.server.live_robot import WEB, LiveServer, live_server
@@ -42,7 +43,7 @@ def test_page_sockets_and_stop(layout: str, tmp_path: Path, chromium: Any) -> No
             pairing = Pairing(10)
             config = NetworkConfig(
                 port=0,
-                web=WEB,
+                web=joined_page(),
                 data=tmp_path / str(n),
                 public=(PublicAddress.parse(address),),
                 proxies=read_networks("127.0.0.1"),
