@@ -1,8 +1,8 @@
-"""A driver on a thread of its own, for bodies that answer over a network.
+"""Runs a driver on a separate thread, for bodies that answer over a network.
 
-The control loop must never wait for a body: at 45 ms a request it would run at 10 Hz, drive at half
-speed and learn under half the examples. So the loop leaves its newest action in one slot, and a
-thread sends the newest action when the body is ready; actions in between are never sent.
+The control loop must never wait for a body: at 45 ms per request it would run at 10 Hz, drive at
+half speed and learn less than half of the examples. So the loop puts its newest action into a slot,
+and a thread sends this action when the body is ready; older actions are never sent.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from robot.errors import DriveError, NotConnectedError
 from robot.types import Action, Mode, Point, Sensors
 
 SENSE_EVERY_S = 0.1
-"""Period of reading the sensors, in seconds, whether actions wait or not."""
+"""Period of reading the sensors, in seconds, even if actions wait."""
 STALE_S = 0.25
-"""Age above which an action is not sent any more, in seconds: the loop was held up since."""
+"""Age above which an action is no longer sent, in seconds, because the loop was held up."""
 SILENT_S = 0.5
-"""Duration above which a request is a fault, in seconds. The body's own time limit has ended the
-move by then."""
+"""Duration above which a request counts as a fault, in seconds. By then the body has ended the move
+by its own time limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +46,8 @@ def _of_body(name: str) -> Any:
 class DriverThread(Driver):
     """Wraps a driver with `is_remote`; the loop's calls return at once.
 
-    A fault of the body is raised by the next call, and by every one until a request succeeds.
-    `step` does one request; the thread repeats it.
+    A fault of the body is raised by the next call, and by all further calls until a request
+    succeeds. `step` does one request; the thread repeats it.
     """
 
     def __init__(self, driver: Driver, clock: Clock) -> None:
@@ -91,7 +91,7 @@ class DriverThread(Driver):
             self._thread = self._clock.start_thread(self._run, "driver")
 
     def disconnect(self) -> None:
-        """End the thread, stop the body and disconnect it; waits for a request under way."""
+        """End the thread, stop the body and disconnect it. Waits for the request in progress."""
         self._ending = True
         self._due.set()
         if self._thread is not None:
@@ -104,11 +104,11 @@ class DriverThread(Driver):
         self.driver.disconnect()
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:
-        """Leave the action for the body; see `Driver`. It replaces one that still waits."""
+        """Put the action into the slot, in place of an action that still waits; see `Driver`."""
         return self.drive(action, speed_scale=speed_scale)
 
     def send_point(self, point: Point, *, speed_scale: float = 1.0) -> Action:
-        """Leave a point for the body in the same way."""
+        """Put a point into the slot, like `send_action`."""
         return self.drive(self.driver.move_of(point), point, speed_scale=speed_scale)
 
     def drive(
@@ -129,7 +129,7 @@ class DriverThread(Driver):
         return self._sensors
 
     def stop(self) -> None:
-        """Have the body stopped before anything else; waiting actions are dropped."""
+        """Stop the body before any other request; waiting actions are dropped."""
         with self._lock:
             self._order, self._must_stop = None, True
         self._due.set()
@@ -137,7 +137,7 @@ class DriverThread(Driver):
             self.driver.stop()
 
     def take_button(self) -> BodyButton | None:
-        """Return the request of the body's button at the latest reading."""
+        """Return the request of the body's button from the latest reading."""
         with self._lock:
             button, self._button = self._button, None
         return button
@@ -148,9 +148,9 @@ class DriverThread(Driver):
         self._due.set()
 
     def correct(self, correction: BodyCorrection) -> None:
-        """Have the body heed a correction before any further action; those that wait are dropped.
+        """Apply a correction before any further action; waiting actions are dropped.
 
-        The body may have to be connected anew. A fault of that is raised by the next `drive`.
+        The body may have to be connected again. If this fails, the next `drive` raises the error.
         """
         self.driver.check_correction(correction)
         if self._thread is None:
@@ -163,7 +163,8 @@ class DriverThread(Driver):
     # On the thread -----------------------------------------------------------------------------
 
     def step(self) -> bool:
-        """Do the most urgent request: stop, drive, sense or show; False if there is none."""
+        """Do the most urgent request: stop, drive, sense or show; return False if there is
+        none."""
         now_s = self._clock.now_s()
         with self._lock:
             request = self._choose(now_s)
@@ -174,16 +175,17 @@ class DriverThread(Driver):
         try:
             do()
             self._faults.pop(kind, None)
-        except Exception as error:  # kept for the loop's thread, which raises it and stops
+        except Exception as error:  # stored; the loop's thread raises it and stops
             self._faults[kind] = error
         finally:
             self._request_s = None
         return True
 
     def _choose(self, now_s: float) -> tuple[str, Callable[[], None]] | None:
-        """Take the most urgent request out of its slot: stop, then sense or drive, then show.
+        """Remove and return the most urgent request: stop, then sense or drive, then show.
 
-        A new action goes before the sensors, once (STOP: always); a renewal goes after them.
+        A new action is sent before the sensors are read, but only once (STOP: always); a renewed
+        action is sent after that.
         """
         order, since_s = self._order, now_s - self._sensed_s
         is_new = order is not None and order.action is not self._driven
@@ -220,7 +222,7 @@ class DriverThread(Driver):
         self._sensed_s = now_s
         self._sensors = self.driver.sense()
         button = self.driver.take_button()
-        # A start that was pressed while the body did not answer does not count any more.
+        # A start that was pressed while the body did not answer no longer counts.
         if button is BodyButton.STOP or (button is not None and "sense" not in self._faults):
             self._button = button
 

@@ -1,8 +1,8 @@
 """Options that a driver or camera declares: a frozen dataclass whose fields become flags.
 
-Each field has a default and `metadata={"help": ...}`. The metadata may have `choices`, `range` as
-`(least, most)` for a number, and `secret` for a value that is never recorded. Our own devices
-declare fields by `option`, on a base that refuses values out of range.
+Each field has a default and `metadata={"help": ...}`. The metadata may also contain `choices`,
+`range` as `(least, most)` for a number, and `secret` for a value that is never recorded. The
+built-in devices declare fields by `option`, with a base class that refuses values out of range.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _NUMBERS: dict[type[Any], Callable[..., Any]] = {int: whole, float: number}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Option:
-    """One option as a command line or a settings page shows it."""
+    """One option, as shown on the command line or a settings page."""
 
     name: str
     type: type[Any]
@@ -36,7 +36,7 @@ class Option:
         return "--" + self.name.replace("_", "-")
 
     def read(self, value: Any) -> Any:
-        """Return the value as this option's type, converted from a person's text."""
+        """Return the value in this option's type, converted from a person's text."""
         least, most = self.range or (None, None)
         if self.choices is not None and value not in self.choices:
             raise ConfigurationError(
@@ -66,10 +66,10 @@ def option(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """Base of options that refuses values out of range on creation.
+    """Base of options, whose constructor refuses values out of range.
 
     Raises:
-        ConfigurationError: If a number is out of its range, or `check` finds something.
+        ConfigurationError: If a number is out of its range, or `check` refuses a value.
     """
 
     def __post_init__(self) -> None:
@@ -80,11 +80,11 @@ class Options:
         self.check()
 
     def check(self) -> None:
-        """Refuse values that a range cannot describe."""
+        """Refuse invalid values that a range cannot express."""
 
 
 def options_of(options_type: type[Any]) -> list[Option]:
-    """List the options that a dataclass declares, in its order."""
+    """List the options that a dataclass declares, in the order of its fields."""
     hints = typing.get_type_hints(options_type)
     return [
         Option(
@@ -101,12 +101,13 @@ def options_of(options_type: type[Any]) -> list[Option]:
 
 
 def make_options(options_type: type[Any], given: Mapping[str, Any]) -> Any:
-    """Build the dataclass from the given values; text is parsed, missing values are the defaults.
+    """Build the dataclass from the given values; text is parsed, and missing values get the
+    defaults.
 
-    Names that this dataclass does not declare are ignored: they belong to other classes.
+    Names that this dataclass does not declare are ignored, because they belong to other classes.
 
     Raises:
-        ConfigurationError: If a value is not of its type, or out of range.
+        ConfigurationError: If a value has a wrong type, or is out of range.
     """
     return options_type(
         **{

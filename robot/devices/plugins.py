@@ -1,4 +1,4 @@
-"""Drivers and cameras by name, found among the entry points: built-in ones and plugins."""
+"""Finds built-in drivers and cameras, and plug-ins, by name among the entry points."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ def camera_names() -> list[str]:
 
 
 def default_driver() -> str | None:
-    """Return the name of the default robot; None if there is none."""
+    """Return the name of the default robot; None if there is no default."""
     return min((point.name for point in points(DEFAULT)), default=None)
 
 
 def load_driver(name: str) -> type[Driver]:
-    """Return the driver class of this name.
+    """Return the driver class with this name.
 
-    There is no fallback: an error is better than a robot that is silently missing.
+    There is no fallback, because an error is better than a robot that is silently missing.
 
     Raises:
-        PluginError: If there is none, or it is not a driver.
-        MissingExtraError: If a library it needs is not installed.
+        PluginError: If there is no plug-in with this name, or it is not a driver.
+        MissingExtraError: If a library that the driver needs is not installed.
     """
     return _load(DRIVERS, name, "robot", Driver)
 
 
 def load_camera(name: str) -> type[Camera]:
-    """Return the camera class of this name; raises as `load_driver` does."""
+    """Return the camera class with this name; raises as `load_driver`."""
     return _load(CAMERAS, name, "camera", Camera)
 
 
@@ -58,7 +58,7 @@ def _load(group: str, name: str, kind: str, base: type[Any]) -> type[Any]:
         found = known[name].load()
     except MissingExtraError:
         raise
-    except Exception as error:  # whatever the module does when it is imported
+    except Exception as error:  # importing the module may raise any error
         said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
         raise PluginError(f"the {kind} {name!r} cannot be loaded: {said}") from error
     if not isinstance(found, type) or not issubclass(found, base):

@@ -1,4 +1,4 @@
-"""Pictures as PNG files by zlib only: lossless, for pages and for other programs."""
+"""Writes pictures as PNG files, with zlib only, for pages and other programs."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 
 def encode_png(picture: NDArray[Any], *, level: int = 6) -> bytes:
-    """Return a PNG file of a picture, shape (height, width) or (height, width, 3), uint8;
-    ValueError if the shape or type is another."""
+    """Return a PNG file of a picture, shape (height, width) or (height, width, 3), uint8; raises
+    ValueError for any other shape or type."""
     if (
         picture.dtype != np.uint8
         or picture.ndim not in (2, 3)

@@ -1,7 +1,8 @@
-"""Values from outside: each is declared once, with pydantic, and its description is the error.
+"""Validates external values. Each is declared once, with pydantic; its description is in the error.
 
-The code uses only features that pydantic 1.10 and 2 share: Debian 12 has the former, and a brick
-runs it. Reasons for pydantic, and the modules that may import it: docs/adr/0037-typed-borders.md.
+The code uses only features that pydantic 1.10 and 2 have in common, because bricks run Debian 12,
+which has version 1.10. docs/adr/0037-typed-borders.md gives the reasons for pydantic, and the
+modules that may import it.
 """
 
 from __future__ import annotations
@@ -20,16 +21,17 @@ IS_OLD = pydantic.VERSION.startswith("1.")
 _KINDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text"}
 _STRICT: dict[str, Any] = {} if IS_OLD else {"strict": True}
 _MOST_BITS = 1000
-"""Most bits of a whole number: it fits into a float, and pydantic 1 fails at larger ones."""
+"""Maximum number of bits of an integer, so that it fits into a float; pydantic 1 fails at larger
+integers."""
 _M = TypeVar("_M", bound=BaseModel)
 
 
 class RawValue(BaseModel, **_STRICT):
-    """Base of values read as JSON or TOML: nothing is converted, so "1" is not a number."""
+    """Base of values read as JSON or TOML: no value is converted, so "1" is not a number."""
 
     @classmethod
     def validate(cls, value: Any) -> Self:
-        """Be as strict as pydantic 2, which never calls this."""
+        """Make pydantic 1 as strict as pydantic 2, which never calls this method."""
         if not isinstance(value, cls | dict):
             raise TypeError("no object")
         given: dict[str, Any] = value if isinstance(value, dict) else {}
@@ -50,7 +52,7 @@ def number(
     least: float | None = None,
     most: float | None = None,
 ) -> Any:
-    """Declare a number within limits: more than `above`, from `least`."""
+    """Declare a number within limits: more than `above`, at least `least`, at most `most`."""
     wanted = _range("number", above, least, most)
     return Field(default, gt=above, ge=least, le=most, allow_inf_nan=False, description=wanted)
 
@@ -62,23 +64,23 @@ def whole(
     most: int | None = None,
     or_word: str | None = None,
 ) -> Any:
-    """Declare a whole number within limits; `or_word` is an alternative that the error names."""
+    """Declare an integer within limits; `or_word` is an alternative that the error mentions."""
     wanted = _range("whole number", None, least, most) + (f", or {or_word!r}" if or_word else "")
     return Field(default, ge=least, le=most, description=wanted)
 
 
 def text(default: Any = ..., *, most: int = 200) -> Any:
-    """Declare a text of at most this many characters."""
+    """Declare a text of at most `most` characters."""
     return Field(default, max_length=most, description=f"a text of at most {most} characters")
 
 
 def must_be(wanted: str, default: Any = ...) -> Any:
-    """Declare a value that its type, or the code that reads it, checks completely."""
+    """Declare a value that is checked only by its type or by the code that reads it."""
     return Field(default, description=wanted)
 
 
 def read(kind: type[_M], plain: Any, where: str = "") -> _M:
-    """Read an object that was JSON or TOML."""
+    """Validate an object from JSON or TOML."""
     try:
         return kind.validate(plain) if IS_OLD else kind.model_validate(plain)
     except (ValidationError, TypeError) as error:
@@ -89,14 +91,15 @@ def read(kind: type[_M], plain: Any, where: str = "") -> _M:
 def reader(kind: Any, declared: Any, base: type[BaseModel] = BaseModel) -> Callable[[Any], Any]:
     """Return a function that reads one value; text is converted, unless `base` is strict.
 
-    Its ConfigurationError continues after a name: "must be a number above 0, not 'x'".
+    Its ConfigurationError is the end of a sentence after a name: "must be a number above 0, not
+    'x'".
     """
     model = create_model("Value", __base__=base, value=(kind, declared))
     return partial(_read_value, model, kind_of(kind))
 
 
 def plain_type(hint: Any) -> type[Any]:
-    """Reduce `X | None` to X: an optional value still has one type."""
+    """Return X for `X | None`, because an optional value still has one type."""
     if get_origin(hint) in (UnionType, Union):
         hint = next(part for part in get_args(hint) if part is not type(None))
     return hint if isinstance(hint, type) else str
@@ -135,7 +138,8 @@ def _description(kind: type[BaseModel], name: str) -> str | None:
 
 
 def _is_same(given: Any, read: Any) -> bool:
-    """True if pydantic 1 converted at most a whole number to a number; half an emoji is refused."""
+    """True if pydantic 1 converted no value except an integer to a float. A lone surrogate is
+    refused."""
     if isinstance(given, list):
         return all(map(_is_same, given, read))
     if isinstance(given, str):

@@ -1,4 +1,4 @@
-"""A whole robot, put together by name: body, camera, policy and the loop between them."""
+"""A complete robot, assembled by name: the body, the camera, the policy and the loop."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from robot.types import StartStop, StopReason
 class Rig(StartStop):
     """Owns the parts, and starts and stops them in the right order. A context manager.
 
-    The loop ticks on a thread of its own for each new frame, command or request, and every 50 ms
-    or sooner without them.
+    The loop ticks on a separate thread, for each new frame, command or request, and otherwise at
+    least every 50 ms.
     """
 
     def __init__(
@@ -48,15 +48,15 @@ class Rig(StartStop):
             self.loop.subscribe(self._advise)
 
     def start(self) -> None:
-        """Connect the body, start the camera, and run the loop. Raises RobotError if hardware is
-        missing; the parts that were started are stopped again."""
+        """Connect the body, start the camera, and run the loop. If hardware is missing, stop the
+        started parts again and raise RobotError."""
         try:
             with self._body.named("connect"):
                 self.driver.connect()
             with self._eye.named("start"):
                 self.camera.start()
         except BaseException:
-            with contextlib.suppress(RobotError):  # the first error is the one to read
+            with contextlib.suppress(RobotError):  # report only the first error
                 self.stop()
             raise
         if self._thread is None:
@@ -65,7 +65,7 @@ class Rig(StartStop):
             self._thread = self.clock.start_thread(self._run, "control-loop")
 
     def stop(self) -> None:
-        """Stop the robot, end the thread, and let go of camera and body."""
+        """Stop the robot, end the thread, and release the camera and the body."""
         if self._thread is not None:
             self.loop.trip(StopReason.PILOT_GONE)
             self._ending.set()
@@ -82,15 +82,15 @@ class Rig(StartStop):
 
     @property
     def corrections(self) -> Corrections:
-        """The corrections of body and camera, as they are now."""
+        """The current corrections of body and camera."""
         return Corrections(body=self.driver.correction, camera=self.camera.mounting)
 
     def correct(self, corrections: Corrections) -> None:
         """Stop the robot, and correct body and camera; on the loop's thread, between two ticks.
 
         Raises:
-            ConfigurationError: If one of them does not apply; then none is changed.
-            DriveError: If the body refuses it.
+            ConfigurationError: If a correction does not apply; then none is changed.
+            DriveError: If the body refuses the correction.
         """
         self.driver.check_correction(corrections.body)
         self.camera.mount(corrections.camera)
@@ -120,11 +120,11 @@ def build_rig(
     options: Mapping[str, Any] | None = None,
     config: LoopConfig | None = None,
 ) -> Rig:
-    """Put a robot together from names; nothing is opened before `start`.
+    """Assemble a robot from names; no device is opened before `start`.
 
     Args:
         robot: Name of a driver.
-        camera: Name of a camera; None for the driver's own.
+        camera: Name of a camera; None: the driver's default camera.
         learner: Name of a policy, such as `default-32`.
         options: Values for the options that driver and camera declare, by name.
         config: The loop's limits.

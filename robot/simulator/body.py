@@ -1,7 +1,7 @@
-"""The robot's body: its motion by the wheels, its collisions, and its sonar. Pure.
+"""The simulated body: its motion by wheels, its collisions, and its sonar. Pure.
 
-Speeds are the paper's: 16 cm/s forward; a turn drives one wheel backward at a quarter of that
-while the other stands, which turns the robot by 18.5 degrees a second about the standing wheel.
+Speeds are the paper's: 16 cm/s forward. In a turn one wheel drives backward at a quarter of this
+speed while the other stands, so the robot turns about the standing wheel by 18.5 degrees a second.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FORWARD_MPS = 0.16
 TURNING_WHEEL_MPS = 0.04
 TRACK_M = TURNING_WHEEL_MPS / math.radians(18.5)
 RADIUS_M = 0.09
-"""Radius of the body, in metres: collisions take it for a disc."""
+"""Radius of the body, in metres; for collisions the body is a disc."""
 
 WHEELS = TwoWheels(
     ahead=FORWARD_MPS,
@@ -36,9 +36,9 @@ SONAR_RANGE_M = 2.55
 SONAR_HALF_CONE_RAD = math.radians(12.5)
 _SONAR_RAYS_RAD = np.linspace(-SONAR_HALF_CONE_RAD, SONAR_HALF_CONE_RAD, 7)
 Overlap = tuple[float, float, float]
-"""Overlap of the body with a wall or a thing: the unit normal, and the depth."""
+"""Overlap of the body with a wall or a thing: the unit normal (x, y) and the depth."""
 _LEFT_BUMPER_RAD = math.radians(-10), math.radians(80)
-"""Bearings of the left bumper, relative to straight ahead; the right one is its mirror image."""
+"""Bearings of the left bumper, relative to straight ahead; the right bumper mirrors it."""
 
 
 def bumpers(contacts_rad: Sequence[float]) -> tuple[bool, bool]:
@@ -57,14 +57,14 @@ def move(pose: Pose, left_mps: float, right_mps: float, dt_s: float) -> Pose:
 
 
 def push_out(world: World, pose: Pose) -> tuple[Pose, list[float]]:
-    """Move the body out of the walls and things that it overlaps, so that it slides along.
+    """Move the body out of the walls and things that it overlaps, so that it slides along them.
 
     Returns:
         The pose, and the bearing of each contact relative to straight ahead.
     """
     x_m, y_m = pose.x_m, pose.y_m
     contacts_rad: list[float] = []
-    for _ in range(3):  # in a corner, being pushed out of one wall may push into the other
+    for _ in range(3):  # in a corner the push from one wall may lead into the other
         normals = _overlaps(world, x_m, y_m)
         if not normals:
             break
@@ -77,16 +77,17 @@ def push_out(world: World, pose: Pose) -> tuple[Pose, list[float]]:
 
 
 def sonar_m(world: World, pose: Pose) -> float:
-    """Return the distance to the nearest thing in the sonar's cone, from the body's front edge."""
+    """Return the distance from the body's front edge to the nearest thing in the sonar's cone."""
     nearest_m = min(SONAR_RANGE_M + RADIUS_M, float(ranges_m(world, pose, _SONAR_RAYS_RAD).min()))
     return max(nearest_m - RADIUS_M, 0.0)
 
 
 def ranges_m(world: World, pose: Pose, bearings_rad: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the free way from the body's middle in many directions, relative to straight ahead."""
+    """Return the free distance from the body's centre at each bearing, relative to straight
+    ahead."""
     angles = pose.heading_rad + bearings_rad
     steps_x, steps_y = np.cos(angles), np.sin(angles)
-    with np.errstate(divide="ignore"):  # a ray parallel to a wall never meets it
+    with np.errstate(divide="ignore"):  # rays may be parallel to a wall
         to_x = np.abs(np.where(steps_x > 0, world.width_m - pose.x_m, pose.x_m) / steps_x)
         to_y = np.abs(np.where(steps_y > 0, world.depth_m - pose.y_m, pose.y_m) / steps_y)
     ranges = np.minimum(to_x, to_y)
@@ -99,7 +100,7 @@ def _ranges_to_m(
     obstacle: Obstacle, pose: Pose, steps_x: NDArray[np.float64], steps_y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the distance to one thing along each ray; infinite if the ray misses it."""
-    turn_rad = -obstacle.heading_rad  # to the axes of the obstacle
+    turn_rad = -obstacle.heading_rad  # into the obstacle's coordinates
     from_x, from_y = _turned(turn_rad, pose.x_m - obstacle.x_m, pose.y_m - obstacle.y_m)
     rays_x, rays_y = _turned(turn_rad, steps_x, steps_y)
     if obstacle.shape == "cylinder":
@@ -130,7 +131,7 @@ def _overlaps(world: World, x_m: float, y_m: float) -> list[Overlap]:
 
 
 def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> Overlap | None:
-    """Return unit normal and depth of the body's overlap with one thing; None if there is none."""
+    """Return the unit normal and depth of the body's overlap with one thing; None: no overlap."""
     heading_rad = obstacle.heading_rad
     along, across = _turned(-heading_rad, x_m - obstacle.x_m, y_m - obstacle.y_m)
     if obstacle.shape == "cylinder":
@@ -144,7 +145,7 @@ def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> Overlap | None:
     gap_m = math.hypot(gap_x, gap_y)
     if gap_m >= reach_m:
         return None
-    if gap_m == 0.0:  # the centre is inside: leave away from the thing's middle
+    if gap_m == 0.0:  # the centre is inside: move away from the thing's centre
         gap_x, gap_y, gap_m = along or 1.0, across, math.hypot(along or 1.0, across)
         reach_m = gap_m + RADIUS_M
     normal_x, normal_y = _turned(heading_rad, gap_x / gap_m, gap_y / gap_m)
@@ -152,7 +153,7 @@ def overlap_with(obstacle: Obstacle, x_m: float, y_m: float) -> Overlap | None:
 
 
 def _turned(turn_rad: float, x: Any, y: Any) -> tuple[Any, Any]:
-    """Turn a vector, or an array of them."""
+    """Rotate a vector, or an array of vectors."""
     cos, sin = math.cos(turn_rad), math.sin(turn_rad)
     return x * cos - y * sin, y * cos + x * sin
 

@@ -16,12 +16,12 @@ from robot.simulator.renderer import HEIGHT_PX, LARGE_HEIGHT_PX, LARGE_WIDTH_PX,
 from robot.types import Encoding, Frame
 
 _LONGEST_GAP_S = 0.25
-"""Longest step of the world after a pause, in seconds: when the whole machine was suspended, the
-world continues from its last state."""
+"""Longest step of the world after a pause, in seconds. After the machine was suspended the world
+continues from its last state."""
 
 _LONGEST_PERIOD_S, _USUAL_FRAMES = 0.1, 10
 """Longest period of pictures on a busy computer, in seconds, unless the chosen frame rate is lower;
-and the number of pictures over which their cost is averaged."""
+and the number of pictures over which the rendering time is averaged."""
 _RESTING_STEP_S = 1.0
 """Period at which the world advances while no picture is needed, in seconds."""
 _EARLY_S = 0.01
@@ -38,13 +38,13 @@ class SimCameraOptions(Options):
 
 
 class SimCamera(WorldCamera[SimDriver]):
-    """Renders what the simulated robot sees.
+    """Renders the simulated robot's view.
 
-    In real time it gives JPEG, as a webcam does: encoded once for page, recording and learner.
-    `capture`, which experiments call as fast as they can, gives raw pixels, so that their results
-    do not depend on a codec.
+    In real time its pictures are JPEGs, like a webcam's, encoded once for the page, the recording
+    and the learner. Experiments call `capture` as fast as they can; it returns raw pixels, so that
+    their results do not depend on a codec.
 
-    While people look, each JPEG comes with a picture of 320x240 (`for_the_eye`).
+    While people look, a picture of 320x240 is made with each JPEG (`for_the_eye`).
     """
 
     name: ClassVar[str] = "sim"
@@ -61,29 +61,30 @@ class SimCamera(WorldCamera[SimDriver]):
         self._large: Frame | None = None
 
     def capture(self) -> Frame:
-        """Take one picture now, on this thread: for experiments, which use no `start`."""
+        """Take one picture now, on this thread, for experiments, which do not call `start`."""
         picture = self._body.simulation.render()
         return self._show(picture.tobytes(), Encoding.RGB, self.clock.now_s())
 
     def take_jpeg(self) -> Frame:
-        """Take one picture now, on this thread, as it comes in real time."""
+        """Take one picture now, on this thread, in the real-time format."""
         return self._take()
 
     def for_the_eye(self, frame: Frame) -> Frame:
-        """Return the frame at 320x240; the first that is asked for comes with the next frame."""
+        """Return the frame at 320x240. After the first request a large picture is made with the
+        next frame."""
         self._asked_id = frame.frame_id
         large = self._large
         return large if large is not None and large.frame_id == frame.frame_id else frame
 
     def _take(self) -> Frame:
-        """Take one picture as a webcam gives it."""
+        """Take one picture in the format of a webcam."""
         captured_s = self.clock.now_s()
         jpeg = self._compress(self._body.simulation.render())
         if self._last_frame_id - self._asked_id < _ASKED_FRAMES:
             data = self._compress(self._body.simulation.render_large())
             taken = RawPicture(data, LARGE_WIDTH_PX, LARGE_HEIGHT_PX, Encoding.JPEG)
             upright = self.mounting.upright(taken)
-            self._large = Frame(  # set before the frame: its listeners may ask for this one
+            self._large = Frame(  # set first: the frame's listeners may request it
                 frame_id=self._last_frame_id + 1,
                 captured_s=captured_s,
                 width=upright.width,
@@ -109,9 +110,9 @@ class SimCamera(WorldCamera[SimDriver]):
         self._stirred.set()
 
     def _live(self) -> None:
-        """Take pictures, and wait between two for at least the time that one takes. With too many
-        robots for the computer, each takes fewer, which leaves time for a STOP. At rest only the
-        world advances.
+        """Take pictures, and wait after each for at least the time that it took. So if there are
+        too many robots for the computer, each takes fewer pictures, which leaves time for a STOP.
+        At rest only the world advances.
         """
         taken_s = last_s = self.clock.now_s()
         due_s, takes_s = last_s + self._period_s, 0.0

@@ -1,4 +1,4 @@
-"""The simulated robot: a driver like any other."""
+"""The driver of the simulated robot."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class SimOptions(Options):
 
 
 class SimDriver(ConnectedDriver[Simulation]):
-    """Drives a `Simulation`. Time passes when `advance` is called: by the simulated camera on its
-    thread, or by an experiment.
+    """Drives a `Simulation`. Time passes when the simulated camera's thread, or an experiment,
+    calls `advance`.
 
     Attributes:
-        worlds: Worlds to which the robot can be moved: arguments of `load_world` by name.
+        worlds: Worlds to which the robot can be moved: maps names to arguments of `load_world`.
     """
 
     name: ClassVar[str] = "sim"
@@ -50,8 +50,8 @@ class SimDriver(ConnectedDriver[Simulation]):
         self._left_s = 0.0
 
     def enter(self, name: str) -> None:
-        """Move the robot to the start of one of its `worlds`; the caller has stopped it.
-        ConfigurationError if there is none of this name."""
+        """Move the robot to the start of one of its `worlds`; the caller has stopped the robot.
+        Raises ConfigurationError if there is no world with this name."""
         if name not in self.worlds:
             known = sorted(self.worlds)
             raise ConfigurationError(
@@ -83,7 +83,7 @@ class SimDriver(ConnectedDriver[Simulation]):
             self.simulation.action, self.simulation.point = Action.STOP, None
 
     def advance(self, dt_s: float) -> None:
-        """Let time pass in the world; an action that was not renewed in time ends."""
+        """Advance the world by `dt_s`; an action that was not renewed in time ends."""
         with self._lock:
             moving_s = min(dt_s, self._left_s)
             if moving_s > 0:

@@ -1,6 +1,7 @@
 """Renders the simulated camera's view by Panda3D's software renderer, without display or GPU.
 
-A process has one engine, which draws for one renderer at a time: any thread may use any renderer.
+All renderers of a process share one engine. A lock lets only one of them draw at a time, so any
+thread may use any renderer.
 """
 
 from __future__ import annotations
@@ -33,20 +34,20 @@ _CYLINDER_SIDES = 16
 
 
 _LOCK = threading.RLock()
-"""Held during every call of Panda3D: it releases the GIL while it draws, and two threads that draw
-at once change each other's pixels by single grey levels."""
+"""Lock that is held during every call of Panda3D. Panda3D releases the GIL while it draws, and two
+threads that draw at the same time change each other's pixels by single grey levels."""
 _OWN_SETTINGS = """
 notify-level error
 audio-library-name null
 garbage-collect-states 0
 """
-"""Settings of Panda3D. Each pose makes new transform states, and Panda3D collects them in a task of
-its application object, which is not used here. Without that collection they are freed as soon as
-nothing refers to them."""
+"""Settings of Panda3D. Each pose creates new transform states. Panda3D collects unused states in a
+task of its application object, which is not used here. With this collection switched off, states
+are freed as soon as no object refers to them."""
 
 
 class _Window:
-    """Pixels of one size, drawn through any camera; `size` is width and height."""
+    """A buffer of a fixed `size` (width, height), into which any camera's view is drawn."""
 
     def __init__(self, core: Any, engine: Any, pipe: Any, size: tuple[int, int]) -> None:
         properties = core.FrameBufferProperties()
@@ -79,7 +80,7 @@ class _Window:
 
 
 class _Engine:
-    """Panda3D in this process: its module, and a window for each picture size."""
+    """Panda3D in this process: the module, and a window for each picture size."""
 
     def __init__(self) -> None:
         self.core = need("panda3d.core", "the simulator", "sim")
@@ -96,7 +97,7 @@ _engine = cache(_Engine)
 
 
 class Renderer:
-    """Renders one world from any pose; the seed decides the floor's pattern. For any thread."""
+    """Renders one world from any pose, on any thread; the seed determines the floor's pattern."""
 
     def __init__(self, world: World, seed: int = 0) -> None:
         with _LOCK:
@@ -120,7 +121,7 @@ class Renderer:
                     node = self._things[obstacle.name]
                     node.setPos(obstacle.x_m, obstacle.y_m, 0.0)
                     node.setH(math.degrees(obstacle.heading_rad))
-            # Panda3D's cameras look along y, so straight ahead is a quarter turn less.
+            # Panda3D's cameras look along y, so subtract a quarter turn from the heading.
             self._camera.setPosHpr(
                 pose.x_m + CAMERA_FORWARD_M * math.cos(pose.heading_rad),
                 pose.y_m + CAMERA_FORWARD_M * math.sin(pose.heading_rad),
@@ -132,15 +133,16 @@ class Renderer:
             return self._engine.small.draw(self._camera)
 
     def render_large(self) -> NDArray[np.uint8]:
-        """Return the view of the last `render` at twice its size, shape (240, 320, 3), for people.
+        """Return the view of the last `render` at twice the resolution, for people.
 
-        It has a window of its own: the result of `render` does not depend on it.
+        The shape is (240, 320, 3). The view is drawn in a separate window, so it does not affect
+        the results of `render`.
         """
         with _LOCK:
             return self._engine.large.draw(self._camera)
 
     def close(self) -> None:
-        """Free the world's pictures and shapes; idempotent."""
+        """Free the world's textures and shapes; idempotent."""
         with _LOCK:
             for window in (self._engine.small, self._engine.large):
                 window.forget(self._engine.nowhere)
@@ -160,7 +162,7 @@ class Renderer:
         node.setTexture(texture)
 
     def _add_thing(self, obstacle: Obstacle) -> Any:
-        """Add a thing around its own centre; a fixed thing is placed only once."""
+        """Add a thing, centred at its origin; a fixed thing is placed only once."""
         node = self._root.attachNewNode(obstacle.name)
         own = replace(obstacle, x_m=0.0, y_m=0.0, heading_rad=0.0)
         if not (obstacle.is_movable or obstacle.path):
@@ -169,7 +171,7 @@ class Renderer:
         return node
 
     def _add_shape(self, parent: Any, quads: Iterable[_Quad]) -> Any:
-        """Add quads as one shape, drawn in their order; a texture spans each from corner to corner.
+        """Add quads as one shape, drawn in their order; a texture covers each quad.
 
         One shape per quad would take a fifth longer.
         """
@@ -194,14 +196,14 @@ class Renderer:
         node.addGeom(geometry)
         path = parent.attachNewNode(node)
         path.setTwoSided(True)
-        # Where two edges meet, the last one drawn wins: the order is the same in every run.
+        # Where two edges meet, the one drawn last is visible, so the order must not vary.
         self._n_shapes += 1
         path.setBin("fixed", self._n_shapes)
         return path
 
 
 def _walls(world: World) -> Iterator[_Quad]:
-    """The four walls, each lit a little differently, with a dark skirting at the foot."""
+    """Yield the four walls, each with a different light, and with a dark skirting board."""
     width_m, depth_m, height_m = world.width_m, world.depth_m, world.wall_height_m
     corners = ((0.0, 0.0), (width_m, 0.0), (width_m, depth_m), (0.0, depth_m))
     for i, light in enumerate((0.94, 1.0, 0.88, 0.97)):
@@ -245,7 +247,7 @@ def _outline(obstacle: Obstacle) -> list[tuple[float, float]]:
 
 
 def _floor_pixels(world: World, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """The floor as a texture: speckles for a carpet, squares for tiles."""
+    """Return the floor's texture: speckles for a carpet, squares for tiles."""
     colours = np.array(world.floor_colours, np.float64)
     if world.floor_pattern == "plain":
         picked = np.zeros((_FLOOR_PX, _FLOOR_PX), np.int64)

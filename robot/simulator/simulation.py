@@ -1,7 +1,7 @@
-"""A simulated robot in a world: body, sensors, camera and chance, moved by `step`.
+"""A simulated robot in a world: body, sensors, camera and noise, advanced by `step`.
 
-It uses no clock and no thread. The driver and the camera of the simulator run it in real time;
-experiments step it as fast as they can. The same world, seed and actions give the same numbers.
+The simulation uses no clock and no thread. The simulator's driver and camera run it in real time;
+experiments step it as fast as they can. The same world, seed and actions yield the same numbers.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ DRIFT_S = 1.0
 
 
 _SLIP_SHARE, _SONAR_NOISE_M, _PIXEL_NOISE = 0.04, 0.005, 3.0
-"""Standard deviations of the noise of each wheel's speed (as a share of it), of the sonar (in
-metres) and of each pixel (of 255). The wheels' noise is renewed fifty times a second; in shorter
-steps it is larger, so that the way is equally uncertain at any frame rate."""
+"""Standard deviations of the noise of each wheel's speed (as a share of the speed), of the sonar
+(in metres) and of each pixel (of 255). The wheels' noise is for steps of a fiftieth of a second; in
+shorter steps it is larger, so that the robot's path is equally uncertain at any frame rate."""
 
 
 class Simulation:
@@ -33,16 +33,17 @@ class Simulation:
 
     Args:
         world: The world that the robot is in.
-        seed: Decides start pose, floor pattern and noise.
+        seed: Determines the start pose, the floor pattern and the noise.
         is_noisy: False for a perfect world.
 
     Attributes:
         drift_share: Standard deviation of a slow drift of the wheels on straight moves, as a share
-            of their speed: one turns faster, the other slower. 0: none.
-        action: The move under way.
-        point: The same by degrees; None: it was not driven by degrees.
-        first_world: The world at its start. Any thread may set another; the next step begins in
-            it, since `world` and the renderer change only on the thread that steps and renders.
+            of their speed: one wheel turns faster, the other slower. 0: no drift.
+        action: The current move.
+        point: The current point; None: the move is not driven by degrees.
+        first_world: The initial state of the world. Any thread may set another world. The next step
+            then begins in the new world, because `world` and the renderer change only on the thread
+            that steps and renders.
     """
 
     def __init__(self, world: World, seed: int = 0, *, is_noisy: bool = True) -> None:
@@ -74,17 +75,18 @@ class Simulation:
             self._step_once(dt_s / parts)
 
     def restart(self) -> None:
-        """Put robot and things back to their starts; the random state is kept, so starts vary."""
+        """Move the robot and all things back to their starts. The random state is not reset, so
+        starts vary."""
         first_world = self.first_world
         self.world = first_world
         self._contacts_rad = []
         self.action, self.point = Action.STOP, None
         self.pose = self._start_pose()
-        self._entered = first_world  # last: `shown_world` reads it on another thread
+        self._entered = first_world  # set last: another thread reads it (`shown_world`)
 
     @property
     def shown_world(self) -> World:
-        """The world as it is now, or the one in which the next step begins."""
+        """The current world, or the new world in which the next step begins."""
         chosen = self.first_world
         return self.world if chosen is self._entered else chosen
 
@@ -92,7 +94,7 @@ class Simulation:
         """Return the sensors' readings: sonar with noise, bumpers, and the true pose."""
         noise_m = float(self._sonar_rng.normal(0.0, _SONAR_NOISE_M)) if self.is_noisy else 0.0
         measured_in, measured_at, free_m = self._measured
-        if measured_in is not self.world or measured_at != self.pose:  # something moved since
+        if measured_in is not self.world or measured_at != self.pose:  # some motion since
             free_m = sonar_m(self.world, self.pose)
             self._measured = self.world, self.pose, free_m
         return Sensors(
@@ -109,7 +111,7 @@ class Simulation:
 
     @property
     def is_pushing(self) -> bool:
-        """True while the robot drives forward against something, also in a curve."""
+        """True while the robot drives forward against a wall or a thing, also in a curve."""
         return sum(self._wheels_mps) > 0.0 and any(self.bumpers)
 
     @property
@@ -118,7 +120,7 @@ class Simulation:
 
     @property
     def is_touching(self) -> bool:
-        """True while the body touches anything, on any side."""
+        """True while the body touches a wall or a thing, on any side."""
         return bool(self._contacts_rad)
 
     def render(self) -> NDArray[np.uint8]:
@@ -131,9 +133,10 @@ class Simulation:
         return picture
 
     def render_large(self) -> NDArray[np.uint8]:
-        """Return the last `render` at twice its size and without noise, for a person's eye.
+        """Return the view of the last `render` at twice the resolution and without noise.
 
-        Shape (240, 320, 3), RGB. The random state and the result of `render` do not depend on it.
+        For people: shape (240, 320, 3), RGB. This affects neither the random state nor the results
+        of `render`.
         """
         if self._renderer is None:
             raise RuntimeError("render_large enlarges the last render: call render first")
@@ -161,7 +164,7 @@ class Simulation:
         self.pose, self._contacts_rad = push_out(self.world, moved)
 
     def _drift_on(self, dt_s: float) -> None:
-        """Update the drift: an Ornstein-Uhlenbeck process of deviation `drift_share`."""
+        """Update the drift: an Ornstein-Uhlenbeck process with standard deviation `drift_share`."""
         share = dt_s / DRIFT_S
         step = self._drift_rng.normal(0.0, self.drift_share * math.sqrt(2 * share))
         self._drift += float(step) - share * self._drift
@@ -176,8 +179,8 @@ class Simulation:
         )
 
     def _add_grain(self, picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        # One block of noise, shifted at random, looks as good and is far cheaper than 57,600 new
-        # normal numbers for each picture.
+        # Shifting one block of noise at random looks as good as 57,600 new normal numbers for each
+        # picture, and is far faster.
         if self._grain is None:
             rng = np.random.default_rng((self._seed, 3))
             block = rng.normal(0.0, _PIXEL_NOISE, 4 * picture.size).astype(np.int16)

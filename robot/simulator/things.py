@@ -1,4 +1,4 @@
-"""Moving things in a world: things on a path, and things that the robot pushes. Pure."""
+"""The motion of things in a world: on a path, or pushed by the robot. Pure."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from robot.simulator.world import Obstacle, World
 from robot.types import Pose
 
 _PERSONAL_SPACE_M = 0.03
-"""Distance to the robot, in metres, below which a thing on its path waits."""
+"""Distance to the robot below which a thing on a path waits, in metres."""
 
 
 def move_things(world: World, robot: Pose, dt_s: float) -> World:
-    """Return the world `dt_s` later, with the robot at `robot`."""
+    """Return the world after `dt_s`, with the robot at `robot`."""
     if not any(thing.is_movable or thing.path for thing in world.obstacles):
         return world
     moved = tuple(
@@ -26,7 +26,7 @@ def move_things(world: World, robot: Pose, dt_s: float) -> World:
 
 
 def _go_on(thing: Obstacle, robot: Pose, dt_s: float) -> Obstacle:
-    """Move on along the closed path, unless the robot stands in the way."""
+    """Move the thing along its closed path, unless the robot is in the way."""
     gone_m = thing.gone_m + thing.speed_mps * dt_s
     x_m, y_m = _along(thing.path, gone_m)
     before_m = math.hypot(robot.x_m - thing.x_m, robot.y_m - thing.y_m)
@@ -50,13 +50,14 @@ def _along(path: tuple[tuple[float, float], ...], way_m: float) -> tuple[float, 
 
 
 def _yield_to(thing: Obstacle, world: World, robot: Pose) -> Obstacle:
-    """Slide and turn away from a robot that pushes, as far as walls and other things allow."""
+    """Slide and turn the thing away from a pushing robot, as far as walls and other things
+    allow."""
     overlap = overlap_with(thing, robot.x_m, robot.y_m) if thing.is_movable else None
     if overlap is None:
         return thing
     normal_x, normal_y, depth_m = overlap
     pushed = replace(thing, x_m=thing.x_m - normal_x * depth_m, y_m=thing.y_m - normal_y * depth_m)
-    # The push acts at the point of contact: off the middle it also turns the thing.
+    # The push acts at the point of contact, so a push off the centre also turns the thing.
     arm_x = robot.x_m - normal_x * RADIUS_M - thing.x_m
     arm_y = robot.y_m - normal_y * RADIUS_M - thing.y_m
     reach_m = math.hypot(thing.width_m, thing.depth_m) / 2

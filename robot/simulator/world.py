@@ -1,8 +1,8 @@
 """Worlds as data: a rectangular room, the things in it, and the robot's start.
 
-A world is a TOML file; the built-in ones are in `robot/simulator/worlds/`. Lengths are
-metres, angles degrees in the file and radians here, colours red, green, blue from 0 to 255.
-The room's corner is the origin; x runs along its width, y along its depth.
+A world is a TOML file; the built-in worlds are in `robot/simulator/worlds/`. Lengths are in metres,
+angles in degrees in the file and in radians here, colours are red, green, blue from 0 to 255.
+The origin is a corner of the room; x runs along the room's width, y along its depth.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ WALLS = ("south", "east", "north", "west")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Obstacle:
-    """Something that stands in the room. A cylinder's `width_m` is its diameter.
+    """A thing in the room. A cylinder's `width_m` is its diameter.
 
-    The robot can push it if it `is_movable`. With a closed `path` it moves along that; `gone_m` is
-    its way until now.
+    The robot can push the thing if `is_movable`. A thing with a closed `path` moves along it;
+    `gone_m` is the distance moved so far.
     """
 
     name: str
@@ -73,7 +73,7 @@ def world_names() -> list[str]:
 
 
 def load_world(name: str) -> World:
-    """Load a built-in world by name, or another one by the path of its TOML file."""
+    """Load a built-in world by name, or any other world by the path of its TOML file."""
     path = _FOLDER / f"{name}.toml" if name in world_names() else Path(name)
     if not path.is_file():
         known = world_names()
@@ -89,7 +89,7 @@ def load_world(name: str) -> World:
 
 
 def tinted(world: World, hue_deg: float) -> World:
-    """Return the world with its walls painted in a hue, so that rooms can be told apart."""
+    """Return the world with walls in another hue, so that rooms can be distinguished."""
     paint = [255 * part for part in colorsys.hsv_to_rgb(hue_deg / 360, 1.0, 1.0)]
 
     def mix(wall: Colour) -> Colour:

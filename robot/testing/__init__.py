@@ -1,4 +1,5 @@
-"""For tests: fakes and a robot of them in virtual time, and the suites for drivers and cameras."""
+"""Support for tests: fakes, a robot made of fakes in virtual time, and contract suites for drivers
+and cameras."""
 
 from robot.testing.camera import FakeCamera
 from robot.testing.driver import FakeDriver

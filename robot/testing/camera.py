@@ -1,4 +1,4 @@
-"""A camera that takes pictures on a test's request, or at a steady rate."""
+"""A fake camera that takes pictures when a test requests them, or at a steady rate."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _WIDTH, _HEIGHT = 160, 120
 
 
 class FakeCamera(ThreadedCamera):
-    """Shows patterns. Between `start` and `stop` at a steady rate; can be frozen or broken.
+    """Shows patterns, between `start` and `stop` at a steady rate. It can be frozen or broken.
 
-    `pictures` are shown in place of the patterns, as a camera's own JPEG.
+    `pictures` are JPEGs that are shown in place of the patterns.
 
     Attributes:
-        rate_hz: Pictures a second.
-        age_s: How old a picture is when it arrives: exposure and transfer.
-        is_frozen: No picture comes while it is set.
+        rate_hz: Pictures per second.
+        age_s: Age of a picture on arrival, due to exposure and transfer, in seconds.
+        is_frozen: True: no pictures come.
 
     Example:
         >>> from robot.testing import VirtualClock
@@ -63,7 +63,7 @@ class FakeCamera(ThreadedCamera):
         return self._show(self._pictures[self._last_frame_id % len(self._pictures)])
 
     def show(self, scene: int) -> Frame:
-        """Publish a picture of one of endlessly many scenes: the same number, the same picture."""
+        """Publish the picture of the scene with this number; equal numbers show equal pictures."""
         pixels = np.random.default_rng(scene).integers(0, 256, (8, 8, 3), dtype=np.uint8)
         picture = pixels.repeat(_HEIGHT // 8, axis=0).repeat(_WIDTH // 8, axis=1)
         return self._show(picture.tobytes())
@@ -95,7 +95,7 @@ class FakeCamera(ThreadedCamera):
 
 def _pattern(seed: int) -> bytes:
     """Return coloured blocks whose JPEG is about 5 KB."""
-    block = 12  # no multiple of 8, or JPEG would have an easy time
+    block = 12  # not a multiple of 8: a JPEG would be too small
     shape = (_HEIGHT // block + 1, _WIDTH // block + 1, 3)
     blocks = np.random.default_rng(seed).integers(60, 200, shape, dtype=np.uint8)
     return blocks.repeat(block, axis=0).repeat(block, axis=1)[:_HEIGHT, :_WIDTH].tobytes()

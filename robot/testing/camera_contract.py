@@ -1,4 +1,4 @@
-"""The contract of every camera: a test suite to inherit, with a fixture `camera_case`."""
+"""The contract of all cameras: a test suite to inherit, with a fixture `camera_case`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from robot.types import Frame
 
 DEADLINE_S = 10.0
 FROZEN_S = 3.0
-"""Longer than any camera waits for its line."""
+"""Time for which a source is frozen, in seconds: longer than any camera waits for its source."""
 
 
 def take(camera: Camera, count: int) -> list[Frame]:
-    """Wait for `count` different frames; the newest each time the camera calls."""
+    """Wait for `count` different frames: the newest frame at each call of the camera's listener."""
     frames: list[Frame] = []
     enough = threading.Event()
 
@@ -41,7 +41,7 @@ def take(camera: Camera, count: int) -> list[Frame]:
 
 
 def wait_for_fault(camera: Camera) -> None:
-    """Wait until the camera reports that something is wrong."""
+    """Wait until the camera reports a fault."""
     told = threading.Event()
     camera.listen(lambda: told.set() if camera.fault else None)
     assert camera.fault or camera.clock.wait(told, DEADLINE_S), "it froze, and reported no fault"
@@ -79,7 +79,7 @@ class CameraContract:
         assert to_grey(frame).shape == (frame.height, frame.width)
 
     def test_it_can_be_mounted_on_its_side(self, camera_case: CameraCase) -> None:
-        """Pictures that were recorded lie as they did; all others are turned for everybody."""
+        """Recorded pictures are not turned; all other pictures are turned for all users."""
         camera = camera_case.camera
         if not camera.can_be_turned:
             with pytest.raises(ConfigurationError, match=camera.name):
@@ -93,7 +93,7 @@ class CameraContract:
         assert to_rgb(turned).shape == (turned.height, turned.width, 3)
 
     def test_it_starts_again_after_a_stop_and_ids_go_on(self, camera_case: CameraCase) -> None:
-        """Within one run of the program no id is given twice."""
+        """Within one run of the program no frame id is used twice."""
         with camera_case.camera as camera:
             first = take(camera, 1)[0]
         with camera_case.camera as camera:
@@ -107,8 +107,7 @@ class CameraContract:
         assert set(threading.enumerate()) == before
 
     def test_a_frozen_source_is_a_fault(self, camera_case: CameraCase) -> None:
-        """A frozen source is reported, and its last picture is not passed on as
-        a new one."""
+        """A frozen source is reported, and its last picture is not passed on as a new picture."""
         if camera_case.freeze is None:
             pytest.skip("this source cannot freeze")
         with camera_case.camera as camera:
@@ -117,7 +116,8 @@ class CameraContract:
             wait_for_fault(camera)
 
     def test_a_source_that_was_frozen_is_seen_again(self, camera_case: CameraCase) -> None:
-        """However long it was frozen: a line that was given up meanwhile is opened again."""
+        """The source may freeze for any time; a connection that was closed meanwhile is opened
+        again."""
         if camera_case.freeze is None or camera_case.thaw is None:
             pytest.skip("this source cannot freeze and go on")
         with camera_case.camera as camera:

@@ -1,4 +1,4 @@
-"""Describes a driver or camera under test to the contract suites."""
+"""Descriptions of drivers and cameras under test, for the contract suites."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from robot.types import Point
 
 @dataclass(frozen=True, slots=True)
 class DriverCase:
-    """A driver, and how a test lets time pass for it and asks whether the body moves.
+    """A driver under test, with functions to let time pass and to observe the body.
 
     Attributes:
-        driver: Not connected yet.
+        driver: The driver, not connected yet.
         forward: Lets seconds pass: `time.sleep`, or a virtual clock's `advance`.
-        is_moving: Whether the body moves now; None if that is unknown: tests that need it
-            are skipped. It must ask the body, not the driver.
-        cut_link: Cuts the connection to the body, both ways; None if there is none. If only a new
-            order stops the body, it also stops the motors of the stand-in.
-        now_s: The clock on which requests are measured; None: the machine's.
-        budget_s: How long a request may take; None: as long as the contract says. A machine that
-            is busy with other things needs more.
-        mend_link: Lets the body be reached again, by a new connection if the old one is lost; None
-            if it cannot.
-        drives: How the body turns and drives now, as a point of any scale, positive to the right
-            and ahead; None if that is unknown. It must ask the body, not the driver.
-        ramp_s: How long the body may take from one point to any other; 0: it does so at once.
+        is_moving: Returns whether the body moves now; None: unknown, so tests that need it are
+            skipped. It must read the body's state, not the driver's.
+        cut_link: Cuts the connection to the body, in both directions; None: there is no
+            connection. If only a new order stops the body, it also stops the motors of the
+            stand-in.
+        now_s: The clock by which requests are timed; None: the machine's clock.
+        budget_s: Longest duration of a request, in seconds; None: the contract's limit. A busy
+            machine needs a higher limit.
+        mend_link: Makes the body reachable again, by a new connection if the old one is lost; None:
+            not possible.
+        drives: Returns how the body turns and drives now, as a point in any scale, positive to the
+            right and ahead; None: unknown. It must read the body's state, not the driver's.
+        ramp_s: Longest time that the body takes from one point to any other, in seconds; 0: none.
     """
 
     driver: Driver
@@ -47,9 +48,9 @@ class CameraCase:
     """A camera, ready to start.
 
     Attributes:
-        camera: Not started yet.
-        freeze: Makes the source give no more pictures, without closing; None if it cannot.
-        thaw: Makes it give pictures again; None if it cannot.
+        camera: The camera, not started yet.
+        freeze: Makes the source deliver no more pictures, without closing it; None: not possible.
+        thaw: Makes the source deliver pictures again; None: not possible.
     """
 
     camera: Camera

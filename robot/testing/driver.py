@@ -1,4 +1,4 @@
-"""A driver that only records its commands."""
+"""A fake driver that only records its commands."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ class FakeDriver(Driver):
 
     Attributes:
         sent: Every action sent, with its speed scale.
-        takes_points: Set it to True for a body that is driven by degrees.
-        point: The point that was sent last; None after a move, or if nothing was sent.
-        changes: When (seconds of `clock`) the action changed, and to what.
-        moved_s: When it last received a move.
-        stops: How often `stop` was called.
-        failure: What `send_action` raises as a DriveError; None lets it work.
-        sensors: What `sense` returns.
+        takes_points: Set this to True for a body that is driven by degrees.
+        point: The point that was sent last; None after a move, or if no order was sent.
+        changes: The times (seconds of `clock`) at which the action changed, with the new actions.
+        moved_s: The time at which the last move was received.
+        stops: Number of calls of `stop`.
+        failure: The message of the DriveError that `send_action` raises; None: no error.
+        sensors: The readings that `sense` returns.
         button: The value that the next `take_button` returns.
 
     Example:
@@ -52,7 +52,8 @@ class FakeDriver(Driver):
 
     @property
     def now(self) -> Action:
-        """The current move of the wheels; one that is not renewed ends after `ACTION_TIMEOUT_S`."""
+        """The current move of the wheels; a move that is not renewed ends after
+        `ACTION_TIMEOUT_S`."""
         is_over = self.clock.now_s() - self._told_s > ACTION_TIMEOUT_S
         return Action.STOP if is_over else self._told
 
@@ -61,7 +62,7 @@ class FakeDriver(Driver):
         return True
 
     def connect(self) -> None:
-        """Do nothing: there is nothing to open."""
+        """Do nothing, because there is no connection to open."""
 
     def disconnect(self) -> None:
         self.stop()

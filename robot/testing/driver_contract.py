@@ -1,4 +1,4 @@
-"""The contract of every driver: a test suite to inherit, with a fixture `driver_case`."""
+"""The contract of all drivers: a test suite to inherit, with a fixture `driver_case`."""
 
 from __future__ import annotations
 
@@ -23,15 +23,17 @@ from robot.testing.cases import DriverCase
 from robot.types import Action, Mode, Point, Sensors
 
 LOCAL_BUDGET_S = 0.01
-"""The quickest of some requests must not take longer: the control loop waits for it."""
+"""Upper bound of the quickest of some requests, in seconds, because the control loop waits for
+requests."""
 REMOTE_BUDGET_S = 0.2
-"""The same for a driver that declares `is_remote`; a move must be renewed in time (0.4 s)."""
+"""Upper bound for a driver that declares `is_remote`, in seconds; a move must be renewed within
+0.4 s."""
 STANDS_WITHIN_S = 0.5
-"""Time within which the body stands after the line to it was cut, in seconds."""
+"""Time within which the body stands after its connection was cut, in seconds."""
 CUTS_S = (0.5, 5.0)
 BACK_WITHIN_S = 5.0
-"""Time within which the body obeys once it can be reached again, in seconds. It does not depend on
-how long the line was cut."""
+"""Time within which the body obeys after it can be reached again, in seconds, independent of how
+long the connection was cut."""
 POINTS = [
     Point(steering, throttle) for steering in (-1.0, -0.5, 0.0, 0.4, 1.0) for throttle in (0.3, 0.8)
 ]
@@ -61,7 +63,7 @@ class DriverContract:
     """The suite. Each test gets a case whose driver is not connected."""
 
     def test_it_declares_what_it_is(self, driver_case: DriverCase) -> None:
-        """Name, camera, options and moves are there before anything is connected."""
+        """Name, camera, options and moves are declared before the driver is connected."""
         kind = type(driver_case.driver)
         found = load_driver(kind.name)
         assert found is kind, f"the entry point {kind.name!r} is {found}, not {kind}"
@@ -106,7 +108,7 @@ class DriverContract:
                 _check_stands(driver_case, f"after stop(), called after {move}")
 
     def test_an_action_ends_by_itself(self, driver_case: DriverCase) -> None:
-        """A body that receives nothing more stops after `ACTION_TIMEOUT_S`."""
+        """A body that receives no more orders stops after `ACTION_TIMEOUT_S`."""
         with driver_case.driver as driver:
             _check_goes_on(driver_case, driver.moves[0])
             driver_case.forward(ACTION_TIMEOUT_S)
@@ -132,7 +134,7 @@ class DriverContract:
             _check_stays(driver_case, "the body moves after orders that were refused")
 
     def test_every_point_counts_as_a_move_and_drives(self, driver_case: DriverCase) -> None:
-        """Any body can be driven by degrees; one that does not take them drives the moves."""
+        """Points can be sent to any body; a body that does not accept points drives the moves."""
         with driver_case.driver as driver:
             for point in POINTS:
                 move = driver.move_of(point)
@@ -164,7 +166,7 @@ class DriverContract:
             driver.send_point(Point(0.0, 0.5))
 
     def test_right_is_positive_and_so_is_ahead(self, driver_case: DriverCase) -> None:
-        """More is never less, and the point of a move does what the move does."""
+        """More steering never turns less, and a move's point has the same effect as the move."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             if not driver.takes_points:
@@ -197,7 +199,7 @@ class DriverContract:
     def test_a_correction_changes_the_motors_and_not_the_move(
         self, driver_case: DriverCase
     ) -> None:
-        """What does not apply to the body is refused with its name."""
+        """A correction that does not apply to the body is refused; the error names it."""
         driver, drives = driver_case.driver, driver_case.drives
         with driver:
             possible = driver.possible_corrections
@@ -292,14 +294,14 @@ class DriverContract:
 
     def test_it_leaves_nothing_behind(self, driver_case: DriverCase) -> None:
         """No thread, no open file or socket, and no process stays after `disconnect`."""
-        for _ in range(2):  # the first time, imports may open what stays
+        for _ in range(2):  # in the first round imports may open files
             before = _leftovers()
             with driver_case.driver as driver:
                 driver.send_action(driver.moves[0])
                 driver.sense()
         end_s = _REAL.now_s() + _PATIENCE_S
         while (left := _leftovers() - before) and _REAL.now_s() < end_s:
-            _REAL.sleep(0.02)  # what ends on another thread may take a moment
+            _REAL.sleep(0.02)  # other threads may take a moment to end
         assert not left, f"{_PATIENCE_S:.0f} s after disconnect() there still are {left}"
 
     def test_a_body_whose_line_is_cut_stands_and_the_driver_says_so(
@@ -329,7 +331,7 @@ class DriverContract:
     def test_a_body_whose_line_is_whole_again_is_driven_again(
         self, driver_case: DriverCase
     ) -> None:
-        """Nobody needs to connect it again."""
+        """The driver connects again by itself."""
         if driver_case.cut_link is None or driver_case.mend_link is None:
             pytest.skip("there is no line to cut and restore")
         with driver_case.driver as driver:
@@ -352,8 +354,8 @@ class TestDriver(DriverContract):
 
 
 def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None = None) -> bool:
-    """Return whether the body moves after at most `tries` orders: by default one, but more on a
-    busy machine, where a late order only stops and a move may have ended before it is checked."""
+    """Return whether the body moves after at most `tries` orders. The default is one order, or more
+    on a busy machine, where a move may have ended before it is checked."""
     for _ in range(tries or (_REQUESTS if case.budget_s else 1)):
         order()
         if _comes(case, lambda: moving(case)):
@@ -362,8 +364,8 @@ def _sets_going(case: DriverCase, order: Callable[[], object], tries: int | None
 
 
 def _comes(case: DriverCase, is_so: Callable[[], bool]) -> bool:
-    """Return whether something is so within the body's budget: an order that nobody acknowledges
-    is still on its way when the call returns. It is less than a move lasts by itself."""
+    """Return whether `is_so` becomes true within the body's budget, because an order without
+    acknowledgement is still on its way when the call returns. The budget is shorter than a move."""
     left_s = min(_obeys_within_s(case), REMOTE_BUDGET_S)
     while not (came := is_so()) and left_s > 0.0:
         case.forward(_LOOK_EVERY_S)
@@ -382,8 +384,8 @@ def _check_moves(case: DriverCase, order: Callable[[], object], what: str) -> No
 
 
 def _set_going(case: DriverCase, move: Action) -> None:
-    """Send a move and wait until the body moves: a late one has not begun when the call returns,
-    and a stop or a cut at once would find it still standing."""
+    """Send a move and wait until the body moves. A late move has not begun when the call returns,
+    so an immediate stop or cut would find the body still standing."""
     send = case.driver.send_action
     _check_moves(case, lambda: _check_sent(send(move), move, f"send_action({move})"), str(move))
 
@@ -397,7 +399,7 @@ def _check_goes_on(case: DriverCase, move: Action) -> None:
 
 
 def _check_ended(case: DriverCase, after_s: float, what: str) -> None:
-    """Check that the body stands; a move lasts for `ACTION_TIMEOUT_S` at most."""
+    """Check that the body stands, because a move lasts at most `ACTION_TIMEOUT_S`."""
     assert not moving(case), (
         f"the body still moves {1000 * after_s:.0f} ms after {what}; a move lasts "
         f"{1000 * ACTION_TIMEOUT_S:.0f} ms at most: give the body a timeout, or the driver the "
@@ -415,7 +417,7 @@ def _check_cut_off(case: DriverCase, after_s: float) -> None:
 
 
 def _check_stays(case: DriverCase, otherwise: str) -> None:
-    """Check that the body stands, also when a late order would have reached it."""
+    """Check that the body stands, also after the time in which a late order would arrive."""
     assert not _comes(case, lambda: moving(case)), otherwise
 
 
@@ -424,7 +426,7 @@ def _check_sent(sent: object, asked: Action, by: str) -> None:
 
 
 def _check_points_as_moves(case: DriverCase, points: Iterable[Point]) -> None:
-    """Check that a driver which takes no points returns the move that each counts as."""
+    """Check that a driver that accepts no points returns the move that each point counts as."""
     for point in points:
         sent = case.driver.send_point(point)
         _check_sent(sent, case.driver.move_of(point), f"send_point({tuple(point)})")
@@ -467,7 +469,8 @@ def _is_same(now: Point, wanted: Point) -> bool:
 
 
 def _steered_to(case: DriverCase, point: Point) -> Point:
-    """Drive a point as the loop does, and return how the body drives; what it means stays."""
+    """Drive a point as the loop does, and return how the body drives. The returned move must be
+    independent of corrections."""
     driver, move = case.driver, case.driver.move_of(point)
     now = _driven(case, lambda: _check_sent(driver.drive(move, point), move, "drive"))
     driver.stop()
@@ -482,19 +485,20 @@ def _check_same(now: Point, wanted: Point, what: str) -> None:
 
 
 def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:
-    """Ask for a move at each step, and look at its end; a busy machine may look too late once."""
+    """Send a move at each step, and check at the end of the step whether the body moves. A busy
+    machine may check too late once."""
     return _sets_going(case, partial(_ask, case, move, step_s), round(seconds / step_s))
 
 
 def _ask(case: DriverCase, move: Action, step_s: float) -> None:
-    """Ask for a move, as the loop does whatever came of the last one."""
+    """Send a move and ignore errors, because the loop sends moves after failures, too."""
     with contextlib.suppress(DriveError):
         case.driver.send_action(move)
     case.forward(step_s)
 
 
 def _quickest_s(request: Callable[[], object], now_s: Callable[[], float]) -> float:
-    """Return the shortest of some requests: a machine that is busy makes none of them shorter."""
+    """Return the shortest duration of some requests; a busy machine only makes requests longer."""
     taken_s = []
     for _ in range(_REQUESTS):
         start_s = now_s()
@@ -504,7 +508,7 @@ def _quickest_s(request: Callable[[], object], now_s: Callable[[], float]) -> fl
 
 
 def _leftovers() -> set[object]:
-    """Return the threads, processes and open files there are."""
+    """Return the existing threads, processes and open files."""
     gc.collect()
     found: set[object] = {*threading.enumerate(), *multiprocessing.active_children()}
     folder = Path("/proc/self/fd")
@@ -512,6 +516,6 @@ def _leftovers() -> set[object]:
         for entry in folder.iterdir():
             try:
                 found.add((entry.name, entry.readlink()))
-            except OSError:  # it was the listing's own
+            except OSError:  # the descriptor of the listing itself
                 continue
     return found

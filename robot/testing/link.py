@@ -1,7 +1,7 @@
-"""A link between page and robot in virtual time: it delays, jitters, throttles, or goes silent.
+"""A link between page and robot in virtual time, with delay, jitter, throttling and silence.
 
-Messages keep their order, as over TCP: loss and reordering appear as a line that stalls and then
-delivers everything at once.
+Messages keep their order, as over TCP: after loss or reordering a line stalls, and then delivers
+all messages at once.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from typing import Any
 
 @dataclass(slots=True, kw_only=True)
 class LinkConditions:
-    """Conditions of a link. They can be changed during use, for all later messages."""
+    """Conditions of a link. Changes apply to all later messages."""
 
     delay_s: float = 0.0
     jitter_s: float = 0.0
     """Upper bound of a random extra delay for each packet, in seconds; packets stay in order."""
     bytes_per_second: float | None = None
-    """Towards the page; the other way is free."""
+    """Bandwidth towards the page; the other direction is unlimited."""
     stall_share: float = 0.0
-    """Share of packets that have to be sent again, by which all behind them wait."""
+    """Share of packets that must be sent again, while all later packets wait."""
     stall_s: float = 0.2
     is_silent: bool = False
-    """Nothing passes any more, and neither side is notified."""
+    """True: no messages pass, and neither side is notified."""
 
 
 class Link:
@@ -44,7 +44,7 @@ class Link:
 
     @property
     def conditions(self) -> LinkConditions:
-        """The conditions of the link; set it to change them."""
+        """The current conditions of the link; can be set."""
         return self._conditions
 
     @conditions.setter
@@ -54,13 +54,13 @@ class Link:
             line.flush()
 
     def line(self, deliver: Callable[[Any], None], *, throttled: bool) -> Line:
-        """Return one direction of a new connection, which ends in `deliver`."""
+        """Return one direction of a new connection; messages are passed to `deliver`."""
         line = Line(self, deliver, throttled=throttled)
         self._lines.append(line)
         return line
 
     def forget(self, line: Line) -> None:
-        """Close a direction: messages under way in it are lost."""
+        """Close a direction; its messages in transit are lost."""
         line.is_cut = True
         if line in self._lines:
             self._lines.remove(line)
@@ -70,7 +70,7 @@ class Line:
     """One direction of one connection."""
 
     HOLDS_BYTES = 8192
-    """Number of bytes that wait in the line before its sender is held back."""
+    """Number of bytes waiting in the line above which `has_room` blocks the sender."""
 
     def __init__(self, link: Link, deliver: Callable[[Any], None], *, throttled: bool) -> None:
         self._link = link
@@ -85,7 +85,7 @@ class Line:
         self.is_cut = False
 
     def send(self, item: Any, size: int) -> None:
-        """Put `item` on its way; `size` in bytes."""
+        """Send `item`; `size` is in bytes."""
         conditions, event_loop = self._link.conditions, self._event_loop
         now_s = event_loop.time()
         free_s = max(self._free_s, now_s)
@@ -106,13 +106,13 @@ class Line:
             event_loop.call_at(due_s, self.flush)
 
     async def has_room(self) -> None:
-        """Hold the sender back while the line is full."""
+        """Wait while the line is full."""
         while self._bytes > self.HOLDS_BYTES and not self.is_cut:
             self._room.clear()
             await self._room.wait()
 
     def flush(self) -> None:
-        """Deliver whatever is due, unless the link is silent."""
+        """Deliver all messages that are due, unless the link is silent."""
         now_s = self._event_loop.time() + 1e-6
         while self._under_way and self._under_way[0][0] <= now_s:
             if self._link.conditions.is_silent or self.is_cut:

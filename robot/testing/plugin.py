@@ -2,9 +2,9 @@
 
     pytest --drivelesson-driver NAME --drivelesson-camera NAME [--drivelesson-option KEY=VALUE]
 
-runs the contract suites on the installed plugin of that name, beside the package's own tests. The
-hook `pytest_drivelesson_driver` in the package's conftest.py shows the suite whether a body moves;
-without the hook the suite drives whatever the options name, even a real robot.
+runs the contract suites on the installed plug-in with this name, in addition to the package's
+tests. The hook `pytest_drivelesson_driver` in the package's conftest.py shows the suite whether a
+body moves. Without the hook the suite drives the robot that the options name, even a real robot.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class DriverKitHooks:
 
     @pytest.hookspec(firstresult=True)
     def pytest_drivelesson_driver(self, name: str) -> AbstractContextManager[DriverCase] | None:
-        """Return a context manager that yields the case for the driver of this name."""
+        """Return a context manager that yields the case for the driver with this name."""
 
     @pytest.hookspec(firstresult=True)
     def pytest_drivelesson_camera(self, name: str) -> AbstractContextManager[CameraCase] | None:
-        """Return a context manager that yields the case for the camera of this name."""
+        """Return a context manager that yields the case for the camera with this name."""
 
 
 def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
@@ -60,7 +60,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Collect the suites beside the requested tests."""
+    """Collect the suites in addition to the requested tests."""
     for kind in ("driver", "camera"):
         if config.getoption(f"--drivelesson-{kind}"):
             suite = Path(__file__).with_name(f"{kind}_contract.py")
@@ -69,7 +69,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture
 def driver_case(request: pytest.FixtureRequest) -> Iterator[DriverCase]:
-    """Yield a new driver of the name that was asked for."""
+    """Yield a new driver with the requested name."""
     config = request.config
     name = config.getoption("--drivelesson-driver")
     made = config.hook.pytest_drivelesson_driver(name=name) or nullcontext(
@@ -82,7 +82,7 @@ def driver_case(request: pytest.FixtureRequest) -> Iterator[DriverCase]:
 
 @pytest.fixture
 def camera_case(request: pytest.FixtureRequest) -> Iterator[CameraCase]:
-    """Yield a new camera of the name that was asked for."""
+    """Yield a new camera with the requested name."""
     config = request.config
     name = config.getoption("--drivelesson-camera")
     made = config.hook.pytest_drivelesson_camera(name=name) or nullcontext(

@@ -1,4 +1,4 @@
-"""A policy without cost: it always proposes the first label that it learned."""
+"""A fake policy without computation: it always proposes the first label that it learned."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _NOTHING = np.zeros(1, np.uint8)
 
 
 class FakePolicy(Policy):
-    """Looks at no pixel; for tests of the gate, the loop, the link or the server.
+    """Ignores the pixels; for tests of the gate, the loop, the link or the server.
 
     Attributes:
-        first: The label that it learned first.
+        first: The first label that was learned.
         point: The steering and throttle of the first example.
     """
 

@@ -1,4 +1,4 @@
-"""A clock of discrete events: threads and tasks wait in it, and it jumps to what happens next."""
+"""A discrete-event clock: threads and tasks wait in it, and it jumps to the next event."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from robot.clock import Clock, Worker
 
 _T = TypeVar("_T")
 WALL_START_S = 1_700_000_000.0
-"""Seconds since 1970 at the start of such a clock: the same in every run."""
+"""Wall-clock time at the start of a virtual clock, in seconds since 1970: equal in all runs."""
 
 
 class _Waiting:
-    """A thread that is held up: until `event`, until `due_s`, or without end."""
+    """A waiting thread: until `event`, until `due_s`, or indefinitely."""
 
     __slots__ = ("due_s", "event", "turn")
 
     def __init__(self, event: threading.Event | None, due_s: float | None) -> None:
         self.event = event
         self.due_s = due_s
-        self.turn = threading.Lock()  # a semaphore would cost five times as much
+        self.turn = threading.Lock()  # a semaphore would take five times as long
         self.turn.acquire()
 
 
 class VirtualClock(Clock):
-    """Discrete events: as soon as all threads wait, the clock jumps to the earliest deadline.
+    """A discrete-event clock: as soon as all threads wait, it jumps to the earliest deadline.
 
-    Where nobody else waits it stands until it is moved, so simulations run as fast as they can.
-    Threads that it started run one at a time and change only where they wait, so a run is the
-    same each time. An asyncio program runs on `run` or a `runner`, whose event loop has this
-    clock's time and takes turns with the threads.
+    If no thread waits, the clock stands, so simulations run as fast as they can. Threads that were
+    started by the clock run one at a time and switch only when they wait, so all runs are equal. An
+    asyncio program runs on `run` or a `runner`, whose event loop uses this clock's time and takes
+    turns with the threads.
 
     Example:
         >>> clock = VirtualClock()
@@ -53,26 +53,27 @@ class VirtualClock(Clock):
         self._deadlock: str | None = None
 
     def now_s(self) -> float:
-        event_loop, now_s = self._event_loop, self._now_s  # as `_base_s`: it is asked all the time
+        event_loop, now_s = self._event_loop, self._now_s  # `_base_s` inlined: this is called often
         if event_loop is not None and event_loop.now_s > now_s:
             now_s = event_loop.now_s
         return now_s + self._ahead_s
 
     def wall_s(self) -> float:
-        """Return seconds since 1970, which go with `now_s` but for `set_wall`."""
+        """Return seconds since 1970, which advance with `now_s` and jump only by `set_wall`."""
         return self.now_s() + self._wall_ahead_s
 
     def set_wall(self, wall_s: float) -> None:
-        """Set the wall clock, forwards or back; `now_s` does not notice."""
+        """Set the wall clock forward or back; `now_s` does not change."""
         self._wall_ahead_s = wall_s - self.now_s()
 
     def _base_s(self) -> float:
-        """Return the time without jumps; the event loop's falls behind while threads run."""
+        """Return the time without the jumps of `advance`; the event loop's time lags while threads
+        run."""
         event_loop = self._event_loop
         return self._now_s if event_loop is None else max(self._now_s, event_loop.now_s)
 
     def advance(self, seconds: float) -> None:
-        """Jump ahead without anybody having waited, as when a computer was asleep."""
+        """Jump ahead although no thread waited, as after a computer's sleep."""
         if seconds < 0:
             raise ValueError(f"a clock cannot go back by {-seconds} s")
         self._ahead_s += seconds
@@ -87,12 +88,12 @@ class VirtualClock(Clock):
         self._let_others_run(None, seconds)
 
     def wait(self, event: threading.Event, timeout_s: float | None = None) -> bool:
-        """Hold up this thread while others run; see `Clock`.
+        """Block this thread while others run; see `Clock`.
 
-        On the event loop's own thread it holds up the whole loop, as it would in real time.
+        On the event loop's thread this blocks the complete event loop, as in real time.
 
         Raises:
-            RuntimeError: If every thread waits without end.
+            RuntimeError: If all threads wait indefinitely.
         """
         if not event.is_set():
             self._let_others_run(event, timeout_s)
@@ -119,7 +120,8 @@ class VirtualClock(Clock):
             raise RuntimeError(self._deadlock)
 
     def _hand_over(self) -> None:
-        """Wake the next thread: one whose event is set, or else whose time comes first."""
+        """Wake the next thread: a thread whose event is set, else the one with the earliest
+        deadline."""
         following = soonest = None
         for other in self._waiting:
             if other.event is not None and other.event.is_set():
@@ -142,15 +144,15 @@ class VirtualClock(Clock):
     # Tasks -------------------------------------------------------------------------------------
 
     def run(self, main: Coroutine[Any, Any, _T]) -> _T:
-        """Run an asyncio program in virtual time, and return what comes of it."""
+        """Run an asyncio program in virtual time, and return its result."""
         with self.runner() as runner:
             return runner.run(main)
 
     @contextlib.contextmanager
     def runner(self) -> Iterator[asyncio.Runner]:
-        """Give a runner of asyncio programs, whose event loop stands still in between.
+        """Yield a runner of asyncio programs, whose event loop stands still between programs.
 
-        Every `asyncio` wait within it is virtual.
+        All `asyncio` waits in these programs are virtual.
         """
         if self._event_loop is not None:
             raise RuntimeError("an event loop runs on this clock already")
@@ -163,14 +165,14 @@ class VirtualClock(Clock):
             self._event_loop = None
 
     async def pause(self, seconds: float) -> None:
-        if self._event_loop is None:  # another one, which knows nothing of this clock
+        if self._event_loop is None:  # another event loop, without this clock
             self.sleep(seconds)
             seconds = 0.0
         await asyncio.sleep(seconds)
 
 
 class _Lock:
-    """A reentrant lock whose holder may wait through the clock while others want it."""
+    """A reentrant lock whose holder may wait through the clock while others wait for the lock."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -194,15 +196,15 @@ class _Lock:
 
 
 class _JumpingEventLoop(asyncio.SelectorEventLoop):
-    """Asyncio's own, whose time is counted in whole microseconds and jumps to the next timer.
+    """Asyncio's event loop with a time in whole microseconds, which jumps to the next timer.
 
-    Nothing is polled: what happens, happens on a timer or on a thread of the clock.
+    No sockets are polled: all events come from timers or from threads of the clock.
     """
 
     def __init__(self, clock: VirtualClock) -> None:
         super().__init__()
         self._clock = clock
-        self._clock_resolution = 1e-9  # Windows' is 16 ms: timers would be so early
+        self._clock_resolution = 1e-9  # on Windows it is 16 ms: timers would be early
         self._now_us = round(clock._now_s * 1e6)
         self.now_s = self._now_us / 1e6
         self._selector.select = self._let_time_pass  # type: ignore[attr-defined]
@@ -211,7 +213,7 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
         return self.now_s
 
     def _let_time_pass(self, timeout: float | None) -> list[Any]:
-        """Wait, in place of the selector: up to the next timer, or to what a thread asks for."""
+        """Wait, in place of the selector, for the next timer or for a thread's request."""
         if timeout == 0:
             return []  # tasks are ready
         clock = self._clock
@@ -229,13 +231,13 @@ class _JumpingEventLoop(asyncio.SelectorEventLoop):
     def call_soon_threadsafe(  # type: ignore[override]
         self, callback: Any, *args: Any, context: Any = None
     ) -> asyncio.Handle:
-        """Spare the self-pipe: the caller holds up the loop already."""
+        """Do not use the self-pipe, because the loop is already blocked by the caller."""
         self._clock._event_loop_woken.set()
         return self.call_soon(callback, *args, context=context)
 
 
 class _VirtualThread(threading.Thread):
-    """Waits for its first turn, and hands over when it ends."""
+    """A thread that waits for its first turn, and wakes the next thread when it ends."""
 
     def __init__(self, clock: VirtualClock, target: Callable[[], None], name: str) -> None:
         super().__init__(name=name, daemon=True)
@@ -256,7 +258,7 @@ class _VirtualThread(threading.Thread):
 
     def join(self, timeout: float | None = None) -> None:
         if self._clock.wait(self._ended, timeout):
-            super().join()  # it has handed over, and is a step from its end
+            super().join()  # it has woken the next thread and ends now
 
     def is_alive(self) -> bool:
         return not self._ended.is_set()

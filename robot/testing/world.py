@@ -1,4 +1,5 @@
-"""A robot in virtual time, beside an event loop: its camera takes pictures, its loop ticks."""
+"""A robot in virtual time together with an event loop: its camera takes pictures and its loop
+ticks."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from robot.testing.virtual_clock import VirtualClock
 class VirtualRobot:
     """A rig whose threads take turns with the tasks of an event loop.
 
-    Use it inside of `VirtualClock.run`, as an async context manager.
+    Use it within `VirtualClock.run`, as an async context manager.
 
     Example:
         >>> async def main() -> int:
