@@ -1,10 +1,11 @@
-"""The challenge's number: metres that the robot drove by itself, and what does not count. Pure.
+"""The challenge's score: the metres that the robot drove by itself. Pure.
 
-The way is cut into stretches of `STRETCH_M`, as the crow flies. One counts if the robot drove it
-forwards and nearly straight. So standing, turning on the spot and small circles score nothing. A
-way back over a stretch, forwards or backwards, takes back what it counted, and it never counts
-again: so does driving to and fro. A stretch that is driven again in the same direction counts a
-half, then a third: a larger course is worth more than many rounds of a small one.
+The path is divided into stretches of `STRETCH_M`, measured in a straight line. A stretch counts if
+the robot drove it forward and nearly straight. So standing, turning on the spot and small circles
+score nothing. If the robot drives back over a stretch, forward or backward, the stretch's score is
+subtracted and the stretch never counts again, so driving back and forth scores nothing. A stretch
+that is driven again in the same direction counts a half, then a third, so a larger course is worth
+more than many rounds of a small course.
 """
 
 from __future__ import annotations
@@ -15,14 +16,15 @@ from dataclasses import dataclass, replace
 from robot.types import Pose
 
 STRETCH_M = 0.3
-"""Length of a stretch, in metres: shorter than the straight part of a course in the smallest box,
-longer than a robot."""
+"""Length of a stretch, in metres: longer than a robot, and shorter than the straight part of a
+course in the smallest box."""
 _STRAIGHT_RAD = math.radians(25)
-"""By how much the robot may point aside of the stretch at either end, in radians."""
+"""Largest angle between the robot's heading and the stretch, at either end, in radians."""
 _SPOT_M = 0.02
-"""Within how far of its beginning a stretch may still be turned, in metres."""
+"""Distance from the beginning of a stretch within which the robot may still turn, in metres."""
 _NEAR_M, _ALIKE_RAD = 0.2, math.radians(50)
-"""Two stretches are the same if their middles and directions differ by at most this much."""
+"""Two stretches are the same if their midpoints differ by at most `_NEAR_M` and their directions by
+at most `_ALIKE_RAD`."""
 
 
 @dataclass(slots=True)
@@ -37,7 +39,7 @@ class _Stretch:
 
 
 class Score:
-    """Adds up one try; call `note` with each pose while the robot drives by itself."""
+    """The score of one try; call `note` with each pose while the robot drives by itself."""
 
     def __init__(self) -> None:
         self._start: Pose | None = None
@@ -45,11 +47,11 @@ class Score:
 
     @property
     def metres(self) -> float:
-        """What counts by now."""
+        """The score so far, in metres."""
         return math.fsum(stretch.metres for stretch in self._stretches)
 
     def note(self, pose: Pose) -> None:
-        """Take in where the robot is now."""
+        """Process the robot's current pose."""
         if not all(map(math.isfinite, (pose.x_m, pose.y_m, pose.heading_rad))):
             return
         start = self._start
@@ -59,13 +61,13 @@ class Score:
         x_m, y_m = pose.x_m - start.x_m, pose.y_m - start.y_m
         length_m = math.hypot(x_m, y_m)
         if length_m < STRETCH_M:
-            if length_m < _SPOT_M:  # a turn on the spot is no part of a stretch
+            if length_m < _SPOT_M:  # turns on the spot do not count
                 self._start = replace(start, heading_rad=pose.heading_rad)
             elif _angle(pose.heading_rad, start.heading_rad) > 2 * _STRAIGHT_RAD:
                 self._start = pose
             return
         self._start = pose
-        if length_m > 2 * STRETCH_M:  # it was carried, or its pose was corrected
+        if length_m > 2 * STRETCH_M:  # the robot was carried, or its pose corrected
             return
         way_rad = math.atan2(y_m, x_m)
         aside_rad = max(_angle(one.heading_rad, way_rad) for one in (start, pose))

@@ -1,7 +1,8 @@
 """A challenge: three tries of a minute, in which the robot drives by itself. Pure.
 
-A try is armed by a person, begins when the robot drives by itself, and ends when somebody touches
-it, when it bumps or asks for help, when it is stopped, or after `TRY_S`. The best try is kept.
+A try is armed by a person and begins when the robot drives by itself. It ends when the
+pilot takes the wheel, when the robot bumps, asks for help or is stopped, or after `TRY_S`. The best
+try counts.
 """
 
 from __future__ import annotations
@@ -19,12 +20,12 @@ TRIES = 3
 TRY_S = 60.0
 """Length of a try, in seconds."""
 _PUSHED_S = 0.3
-"""For how long the robot may drive against something before that ends the try, in seconds."""
+"""Time for which the robot may drive against an obstacle before the try ends, in seconds."""
 _LONGEST_STEP_S = 0.25
 
 
 class Ending(StrEnum):
-    """What ended a try."""
+    """The reason why a try ended."""
 
     TIME = "time"
     TOUCHED = "touched"
@@ -50,28 +51,28 @@ class Challenge:
         self.tries: tuple[Try, ...] = ()
         self.is_armed = False
         self.is_shown = False
-        """True while the pilots show their best try on the board of their class."""
+        """True while the best try is shown on the class's board."""
         self._score: Score | None = None
         self._seconds = self._pushed_s = 0.0
         self._last_s: float | None = None
 
     @property
     def is_on(self) -> bool:
-        """True while a try is driven."""
+        """True while a try is in progress."""
         return self._score is not None
 
     @property
     def metres(self) -> float:
-        """What the try that is driven has reached."""
+        """The score of the current try, in metres."""
         return self._score.metres if self._score is not None else 0.0
 
     @property
     def left_s(self) -> float:
-        """How long the try that is driven still lasts."""
+        """The remaining time of the current try, in seconds."""
         return max(0.0, TRY_S - self._seconds)
 
     def arm(self) -> None:
-        """Have the next drive count as a try; after the last one, a new challenge begins."""
+        """Make the next drive count as a try; after the last try a new challenge begins."""
         if self.is_on:
             return
         if len(self.tries) >= TRIES:
@@ -79,7 +80,7 @@ class Challenge:
         self.is_armed = True
 
     def cancel(self) -> None:
-        """Give up the try that is armed or driven; it does not count."""
+        """Cancel the armed or current try; it does not count."""
         self.is_armed, self._score = False, None
 
     def note(self, tick: Tick) -> Try | None:
@@ -88,7 +89,7 @@ class Challenge:
         step_s = min(max(step_s, 0.0), _LONGEST_STEP_S)
         self._last_s = tick.now_s
         if any(isinstance(event, Replaced) for event in tick.history_events):
-            self.cancel()  # another model is another robot
+            self.cancel()  # another model would be another robot
             self.tries, self.best_m, self.is_shown = (), None, False
         is_alone = tick.decision.driven_by is DrivenBy.ROBOT
         if self.is_armed and is_alone and tick.sensors.pose is not None:

@@ -1,4 +1,4 @@
-"""The learned images as people see them: when each was last used, and which parts decide."""
+"""The learned images for the gallery: when each was last used, and which parts decide."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from robot.policy.policy import Policy
 from robot.types import Action
 
 _COMPARED = 128
-"""Largest number of learned images that are compared; of more, this many are taken evenly."""
+"""Maximum number of learned images that are compared; if there are more, an even sample is
+used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedImage:
-    """One node as the gallery shows it.
+    """One node, in the form that the gallery shows.
 
     `node_id` follows the node through merges. `last_used` and `last_taught` are the numbers of the
     latest proposal and example that matched it (0: none).
@@ -36,13 +37,14 @@ class LearnedImage:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Explanation:
-    """The image that decides, beside the present view.
+    """The image that decides, and the current view.
 
     Attributes:
         image: The image.
-        present: The view as the learner sees it, shape (30, 40).
-        alike: Likeness of each part of the two, beyond that of the view to the learned images on
-            average, from 0 to 1, shape (6, 8). All 0 if there is only one image.
+        present: The view that the learner sees, shape (30, 40).
+        alike: For each cell of the picture, how much more similar the view is to the image than to
+            the learned images on average, from 0 to 1, shape (6, 8). All 0 if there is only one
+            image.
     """
 
     image: LearnedImage
@@ -51,7 +53,8 @@ class Explanation:
 
 
 def images(policy: Policy) -> list[LearnedImage]:
-    """Return every learned image, in the order of the nodes; none if the learner keeps none."""
+    """Return all learned images, in the order of the nodes; empty if the learner stores no
+    images."""
     return [_shown(policy, node) for node in policy.learner.nodes()]
 
 
@@ -69,11 +72,11 @@ def _shown(policy: Policy, node: Node) -> LearnedImage:
 
 
 def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | None:
-    """Return the explanation why an image decided a view; None if the image is gone.
+    """Return the explanation why an image decided a view; None if the image no longer exists.
 
-    A squared distance is a sum over the parts of the picture. A part counts as alike where it
-    is nearer to the deciding image than to the learned images on average: a part that all of them
-    share, such as an empty floor, explains nothing.
+    A squared distance is a sum over the cells of the picture. A cell counts as similar if it is
+    nearer to the deciding image than to the learned images on average. A cell that is similar in
+    all images, such as an empty floor, explains nothing.
     """
     nodes, features = policy.learner.nodes(), policy.features
     decides = next((node for node in nodes if node.id == node_id), None)
@@ -84,7 +87,7 @@ def explain(policy: Policy, x: Vector, node_id: int | None) -> Explanation | Non
     others = [features.cells(view - np.asarray(node.image, np.float64)) for node in some]
     usual = np.mean(others, axis=0)
     here = features.cells(view - np.asarray(decides.image, np.float64))
-    # Where even the average difference is small, likeness means little.
+    # If even the average difference of a cell is small, its similarity means little.
     weight = np.maximum(usual, usual.mean())
     alike = np.zeros_like(here)
     np.divide(usual - here, weight, out=alike, where=weight > 0.0)

@@ -1,11 +1,11 @@
 """Estimates whether the robot is ready to drive alone, by short trials, not by agreement. Pure.
 
-Agreement is a poor predictor, since most frames are like their neighbours. The best predictor of a
-minute alone is a short trial: the robot drives, and the pilot stays ready to correct. A trial
-counts while nothing goes wrong: no correction, no collision, no call for help, few unknown views.
-Before the first trial every move in use must have been begun a few times.
+Agreement is a poor predictor, since most frames are similar to their neighbours. The best predictor
+of a minute alone is a short trial: the robot drives, and the pilot stays ready to correct. The time
+of a trial counts while nothing goes wrong: no correction, no collision, no call for help, few
+unknown views. Before the first trial all moves in use must have been begun a few times.
 
-Each mistake becomes a `Gap`: the move to show the robot, and a picture of the place.
+Each mistake becomes a `Gap`: the move to show the robot, and a picture of the location.
 """
 
 from __future__ import annotations
@@ -22,35 +22,35 @@ from robot.types import Action, DrivenBy, Frame, StopReason
 TAUGHT_S = 40.0
 """Teaching time after which a first trial may begin in any case, in seconds."""
 EARLY_S, EARLY_CHANGES, EARLY_FORESEEN, EARLY_KNOWN = 15.0, 6, 5, 0.9
-"""Conditions of an early trial: after the first, in seconds, it may begin if the robot foresaw five
-of the pilot's last six changes of move, and knew nine of ten views of the last ten seconds."""
+"""Conditions of an early trial. It may begin after 15 s of teaching if the robot foresaw five of
+the pilot's last six changes of move, and knew nine of ten views of the last ten seconds."""
 STARTS = 3
-"""Least number of times that each move in use was begun before a first trial: fewer are chance."""
+"""Number of times that each move in use must be begun before a first trial, to exclude chance."""
 RARE_SHARE = 0.02
-"""A move with a smaller share of the examples has to have been begun twice as often. A pilot who
-drives straight for minutes shows too little of the turn at a wall, and each minute dilutes it."""
+"""A move with a smaller share of the examples must have been begun twice as often. If a pilot
+drives straight for minutes, the few examples of the turn at a wall have little weight."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
-"""A press below the first time, in seconds, is a slip of the finger. A rare move is in use once it
-was held for the second time in all, slips apart: otherwise slips would make the robot ask for a
-move that the pilot never meant."""
+"""A press shorter than the first time, in seconds, counts as a slip of the finger. A rare move is
+in use as soon as it was held for the second time in total, without slips. Otherwise the robot would
+ask for a move that the pilot never meant."""
 _FEWEST = 5
-"""Least number of examples of a move in use, whatever their share."""
+"""Least number of examples of a move in use, independent of their share."""
 CLEAN_S = 45.0
 """Time without mistakes after which the robot is ready, in seconds."""
 NOVEL_SHARE = 0.015
 """Largest share of hardly known views in a clean trial."""
 HARDLY_KNOWN = 0.8
-"""Novelty from which a view counts as hardly known. Beyond 1 the robot asks; one that comes near
-to that in a trial asks later."""
+"""Novelty from which a view counts as hardly known. Above 1 the robot asks for help; a robot that
+comes near to 1 in a trial will ask later."""
 PUSHED_S = 0.3
 BEFORE_S, AFTER_S = 0.5, 0.15
-"""A change of move was foreseen if the robot proposed it within this time, in seconds, before or
-after the pilot."""
+"""A change of move was foreseen if the robot proposed the move at most `BEFORE_S` before or
+`AFTER_S` after the pilot, in seconds."""
 _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
 _COVERED_S = 10.0
 _GAPS, _CHANGES = 6, 40
 _FORGOTTEN_S = 2 * CLEAN_S
-"""Length of a trial, in seconds, after which half of it is forgotten: old driving says little."""
+"""Length of a trial after which half of it is forgotten, in seconds: old driving says little."""
 
 
 class Stage(StrEnum):
@@ -62,22 +62,22 @@ class Stage(StrEnum):
 
 
 class GapKind(StrEnum):
-    """The kind of a gap: something missing, or a mistake."""
+    """The kind of a gap: missing teaching, or a mistake."""
 
-    TOO_SHORT = "too_short"  # teach on
+    TOO_SHORT = "too_short"  # more teaching is needed
     RARE_MOVE = "rare_move"  # this move was begun too few times
-    UNFORESEEN = "unforeseen"  # the pilot changed to this move here; the robot would not have
+    UNFORESEEN = "unforeseen"  # the robot would not have changed to this move as the pilot did
     CORRECTED = "corrected"  # the pilot took the wheel here
-    PUSHED = "pushed"  # it drove against something here
-    HELPLESS = "helpless"  # it tried and got nowhere here
-    UNKNOWN_VIEW = "unknown_view"  # it hardly knows this view
+    PUSHED = "pushed"  # the robot drove against an obstacle here
+    HELPLESS = "helpless"  # the robot tried without success here
+    UNKNOWN_VIEW = "unknown_view"  # the robot hardly knows this view
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
-    """One thing to show the robot, and the place.
+    """One situation to show the robot, and its location.
 
-    `move` is the pilot's move there (None: not known), `instead` the one that the robot proposed.
+    `move` is the pilot's move there (None: unknown), `instead` the move that the robot proposed.
     """
 
     kind: GapKind
@@ -144,7 +144,7 @@ class Readiness:
         self._was = tick.decision.driven_by
 
     def _note_takeover(self, tick: Tick) -> None:
-        """Note a correction by the pilot, who may begin with the move that the robot was doing."""
+        """Record a correction by the pilot, who may begin with the robot's current move."""
         if self._was is DrivenBy.ROBOT:
             self._begin_trial()
             self._is_taken = True
@@ -195,7 +195,7 @@ class Readiness:
             self._novel_s += step_s
             if not self._gaps or self._gaps[-1].kind is not GapKind.UNKNOWN_VIEW:
                 self._add(GapKind.UNKNOWN_VIEW, tick, None, prediction.action)
-        # Old trials say little about the present robot.
+        # Old trials say little about the robot now.
         if self.clean_s > _FORGOTTEN_S:
             self.clean_s, self._novel_s = self.clean_s / 2, self._novel_s / 2
 
@@ -235,12 +235,12 @@ class Readiness:
 
     @property
     def novel_share(self) -> float:
-        """Share of `clean_s` on views that it hardly knows."""
+        """Share of `clean_s` with hardly known views."""
         return self._novel_s / self.clean_s if self.clean_s else 0.0
 
     @property
     def needed_s(self) -> float:
-        """Needed `clean_s`: longer while too much of that time was on hardly known views."""
+        """The required `clean_s`, which is longer if too many of the views were hardly known."""
         return min(self._wanted_s, _FORGOTTEN_S)
 
     @property
@@ -249,18 +249,18 @@ class Readiness:
 
     @property
     def foreseen(self) -> Mapping[str, int]:
-        """Number of the pilot's latest changes of move while teaching, and of those foreseen."""
+        """Numbers of the pilot's latest changes of move while teaching, and of foreseen changes."""
         return {"changes": len(self._foreseen), "foreseen": sum(self._foreseen)}
 
     def missing(self) -> list[Gap]:
-        """Return the gaps to teach, the most urgent first; empty if the robot is ready."""
+        """Return the gaps to teach, most urgent first; empty if the robot is ready."""
         if self.stage is Stage.READY:
             return []
         return [*self._missing_to_try(), *reversed(self._gaps)]
 
     @property
     def _is_covered(self) -> bool:
-        """True if it foresees what the pilot does, and what he shows is no longer new."""
+        """True if the robot foresees the pilot's changes of move, and knows most views."""
         lately, known = (
             [*self._foreseen][-EARLY_CHANGES:],
             [is_known for _, is_known in self._known],

@@ -1,7 +1,7 @@
-"""The robot's trail: who drove, and where it asked, pushed and was corrected. Pure.
+"""The robot's trail: who drove, and where the robot asked, pushed or was corrected. Pure.
 
-A new trail begins with another model, since it shows the teaching and driving of one model, and
-with another world.
+A trail shows the teaching and driving of one model in one world. A new trail begins when the model
+or the world changes.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from robot.policy.history import Replaced
 from robot.types import Action, DrivenBy, Mode, Pose
 
 STEP_M, STEP_RAD = 0.03, math.radians(10)
-"""Way in metres, or turn in radians, after which a new point is kept; a change of driver also keeps
-one."""
+"""Distance in metres, or turn in radians, after which a new point is added; a change of driver also
+adds a point."""
 POINTS = 2000
-"""Largest number of points: seven minutes at the paper's speed, more with turns. The oldest are
-dropped first."""
+"""Maximum number of points: seven minutes at the paper's speed, more with turns. The oldest points
+are dropped first."""
 
 
 class Event(StrEnum):
     """An event at a point."""
 
     ASKED = "asked"  # the robot did not know what to do
-    PUSHED = "pushed"  # it drove against something
-    CORRECTED = "corrected"  # the pilot took the wheel from it
+    PUSHED = "pushed"  # the robot drove against an obstacle
+    CORRECTED = "corrected"  # the pilot took the wheel from the robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Waypoint:
-    """One point of the way; `driven_by` led to it, `events` began there."""
+    """One point of the trail; `driven_by` drove to this point, `events` began here."""
 
     pose: Pose
     driven_by: DrivenBy
@@ -41,7 +41,7 @@ class Waypoint:
 
 
 class Trail:
-    """Follows one robot. `note` is for the loop's thread, `since` for any one other."""
+    """Follows one robot. `note` is for the loop's thread, `since` for one other thread."""
 
     def __init__(self) -> None:
         self._points: deque[Waypoint] = deque(maxlen=POINTS)
@@ -65,15 +65,16 @@ class Trail:
         self._n += 1
 
     def begin(self) -> None:
-        """Begin anew, on the loop's thread."""
+        """Begin a new trail, on the loop's thread."""
         self._points.clear()
-        self._n += 1  # a number that no client has: clients with the old points drop them
+        self._n += 1  # a new number: clients drop the old points
 
     def since(self, number: int) -> tuple[int, list[Waypoint]]:
-        """Return the points from the `number`-th on, and the number of the first of them.
+        """Return the points from `number` on, and the number of the first returned point.
 
-        A client that has the points before `number` appends these. If the first has another
-        number, these are all points: older ones were dropped, or the trail is a new one.
+        A client that has the points before `number` appends the returned points. If the first has
+        another number, all points are returned, because old points were dropped or a new trail
+        began.
         """
         points = list(self._points)
         first = self._n - len(points)

@@ -1,5 +1,5 @@
 """A driver over one connection, which is opened, used, closed and opened again in the same way for
-every body."""
+all bodies."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from robot.types import Action, Point, Sensors
 _C = TypeVar("_C")
 _T = TypeVar("_T")
 AGAIN_S = 0.01, 0.5
-"""Pause after the first failed attempt to open a lost connection again, and the longest, in
-seconds. It doubles in between."""
+"""First and longest pause between failed attempts to open a lost connection again, in seconds. The
+pause doubles in between."""
 _BROKEN = OSError, EOFError
 
 
 class _Shown:
-    """An attribute that subclasses read. One that needs the name for itself may take it: the base
-    does not use it."""
+    """An attribute for subclasses to read. A subclass may use the name for its own attribute,
+    because the base class does not use it."""
 
     def __init__(self, name: str) -> None:
         self.name = f"_ConnectedDriver__{name}"
@@ -34,20 +34,20 @@ class _Shown:
 
 
 class ConnectedDriver(Driver, Generic[_C]):
-    """Base of bodies with one connection to open: a line, a bridge, a library's motor.
+    """Base of drivers with one connection to open: a serial line, a bridge, a library's motor.
 
-    A subclass writes `_open`, `_drive` and `_close`, and `_sense` if the body has sensors. It
-    lets OSError and EOFError pass: this class reports them as DriveErrors, closes
-    the connection, and the next request opens it again. It refuses calls without a connection,
-    makes `connect` and `disconnect` idempotent, and stops the body after each `_begin`.
+    A subclass implements `_open`, `_drive` and `_close`, and `_sense` if the body has sensors. It
+    does not catch OSError and EOFError: this class reports them as DriveErrors and closes the
+    connection, and the next request opens it again. This class also refuses calls without a
+    connection, makes `connect` and `disconnect` idempotent, and stops the body after each `_begin`.
 
-    For a body that answers orders, that is all. One that acknowledges nothing reports by itself now
-    and then: set `gone_after_s`, and call `heard` whenever something came from it.
+    This is sufficient for a body that answers orders. If a body acknowledges no orders but sends
+    reports, set `gone_after_s`, and call `heard` whenever data came from the body.
 
     Attributes:
         gone_after_s: Time without a call of `heard` after which the body counts as gone, in
-            seconds; longer than the gaps between its reports, and at most 0.4, so that the error
-            comes within half a second. None: the body answers each request.
+            seconds. It must be longer than the gaps between reports, and at most 0.4, so that the
+            error comes within half a second. None: the body answers each request.
     """
 
     gone_after_s: ClassVar[float | None] = None
@@ -73,33 +73,33 @@ class ConnectedDriver(Driver, Generic[_C]):
 
     @abstractmethod
     def _open(self) -> _C:
-        """Return a new connection; raises as `connect` does."""
+        """Return a new connection; raises as `connect`."""
 
     def _begin(self) -> None:
-        """Greet the body, after each `_open`; an error closes the connection again."""
+        """Start the communication after each `_open`; an error closes the connection again."""
 
     @abstractmethod
     def _drive(self, action: Action, point: Point | None, speed_scale: float) -> None:
-        """Move, or stand; by degrees if there is a point, which only bodies get that take points.
+        """Send a move or STOP. `point` is only given to bodies that accept points.
 
         The arguments have been checked.
         """
 
     def _sense(self) -> Sensors:
-        """Read the sensors, and whatever else came from the body; none by default.
+        """Read the sensors and all other data from the body; by default there are no sensors.
 
-        It does not wait for a body that reports by itself. It is also called before a move if the
-        body has not been heard for `gone_after_s`.
+        This must not wait if the body sends reports by itself. It is also called before a move if
+        `heard` was not called for `gone_after_s`.
         """
         return Sensors()
 
     def _close(self, connection: _C) -> None:
-        """Close the connection; a body that lives only in memory has none to close."""
+        """Close the connection; a simulated body has no connection to close."""
 
     def heard(self) -> None:
-        """Note that something came from the body, for `gone_after_s`; may be called on any thread.
+        """Record that data came from the body, for `gone_after_s`; may be called on any thread.
 
-        A body with `gone_after_s` is heard at the latest in `_begin`, which waits for it.
+        If `gone_after_s` is set, `_begin` must wait until data came from the body.
         """
         self.__heard_s = self.__clock.now_s()
 
@@ -149,7 +149,7 @@ class ConnectedDriver(Driver, Generic[_C]):
 
     def stop(self) -> None:
         if self.__connection is not None:
-            with contextlib.suppress(DriveError):  # the next request says so
+            with contextlib.suppress(DriveError):  # the next request reports it
                 self.__ask(partial(self._drive, Action.STOP, None, 1.0))
 
     def __send(self, action: Action, point: Point | None, speed_scale: float) -> Action:
@@ -161,11 +161,11 @@ class ConnectedDriver(Driver, Generic[_C]):
         return action
 
     def __ask(self, request: Callable[[], _T]) -> _T:
-        """Do one request; open the connection before if it was lost."""
+        """Do one request; if the connection was lost, open it again first."""
         self.__reach()
         try:
             return request()
-        except RobotError:  # also DriveError, which is an OSError: somebody has said it already
+        except RobotError:  # already reported; includes DriveError, an OSError
             raise
         except _BROKEN as error:
             raise self.__lose(f"does not answer: {_words(error)}") from error
@@ -176,7 +176,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         with self.__opening:
             if self.__connection is None:
                 if not self.__is_wanted or self.__clock.now_s() < self.__again_s:
-                    ConnectedDriver._connected(self)  # which raises
+                    ConnectedDriver._connected(self)  # raises the error
                 self.__open()
 
     def __open(self) -> None:
@@ -207,7 +207,7 @@ class ConnectedDriver(Driver, Generic[_C]):
                     self._close(connection)
 
     def __check_heard(self, listen: Callable[[], object] | None = None) -> None:
-        """Raise DriveError if the body has been silent for too long; listen once more before."""
+        """Raise DriveError if the body has been silent for too long, after listening once more."""
         if self.gone_after_s is None:
             return
         for wait in (listen, None):
@@ -220,7 +220,7 @@ class ConnectedDriver(Driver, Generic[_C]):
 
 
 def clock_of(driver: ConnectedDriver[Any]) -> Clock:
-    """Return the clock that a driver was made with, whatever its class calls `_clock`."""
+    """Return the clock that a driver was made with, even if its class uses the name `_clock`."""
     clock: Clock = driver._ConnectedDriver__clock  # type: ignore[attr-defined]
     return clock
 

@@ -1,20 +1,21 @@
-"""Detects a camera that is silent, or that repeats one picture. Python 3.5, pure."""
+"""Detects a camera that sends no pictures, or repeats one picture. Python 3.5, pure."""
 
 from typing import Optional
 
 REOPEN_S = 0.5
 """Period of the search for a lost camera, in seconds."""
 STILL_S = 0.35
-"""Time without a new picture, beyond the camera's own period, after which a camera is broken, in
-seconds: it is noticed within 500 ms plus the period."""
+"""Time without a new picture, in addition to the camera's period, after which a camera counts as
+broken, in seconds: a fault is detected within 500 ms plus the period."""
 LONGEST_PERIOD_S = 1.2
-"""Longest period of a camera that is waited for, in seconds; a slower one gets no more time."""
+"""Upper bound of the period that is allowed for, in seconds; a slower camera gets no more time."""
 _BURST_S = 0.02
-"""Gap below which two pictures were sent together, in seconds: it is not the camera's period."""
+"""Gap below which two pictures count as sent together, in seconds: it is not the camera's
+period."""
 
 
 class Freshness:
-    """Detects a camera that delivers nothing, or the same picture again and again."""
+    """Detects a camera that delivers no pictures, or the same picture again and again."""
 
     def __init__(self, now_s: float) -> None:
         self._new_s = now_s
@@ -23,7 +24,7 @@ class Freshness:
         self._period_s = None  # type: Optional[float]
 
     def is_new(self, data: bytes, now_s: float) -> bool:
-        """Record a picture. False for an exact repeat: a live sensor has noise."""
+        """Record a picture. Return False for an exact repeat, since a working sensor has noise."""
         self._seen_s = now_s
         if data == self._last:
             return False
@@ -33,26 +34,27 @@ class Freshness:
         return True
 
     def _learn_period(self, gap_s: float) -> None:
-        """Update the period: it grows slowly, so that one lost picture adds little, and shrinks at
-        once."""
+        """Update the period, which shrinks at once but grows slowly, so that one lost picture adds
+        little."""
         if self._period_s is None:
             self._period_s = min(gap_s, LONGEST_PERIOD_S)
         self._period_s = min(gap_s, 1.1 * self._period_s, LONGEST_PERIOD_S)
 
     @property
     def patience_s(self) -> float:
-        """Longest time that the camera may show nothing new."""
+        """Longest time that the camera may send no new picture."""
         return STILL_S + (self._period_s or 0.0)
 
     def continue_from(self, before: "Freshness") -> None:
-        """Keep the last picture of a camera that was opened again: it may still repeat it."""
+        """Keep the last picture of a camera that was opened again, because the camera may still
+        repeat this picture."""
         self._last = before._last
 
     def fault(self, now_s: float) -> Optional[str]:
         """The camera's fault, or None."""
         if now_s - self._new_s <= self.patience_s:
             return None
-        # A camera that repeats its picture at a longer interval than new ones came still works.
+        # A camera that repeats its picture at longer intervals than its period still works.
         if now_s - self._seen_s <= max(self.patience_s, STILL_S + LONGEST_PERIOD_S):
             return "repeats one picture" if self._seen_s > self._new_s else "gives no pictures"
         return "gives no pictures"

@@ -1,7 +1,7 @@
-"""The end of a move for bodies that have none of their own: a thread of ours sends the stop.
+"""Ends the moves of bodies without a watchdog: a thread on the robot's computer sends the stop.
 
-It is weaker than a watchdog on the body. It fails with the program, its computer and the link, so a
-body that can end its moves by itself, in any way, is told to do that.
+This is weaker than a watchdog on the body, because it fails with the program, its computer or the
+link. So if a body can end its moves by itself, in any way, use that instead.
 """
 
 from __future__ import annotations
@@ -23,35 +23,37 @@ _C = TypeVar("_C")
 _T = TypeVar("_T")
 _LOG = logging.getLogger(__name__)
 GAP_S = 0.002
-"""Least time between two orders, in seconds: some bodies drop the second of two within 1 ms."""
+"""Least time between two orders, in seconds: some bodies drop the second of two orders within
+1 ms."""
 AGAIN_S = 0.015
-"""Period of a stop that was not taken, or has not been repeated often enough, in seconds."""
+"""Period of repeating a stop that was not acknowledged, or not yet repeated often enough, in
+seconds."""
 REPEATS = 5
-"""Number of stops to a body that acknowledges nothing before they become slow: at one order in ten
-lost, one stop in 100,000 is late."""
+"""Number of quick stops to a body without acknowledgement before they are sent slowly. If one order
+in ten is lost, one stop in 100,000 is late."""
 REST_S = 0.2
-"""Period of the stops to such a body while nobody drives, in seconds: a link that was cut for a
-moment may have left it moving."""
+"""Period of stops to a body without acknowledgement while nobody drives, in seconds, because it may
+still move after the link was cut for a moment."""
 PATIENCE_S = 0.02
-"""Time for which a stop waits for a move's call that has not returned, in seconds."""
+"""Time for which a stop waits for an unfinished call of a move, in seconds."""
 LONGEST_LEAD_S = 0.15
-"""Longest time by which a stop is sent early because stops take time, in seconds."""
+"""Longest time by which a stop is sent early to allow for its latency, in seconds."""
 CLOSES_WITHIN_S = 0.5
-"""Longest time for which a disconnect waits for its stop to be taken, in seconds."""
+"""Longest time for which a disconnect waits for the acknowledgement of its stop, in seconds."""
 
 
 class MoveEnder:
-    """Orders the calls to one body, and ends its moves from a thread of its own.
+    """Serialises the calls to one body, and ends its moves from a separate thread.
 
-    A stop is sent `ACTION_TIMEOUT_S` after the last move (earlier by the time that stops take), and
-    again until it was taken. It never waits behind a move: if a move's call does not return, the
-    stop is called beside it, on another thread, and once more when the call has returned. A move
+    A stop is sent `ACTION_TIMEOUT_S` after the last move (earlier by the latency of stops), and
+    repeated until it succeeds. A stop never waits for a move: if a move's call does not return, the
+    stop is called at the same time on another thread, and once more after the call returned. A move
     waits for a stop.
 
     Args:
         send_stop: Stops the body, or raises an error.
-        clock: Of the thread and its waits.
-        is_acknowledged: True if `send_stop` returns only after the body has taken the stop; else
+        clock: The clock of the thread and its waits.
+        is_acknowledged: True if `send_stop` returns only after the body has received the stop; else
             stops are repeated while nobody drives.
     """
 
@@ -71,7 +73,7 @@ class MoveEnder:
         self._thread = clock.start_thread(self._watch, "host watchdog")
 
     def move(self, send: Callable[[], _T]) -> _T:
-        """Send a move, whose end is then due; return or raise what `send` does."""
+        """Send a move, and schedule its stop; return the result of `send`, or raise its error."""
         with self._stopping:
             self._pause()
             self._is_free.clear()
@@ -83,16 +85,16 @@ class MoveEnder:
         finally:
             self._called_s = self._clock.now_s()
             self._is_free.set()
-            if self._has_overtaken:  # the body may have got the move after the stop
+            if self._has_overtaken:  # the body may have received the move after the stop
                 self._due_s = self._called_s
                 self._wake.set()
 
     def stop(self) -> None:
-        """Send a stop now, and from the thread again until it was taken; raises what it raises."""
+        """Send a stop now, and repeat it from the thread until it succeeds; raises its errors."""
         self._stop(must=True)
 
     def end(self) -> bool:
-        """Stop the body, end the thread; return whether the stop was taken."""
+        """Stop the body, and end the thread; return whether the stop succeeded."""
         end_s = self._clock.now_s() + CLOSES_WITHIN_S
         self._n_taken = 0
         with contextlib.suppress(Exception):
@@ -139,7 +141,7 @@ class MoveEnder:
         while not self._is_ending:
             due_s = self._due_s
             if due_s is not None and self._clock.now_s() >= due_s:
-                with contextlib.suppress(Exception):  # sent again; the next request says so
+                with contextlib.suppress(Exception):  # repeated; the next request reports it
                     self._stop()
                 continue
             self._clock.wait(self._wake, None if due_s is None else due_s - self._clock.now_s())
@@ -147,15 +149,16 @@ class MoveEnder:
 
 
 class HostWatchdog(ConnectedDriver[_C]):
-    """Base of bodies that cannot end a move: a `ConnectedDriver` that stops them by a thread.
+    """Base of drivers for bodies that cannot end a move: a `ConnectedDriver` whose thread stops the
+    body.
 
-    This class calls the subclass's `_drive` with STOP, at times from that thread and while a move's
+    This class calls the subclass's `_drive` with STOP, sometimes from the thread and while a move's
     call has not returned.
 
     Attributes:
-        acknowledges: True if `_drive` returns only after the body has taken the order. Otherwise
+        acknowledges: True if `_drive` returns only after the body has received the order. Otherwise
             the stop is repeated while nobody drives.
-        gone_after_s: For a body that acknowledges nothing, as in `ConnectedDriver`: longest time
+        gone_after_s: For a body without acknowledgement, as in `ConnectedDriver`: longest time
             without a call of `heard`, in seconds.
     """
 
@@ -196,16 +199,16 @@ class HostWatchdog(ConnectedDriver[_C]):
 
     def stop(self) -> None:
         if self.__ender is not None:
-            with contextlib.suppress(DriveError):  # it is sent again; the next request says so
+            with contextlib.suppress(DriveError):  # repeated; the next request reports it
                 self.__ender.stop()
 
     def __order(self, action: Action, send: Callable[[], Action]) -> Action:
         if self.__ender is None:
-            return send()  # which says that it is not connected
+            return send()  # raises NotConnectedError
         if action is not Action.STOP:
             return self.__ender.move(send)
         self.__ender.stop()
         return action
 
 
-assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2  # a move that is renewed goes on
+assert ACTION_TIMEOUT_S - LONGEST_LEAD_S > ACTION_TIMEOUT_S / 2  # renewed moves go on

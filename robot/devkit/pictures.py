@@ -1,4 +1,4 @@
-"""Pictures from other programs: checked before use; JPEG bytes are kept unchanged."""
+"""Checks pictures from other programs before use; JPEG bytes stay unchanged."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from robot.types import Encoding
 
 MAX_SIDE_PX = 4096
 DRIVEN_BY_PX = 1280 * 960
-"""Largest picture that is passed on, in pixels: the learner sees a few hundred of them, and larger
-pictures reach the pilot later."""
+"""Largest picture that is passed on, in pixels. The learner uses only a few hundred pixels, and
+larger pictures reach the pilot later."""
 _SHARES = (2, 4, 8)
-"""Factors by which a JPEG can be reduced while it is decoded, at a fraction of the full cost."""
+"""Factors by which a JPEG can be reduced while it is decoded, in a fraction of the full time."""
 _READABLE_SOF = (0xC0, 0xC1, 0xC2)
-"""JPEG kinds that decoders read: baseline, extended, progressive. 0xC3 is lossless."""
+"""JPEG kinds that decoders read: baseline, extended, progressive. Not 0xC3, which is lossless."""
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """One picture: a JPEG as it was, or the pixels of a PNG as RGB."""
+    """One picture: an unchanged JPEG, or the pixels of a PNG as RGB."""
 
     encoding: Encoding
     width: int
@@ -35,7 +35,7 @@ class Picture:
 
     @property
     def is_too_large(self) -> bool:
-        """True for more than 4096 pixels a side."""
+        """True if the width or height is above 4096 pixels."""
         return max(self.width, self.height) > MAX_SIDE_PX
 
 
@@ -43,7 +43,7 @@ def read_picture(data: bytes, name: str) -> Picture:
     """Check the bytes of a JPEG or PNG by decoding them once.
 
     Raises:
-        RecordingError: If they are not a picture, damaged, or larger than 4096 pixels a side.
+        RecordingError: If they are not a picture, damaged, or wider or higher than 4096 pixels.
         MissingExtraError: If OpenCV is not installed.
     """
     size = _size(data)
@@ -57,7 +57,7 @@ def read_picture(data: bytes, name: str) -> Picture:
     if not _has_end(data):
         raise RecordingError(f"{name} is a damaged picture: its end is missing")
     if data.startswith(_JPEG):
-        # In grey at an eighth: all bytes are read in a fifth of the time.
+        # Decoding in grey at an eighth reads all bytes in a fifth of the time.
         small = decode(data, is_reduced=True)
         if small is None or small.shape != (-(-height // 8), -(-width // 8)):
             raise RecordingError(f"{name} is a damaged picture")
@@ -70,7 +70,7 @@ def read_picture(data: bytes, name: str) -> Picture:
 
 
 def _size(data: bytes) -> tuple[int, int] | None:
-    """Read width and height from the header, before anything is decoded."""
+    """Read width and height from the header, without decoding the picture."""
     if not data.startswith((_PNG, _JPEG)):
         return None
     imagesize = need("imagesize", "reading pictures", "camera")
@@ -82,7 +82,8 @@ def _size(data: bytes) -> tuple[int, int] | None:
 
 
 def read_jpeg(data: bytes) -> Picture:
-    """Return a JPEG as it is, with the size in its header; RecordingError if it is not a JPEG."""
+    """Return an unchanged JPEG with the width and height from its header; raises RecordingError if
+    it is not a JPEG."""
     size = _size(data) if data.startswith(_JPEG) else None
     if size is None:
         raise RecordingError("not a JPEG")
@@ -90,7 +91,8 @@ def read_jpeg(data: bytes) -> Picture:
 
 
 def check_kind(data: bytes) -> None:
-    """Raise RecordingError for a JPEG that common decoders do not read, such as a lossless one."""
+    """Raise RecordingError for a kind of JPEG that common decoders do not read, such as lossless
+    JPEG."""
     at = 2
     while at + 4 <= len(data) and data[at] == 0xFF:
         marker = data[at + 1]
@@ -106,10 +108,10 @@ def check_kind(data: bytes) -> None:
 
 
 def reduce_picture(picture: Picture, quality: int = 80) -> Picture:
-    """Return a JPEG above `DRIVEN_BY_PX` as a smaller one, and others unchanged.
+    """Reduce a JPEG above `DRIVEN_BY_PX`; return other pictures unchanged.
 
     Raises:
-        RecordingError: If it cannot be decoded.
+        RecordingError: If the picture cannot be decoded.
         MissingExtraError: If OpenCV is not installed.
     """
     if picture.encoding is not Encoding.JPEG or picture.width * picture.height <= DRIVEN_BY_PX:
@@ -130,7 +132,8 @@ def reduce_picture(picture: Picture, quality: int = 80) -> Picture:
 
 
 def _has_end(data: bytes) -> bool:
-    """True unless a picture is cut off; a decoder may fill up such a one with grey silently."""
+    """True unless a picture is truncated; a decoder may silently fill a truncated picture with
+    grey."""
     if data.startswith(_PNG):
         return b"IEND" in data
     return data.rfind(b"\xff\xd9") > data.rfind(b"\xff\xda")  # the end, after the last scan

@@ -1,8 +1,9 @@
-"""Which USB camera a robot sees with: chosen when it is first opened, and only that one afterwards.
+"""Identifies the robot's USB camera, so that only the camera that was opened first is used.
 
-Linux numbers cameras anew when they are plugged in again, so a number is no identity. A camera is
-known by its make and serial number, or by its socket where it has no serial number of its own: many
-cheap ones share one. Written for Python 3.5, since the agent on a brick carries it along.
+Linux assigns new numbers to cameras that are plugged in again, so a number is no identity. A camera
+is identified by its make and serial number, or by its socket if its serial number is not unique:
+many cheap cameras have the same. Written for Python 3.5, because the agent on a brick includes this
+module.
 """
 
 import os
@@ -16,20 +17,20 @@ UsbCamera = NamedTuple(
     "UsbCamera",
     [("path", str), ("name", str), ("make", str), ("serial", str), ("port", str), ("part", str)],
 )
-"""`part` tells the pictures of one device apart: colour and infrared, or what it sends besides."""
+"""`part` distinguishes the streams of one device: colour, infrared, or other data."""
 
 
 class SeveralCamerasError(Exception):
-    """Several cameras fit; the sentence lists them and says how to name one."""
+    """Several cameras match; the message lists them and says how to choose one."""
 
 
 class SameCamera:
     """The one camera of a robot.
 
     Args:
-        wanted: The device that a person named, or `auto` for the only one that is plugged in.
-        flag: The option that names one.
-        root: Where the system lists its cameras.
+        wanted: The device that a person named, or `auto` for the only camera that is plugged in.
+        flag: The option that names a camera.
+        root: The folder in which the system lists its cameras.
     """
 
     def __init__(self, wanted: str, flag: str = "--device", root: Optional[str] = None) -> None:
@@ -38,10 +39,10 @@ class SameCamera:
         self.chosen = None  # type: Optional[UsbCamera]
 
     def find(self) -> Optional[str]:
-        """Return the device to open, None if the camera that was opened first is not plugged in.
+        """Return the device to open; None if the camera that was opened first is not plugged in.
 
         Raises:
-            SeveralCamerasError: If nobody named one of several.
+            SeveralCamerasError: If several cameras are plugged in and none was named.
         """
         if self.chosen is not None:
             mine = [one for one in list_usb_cameras(self._root) if self._is_same(one)]
@@ -69,17 +70,17 @@ class SameCamera:
         self._look_for_twins(cameras)
 
     def lost(self) -> None:
-        """Note the twins that are plugged in now: they are not the camera that was lost."""
+        """Record the identical cameras that are plugged in now; they are not the lost camera."""
         self._look_for_twins(list_usb_cameras(self._root))
 
     @property
     def is_absent(self) -> bool:
-        """True if it is known, and not plugged in."""
+        """True if the robot's camera is known but not plugged in."""
         return self.chosen is not None and self.find() is None
 
     @property
     def device(self) -> str:
-        """What it is, for the page, by what stays when its number changes; empty if unknown."""
+        """Description of the camera for the page, independent of its number; empty if unknown."""
         mine = self.chosen
         if mine is None:
             return ""
@@ -125,7 +126,7 @@ def _read(root: str, node: str) -> Optional[UsbCamera]:
     try:
         make = " ".join(_text(device, name) for name in ("idVendor", "idProduct"))
         index = _text(there, "index")
-    except OSError:  # it is on the board, or played by a program
+    except OSError:  # not a USB camera: on the board, or virtual
         return None
     part = "{} {}".format(os.path.basename(interface).partition(":")[2], index)
     texts = []

@@ -1,4 +1,4 @@
-"""Cameras with threads of their own; one of these may watch pictures that come from elsewhere."""
+"""Base classes of cameras with threads. One thread may watch pictures that a library delivers."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _WATCH_EVERY_S = 0.05
 
 
 class ThreadedCamera(Camera):
-    """A camera that works on threads: `_begin` starts them by `_work`, and `stop` ends them."""
+    """A camera with threads: `_begin` starts the threads by `_work`, and `stop` ends them."""
 
     longest_join_s: ClassVar[float] = 2.0
-    """Longest wait for a thread to end, in seconds; one that hangs is left behind."""
+    """Longest wait for a thread to end, in seconds; a thread that hangs is left running."""
 
     def __init__(self, options: Any, clock: Clock) -> None:
         super().__init__(clock)
@@ -31,7 +31,7 @@ class ThreadedCamera(Camera):
 
     @classmethod
     def for_driver(cls, driver: Driver, options: Any, clock: Clock) -> Self:
-        """Build the camera; it goes with every driver."""
+        """Build the camera, which can be used with all drivers."""
         return cls(options, clock)
 
     def start(self) -> None:
@@ -44,7 +44,7 @@ class ThreadedCamera(Camera):
 
     @abstractmethod
     def _begin(self) -> None:
-        """Open the device, and begin to work; an error stops the camera again."""
+        """Open the device and start the threads; an error stops the camera again."""
 
     def _let_go(self) -> None:
         """Close the device before the threads are joined; idempotent."""
@@ -57,7 +57,7 @@ class ThreadedCamera(Camera):
         self._threads = []
 
     def _work(self, *works: Callable[[], None]) -> None:
-        """Do each on a thread; it must return soon after `_ending` is set."""
+        """Run each function on a thread; it must return soon after `_ending` is set."""
         self._ending.clear()
         self._threads = [self.clock.start_thread(work, f"{self.name}-camera") for work in works]
 
@@ -72,10 +72,10 @@ class ThreadedCamera(Camera):
 
 
 class WatchedCamera(ThreadedCamera):
-    """Base of cameras that read on threads, or that a library calls.
+    """Base of cameras that read on threads, or whose pictures a library delivers.
 
-    A subclass calls `_watch_over` when it begins, asks `_freshness` about each picture, and names
-    the fault in `_name_fault` when no pictures come.
+    A subclass calls `_watch_over` in `_begin`, checks each picture by `_freshness`, and returns the
+    sentence for a fault from `_name_fault`.
     """
 
     def __init__(self, options: Any, clock: Clock) -> None:
@@ -95,4 +95,4 @@ class WatchedCamera(ThreadedCamera):
         while not self.clock.wait(self._ending, _WATCH_EVERY_S):
             wrong = self._freshness.fault(self.clock.now_s())
             if wrong is not None:
-                self._report_fault(self._name_fault(wrong))  # the sentence may have changed
+                self._report_fault(self._name_fault(wrong))  # the sentence may change

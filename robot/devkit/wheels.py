@@ -1,7 +1,7 @@
-"""From steering and throttle to the two wheels of a differential drive. Pure.
+"""Converts steering and throttle to the wheel speeds of a differential drive. Pure.
 
-Bodies differ only in the speeds of their moves. The points of these are those of
-`robot.driver.CLASSIC`; a point between two of them drives in between.
+Bodies differ only in the speeds of their moves. The moves have the points of
+`robot.driver.CLASSIC`; a point between the points of two moves drives in between.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ CLASSIC_POINTS = {Action.STOP: Point(0.0, 0.0)} | {
     name: move.point for name, move in CLASSIC.items() if move.point is not None
 }
 USUAL_THROTTLE = 0.5
-"""Throttle of the moves that drive; speed is proportional to throttle."""
+"""Throttle of the moves that drive ahead or back; speed is proportional to throttle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoWheels:
-    """Speeds of the wheels in each move, in any unit; right mirrors left.
+    """Speeds of the wheels in each move, in any unit; moves to the right mirror those to the left.
 
     Attributes:
         ahead: Speed of both wheels, straight ahead.
@@ -39,13 +39,13 @@ class TwoWheels:
     def at(self, point: Point, most: Pair | None = None) -> Pair:
         """Return the speeds of the wheels.
 
-        Ahead it drives slower the more it steers, and full lock is a turn; without throttle it
-        spins. Backward the inner wheel is slower, as in a car.
+        Ahead, more steering makes the robot slower, and full lock is a turn; without throttle the
+        robot spins. Backward the inner wheel is slower, as in a car.
 
         Args:
             point: Steering and throttle.
-            most: Top speeds of the wheels; if one would exceed its own, both turn slower, and the
-                curve stays the same.
+            most: Top speeds of the wheels. If a wheel would exceed its top speed, both turn slower,
+                and the curve stays the same.
         """
         steer, drive = abs(point.steering), abs(point.throttle) / USUAL_THROTTLE
         straight, turn = self.ahead, self.turn

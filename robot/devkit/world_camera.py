@@ -16,7 +16,7 @@ _D = TypeVar("_D", bound=Driver)
 
 
 class WorldCamera(ThreadedCamera, Generic[_D]):
-    """The camera of a simulated world: its thread also advances the world."""
+    """Base of the cameras of simulated worlds; the camera's thread also advances the world."""
 
     body_type: ClassVar[type[Any]]
     """The robot that lives in this world."""
@@ -40,7 +40,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
         return cls(driver, options, clock)
 
     def _begin(self) -> None:
-        """Begin to take pictures in real time; return when the first has come."""
+        """Begin to take pictures in real time; return when the first picture has come."""
         self._failure = None
         first = threading.Event()
         self._work(lambda: self._run(first))
@@ -59,7 +59,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
 
     @abstractmethod
     def _leave(self) -> None:
-        """Close the world, on the thread that it belongs to."""
+        """Close the world, on the thread that advances it."""
 
     def _run(self, first: threading.Event) -> None:
         try:
@@ -68,7 +68,7 @@ class WorldCamera(ThreadedCamera, Generic[_D]):
             self._live()
         except RobotError as error:
             self._fail(error, first)
-        except Exception as error:  # top of a thread that may run third-party code
+        except Exception as error:  # outermost handler: this thread may run plug-ins
             self._fail(CameraError(f"the world of this camera failed: {error}"), first)
         finally:
             self._leave()
