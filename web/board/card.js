@@ -1,4 +1,4 @@
-// One robot on the board: picture or QR code, who drives, how well, and a STOP of its own.
+// One robot on the board: picture or QR code, driver, agreement, and a STOP button.
 
 import { decode } from '../js/picture.js';
 import { h, icon, say } from '../js/dom.js';
@@ -6,13 +6,13 @@ import { language, percent, t } from '../js/i18n.js';
 
 /** @typedef {import('./class-link.js').Robot} Robot */
 
-/** A program that has just been started takes so long until it answers, ten on a slow computer longer. */
+/** How long a program that has just been started may take to answer; ten programs on a slow computer take longer. */
 const STARTING_MS = 30000;
 
 /**
- * Who drives, as a key of the messages.
+ * The driver, as a key of the messages.
  * @param {Robot} robot
- * @param {number} silentMs  for how long it has been looked for in vain
+ * @param {number} silentMs  time since the robot was last reached
  */
 export function who(robot, silentMs = Infinity) {
   if (robot.status === 'away' && silentMs < STARTING_MS) return 'board.status.connecting';
@@ -37,7 +37,7 @@ export class Card {
     this.why = h('p', { class: 'why' });
     this.stop = h('button', { class: 'halt', type: 'button' }, t('board.stop'));
     this.more = h('button', { type: 'button', onclick: () => acts.open(number) }, icon('more'));
-    // Pressed counts, not lifted; the keyboard comes as a click that no pointer began.
+    // The press counts, not the release. A key press arrives as a click without a pointer.
     this.stop.addEventListener('pointerdown', () => acts.stop(number));
     this.stop.addEventListener('click', (event) => event.detail === 0 && acts.stop(number));
     this.release = h('button', { class: 'release', type: 'button', hidden: true, onclick: () => acts.release(number) }, t('board.release'));
@@ -64,7 +64,7 @@ export class Card {
     this.element.setAttribute('aria-label', robot.name);
     this.stop.setAttribute('aria-label', t('board.stop_one', { name: robot.name }));
     this.release.setAttribute('aria-label', t('board.release_one', { name: robot.name }));
-    this.release.hidden = robot.status !== 'there' || !robot.stop_held_by; // STOP does not move
+    this.release.hidden = robot.status !== 'there' || !robot.stop_held_by; // so that STOP does not move
     this.more.setAttribute('aria-label', t('board.more', { name: robot.name }));
     if (this.shown !== by) {
       this.shown = by;
@@ -105,7 +105,7 @@ export class Card {
   }
 }
 
-/** Where a robot's newest code is drawn. @param {Robot} robot */
+/** The address of a robot's newest QR code. @param {Robot} robot */
 export const codeOf = (robot) => `api/robots/${robot.number}/qr.svg?${robot.invitations}`;
 
 /** @param {Record<string, string | number>} values */
@@ -119,7 +119,7 @@ export function figures(robot) {
   for (const [what, values] of Object.entries(robot.shown ?? {})) found.push(t(`board.shown.${what}`, plain(values)));
   if (robot.battery !== null) found.push(t('board.battery', { share: percent(robot.battery) }));
   const isHere = /^https?:\/\/(127\.|localhost|\[::1\])/.test(robot.address);
-  const isSlow = robot.mode !== 'stopped' && robot.link && robot.link !== 'good'; // nobody waits for one that stands
+  const isSlow = robot.mode !== 'stopped' && robot.link && robot.link !== 'good'; // a slow link does not matter while the robot stands
   if (robot.mode !== 'stopped' && robot.busy || (isHere && isSlow)) found.push(t('board.busy'));
   else if (isSlow) found.push(t('board.link_slow'));
   if (robot.delay_ms !== null) found.push(t('board.delay', { ms: Math.round(robot.delay_ms) }));

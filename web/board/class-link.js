@@ -1,14 +1,14 @@
-// The page's line to the board: news and pictures come, STOP goes. It reconnects by itself.
+// The page's connection to the board: it receives news and pictures, sends STOP, and reconnects by itself.
 
 import { parsePictures } from './pictures.js';
 
 const RETRY_MS = 1000;
-/** A board that runs has news of a stop well before: it confirms it, or says that it cannot. */
+/** Time after which a stop counts as unheard: a running board confirms a stop, or reports its failure, much sooner. */
 const NEWS_MS = 3000;
 const ALL = 'all';
 
 /**
- * @typedef {object} Robot  as server/board/robot_link.py describes it
+ * @typedef {object} Robot  described in server/board/robot_link.py
  * @property {number} number
  * @property {string} address
  * @property {string} name
@@ -20,11 +20,11 @@ const ALL = 'all';
  * @property {string | null} colour
  * @property {string[]} locks
  * @property {string | null} model
- * @property {Record<string, Record<string, string | number>>} shown  what its pilots chose to show here
+ * @property {Record<string, Record<string, string | number>>} shown  the data that its pilots chose to show here
  * @property {import('../js/protocol.js').Mode | null} mode
  * @property {'nobody' | 'pilot' | 'robot' | null} driven_by
  * @property {boolean | null} emergency
- * @property {string | null} stop_held_by  who has stopped it, if only they release it
+ * @property {string | null} stop_held_by  the role that stopped it, if only this role can release it
  * @property {boolean | null} asks_pilot
  * @property {string | null} fault
  * @property {string | null} link
@@ -35,9 +35,9 @@ const ALL = 'all';
  */
 
 /**
- * Events: `news` when robots have changed, `strangers` when those have that have not proved the key,
- * `gone` with the numbers of those that a board that was started again does not know, `pictures` with a
- * map of numbers to pictures, `link`.
+ * Events: `news` when robots have changed; `strangers` when robots without a proof of the key have changed;
+ * `gone` with the numbers of robots that a restarted board does not know; `pictures` with a map of numbers to
+ * pictures; `link`.
  */
 export class ClassLink extends EventTarget {
   /** @param {string} url */
@@ -46,16 +46,16 @@ export class ClassLink extends EventTarget {
     this.url = url;
     /** @type {Map<number, Robot>} */
     this.robots = new Map();
-    /** @type {Set<number>} those that were told of since the line was opened */
+    /** @type {Set<number>} robots reported since the connection was opened */
     this.told = new Set();
     /** @type {WebSocket | null} */
     this.socket = null;
     /** @type {number[]} */
     this.watched = [];
     this.isOpen = false;
-    /** @type {Set<string>} addresses of robots whose stop no board has heard yet: another may number them otherwise */
+    /** @type {Set<string>} addresses of robots whose stop no board has received yet; numbers may differ on a restarted board */
     this.owed = new Set();
-    /** @type {Set<string>} those whose stop was said on the line, and of which nothing has come since */
+    /** @type {Set<string>} robots whose stop was sent, without an answer so far */
     this.said = new Set();
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.doubt = undefined;
@@ -74,7 +74,7 @@ export class ClassLink extends EventTarget {
     this.socket = socket;
   }
 
-  /** The line has ended, or the board's program hangs. What was said last on it may have been heard by nobody. */
+  /** The connection has ended, or the board's program hangs. The last messages may be lost. */
   lose() {
     if (this.socket) this.socket.onopen = this.socket.onmessage = this.socket.onclose = null;
     this.socket?.close();
@@ -85,7 +85,7 @@ export class ClassLink extends EventTarget {
     setTimeout(() => this.connect(), RETRY_MS);
   }
 
-  /** The board hears what it is told. */
+  /** The board receives messages. */
   trust() {
     clearTimeout(this.doubt);
     this.doubt = undefined;
@@ -110,10 +110,10 @@ export class ClassLink extends EventTarget {
     this.settle(robots);
     const [name, detail] = type === 'strangers' ? [type, words] : ['news', robots];
     this.dispatchEvent(new CustomEvent(name, { detail }));
-    if (type === 'strangers') this.forget(); // it comes when all robots have been told
+    if (type === 'strangers') this.forget(); // sent after all robots were reported
   }
 
-  /** What a board does not know it cannot stop. */
+  /** Forget robots that the board does not know, because it cannot stop them. */
   forget() {
     const gone = [...this.robots.keys()].filter((number) => !this.told.has(number));
     for (const number of gone) this.robots.delete(number);
@@ -125,18 +125,18 @@ export class ClassLink extends EventTarget {
     this.dispatchEvent(new CustomEvent('pictures', { detail: parsePictures(data) }));
   }
 
-  /** Say that the pictures have been drawn; the next ones come only then. */
+  /** Tell the board that the pictures were drawn, so that it sends the next ones. */
   drawn() {
     this.say({ type: 'drawn' });
   }
 
-  /** Choose whose pictures are shown; none while nobody can see them. @param {number[]} numbers */
+  /** Choose the robots whose pictures are shown; none while the page is hidden. @param {number[]} numbers */
   watch(numbers) {
     this.watched = numbers;
     this.say({ type: 'watch', robots: numbers });
   }
 
-  /** Stop a robot, or all: by a request where there is no line, and by the next line if that fails. @param {number} [robot] */
+  /** Stop a robot, or all: without a connection by a request, and if that fails, by the next connection. @param {number} [robot] */
   stop(robot) {
     const words = robot === undefined ? {} : { robot };
     const meant = this.meant(robot);
@@ -153,13 +153,13 @@ export class ClassLink extends EventTarget {
     }).catch(() => {});
   }
 
-  /** Say what no board has heard, of those that this one has told of: it may find them one by one. @param {Robot[]} robots */
+  /** Send the stops that no board has received, for the robots that this board has reported so far. @param {Robot[]} robots */
   settle(robots) {
     if (robots.length && this.owed.has(ALL) && this.say({ type: 'stop' })) this.owed.delete(ALL);
     for (const { number, address } of robots) if (this.owed.has(address) && this.say({ type: 'stop', robot: number })) this.owed.delete(address);
   }
 
-  /** Let the pupils start a robot again, or all that were stopped here. @param {number} [robot] */
+  /** Let the pupils start a robot again, or all robots that were stopped here. @param {number} [robot] */
   release(robot) {
     for (const stops of [this.owed, this.said]) for (const address of robot === undefined ? stops : this.meant(robot)) stops.delete(address);
     this.say({ type: 'release', ...(robot === undefined ? {} : { robot }) });

@@ -1,4 +1,4 @@
-// A card for each robot, four on a sheet, to print: the codes stay good as long as the class has its key.
+// A card for each robot to print, four on a sheet. The codes stay valid until the class key changes.
 
 import { ask } from '../js/api.js';
 import { fill, h, say } from '../js/dom.js';
@@ -38,7 +38,7 @@ function draw({ number, name, address, status, detail, colour }) {
     h('p', {}, t('board.card_nothing')), h('p', {}, address));
 }
 
-/** Robots start one after the other: what has changed is drawn, until the page is closed. */
+/** Robots start one after the other, so changes are drawn until the page is closed. */
 let shown = '';
 for (;;) {
   /** @type {{robots: Robot[]}} */

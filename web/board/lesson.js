@@ -1,4 +1,4 @@
-// A lesson to project, as docs/lessons has it, and the answer sheet apart from it.
+// A lesson of docs/lessons to project, and the answer sheet separately.
 
 import { ask } from '../js/api.js';
 import { fill, h } from '../js/dom.js';

@@ -1,4 +1,4 @@
-// The teacher's page: all robots of a class, and STOP for all of them above everything else.
+// The teacher's page: all robots of a class, and STOP for all robots above everything else.
 
 import { socketBase } from '../js/api.js';
 import { append, fill, h, say } from '../js/dom.js';
@@ -41,7 +41,7 @@ append(find('bar'), [
   releaseAll, place, stop,
 ]);
 say(find('empty'), t('board.searching'));
-// A robot's panel ends below the bar, however many lines that takes: STOP lies above everything.
+// A robot's panel ends below the bar, whatever the bar's height, so that nothing covers STOP.
 new ResizeObserver(() => document.body.style.setProperty('--bar', `${find('bar').getBoundingClientRect().bottom + 8}px`)).observe(find('bar'));
 
 /** @param {string} view */
@@ -53,7 +53,7 @@ function choose(view) {
   watch();
 }
 
-/** Nobody sees a hidden page, a card out of sight, or the pictures behind the codes. */
+/** Pictures are wanted only for visible cards: not on a hidden page, and not behind the codes. */
 function watch() {
   const numbers = document.hidden || showsCodes ? [] : [...inView].sort((a, b) => a - b);
   if (numbers.join() !== link.watched.join()) link.watch(numbers);
@@ -111,7 +111,7 @@ link.addEventListener('gone', (event) => {
 });
 
 link.addEventListener('link', () => {
-  if (link.isOpen) panel.close(); // a board that was started again may number its robots otherwise
+  if (link.isOpen) panel.close(); // a restarted board may number its robots differently
   summarize();
 });
 document.addEventListener('visibilitychange', watch);

@@ -1,5 +1,5 @@
-// The part of Markdown in which the lessons are written: headings, paragraphs, lists, tables, bold,
-// emphasis and code. Links lead into the documents, which are not served here: their words are shown. Pure.
+// The subset of Markdown that the lessons use: headings, paragraphs, lists, tables, bold, emphasis and code.
+// Links lead to documents that the board does not serve, so only their text is shown. Pure.
 
 /** @typedef {{kind: 'text' | 'strong' | 'em' | 'code', text: string}} Word */
 /**

@@ -1,4 +1,4 @@
-// What the teacher changes: one robot's name, colour, locks and model, or the locks of all.
+// The panel in which the teacher changes one robot's name, colour, locks and model, or the locks of all robots.
 
 import { ask } from '../js/api.js';
 import { fill, h } from '../js/dom.js';
@@ -13,7 +13,7 @@ const ORDERS = ['keep', 'reset', 'hand_over'];
 const LOCKS = ['settings', 'models', 'gallery', 'recordings'];
 
 export class Panel {
-  /** @param {HTMLElement} element @param {() => Robot[]} robots  all that there are now */
+  /** @param {HTMLElement} element @param {() => Robot[]} robots  returns the current robots */
   constructor(element, robots) {
     this.element = element;
     this.robots = robots;
@@ -21,7 +21,7 @@ export class Panel {
     this.subject = null;
     /** @type {Element | null} */
     this.opener = null;
-    /** Shows in the open panel what has changed elsewhere. */
+    /** Shows changes made elsewhere in the open panel. */
     this.follow = () => {};
     this.said = h('p', { class: 'said', role: 'status' });
     element.addEventListener('keydown', (event) => event.key === 'Escape' && (event.preventDefault(), this.close()));
@@ -44,7 +44,7 @@ export class Panel {
     /** @type {HTMLElement | null} */ (this.element.querySelector('button'))?.focus();
   }
 
-  /** Draw what has changed, but under nobody's fingers. @param {Robot} robot */
+  /** Draw changes, but not while somebody uses the panel. @param {Robot} robot */
   note(robot) {
     if (!this.element.hidden) this.follow();
     const code = /** @type {HTMLImageElement | null} */ (this.element.querySelector('.code'));
@@ -89,7 +89,7 @@ export class Panel {
     ];
   }
 
-  /** Keep, reset or hand over all robots in one press; what each did is listed and can be undone. */
+  /** Keep, reset or hand over all robots in one press; the results are listed and can be undone. */
   lessonEnd() {
     const list = h('ul', { class: 'outcomes' });
     const undo = h('button', { type: 'button', disabled: true, onclick: () => give('api/models/undo') }, t('board.end.undo'));
@@ -113,9 +113,9 @@ export class Panel {
     return h('fieldset', {}, h('legend', {}, t('board.end')), ...rows, undo, h('div', { role: 'status' }, list));
   }
 
-  /** What is locked on all of these robots; each keeps what else is locked on it now. @param {() => Robot[]} those */
+  /** The locks of these robots; a change of one lock leaves each robot's other locks unchanged. @param {() => Robot[]} those */
   locks(those) {
-    /** @type {Map<string, boolean>} what was chosen here, until the robots tell of it */
+    /** @type {Map<string, boolean>} choices made here, until the robots report them */
     const chosen = new Map();
     const boxes = LOCKS.map((name) => h('input', { type: 'checkbox', value: name }));
     this.follow = () => {
@@ -132,11 +132,11 @@ export class Panel {
       chosen.set(value, checked);
       const told = those().map(async ({ number, locks }) => {
         const now = await ask('PUT', `api/robots/${number}`, { locks: LOCKS.filter((name) => chosen.get(name) ?? locks.includes(name)) });
-        for (const robot of those()) if (robot.number === number) robot.locks = now.locks; // its news may come later
+        for (const robot of those()) if (robot.number === number) robot.locks = now.locks; // because its news may arrive later
       });
       const faults = (await Promise.allSettled(told)).flatMap((one) => (one.status === 'rejected' ? one.reason : []));
       if (!faults.length) return;
-      chosen.delete(value); // or the next box would ask for it again
+      chosen.delete(value); // otherwise the next checkbox would send it again
       this.follow();
       throw faults.find((fault) => fault instanceof TypeError) ?? new Error(faults.map(({ message }) => message).join('\n'));
     });

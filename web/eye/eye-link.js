@@ -1,10 +1,10 @@
-// The socket of a phone that is the robot's eye: newest picture only, on credit. Nothing here
-// touches the document; tests put a socket of their own in place of the browser's.
+// The websocket of a phone that is the robot's camera: it sends only the newest picture, within a window.
+// Nothing here uses the document; tests replace the browser's WebSocket.
 
 const HEADER_BYTES = 16;
 const EYE_FRAME = 3;
 const COVERED = 1;
-const WINDOW = 2; // pictures on the way; more would only be older when they arrive
+const WINDOW = 2; // pictures in flight; with more, pictures would only be older when they arrive
 const SILENCE_MS = 1500;
 const RETRY_MS = 500;
 
@@ -39,13 +39,13 @@ export class EyeLink extends EventTarget {
     this.seq = 0;
     this.acknowledged = 0;
     this.isGreeted = false;
-    /** A STOP was pressed, and nothing has shown yet that the robot heard it. */
+    /** True after a STOP until the robot confirms it. */
     this.owesStop = false;
     /** @type {number | undefined} */
     this.timer = undefined;
   }
 
-  /** True if one more picture may be sent now. */
+  /** True if another picture may be sent now. */
   get hasCredit() {
     return this.isGreeted && this.seq - this.acknowledged < WINDOW;
   }
@@ -77,7 +77,7 @@ export class EyeLink extends EventTarget {
     this.dispatchEvent(new CustomEvent(words.type, { detail: words }));
   }
 
-  /** Send a picture; false if there is no credit, and then it is dropped. @param {Uint8Array} jpeg @param {number} takenMs @param {boolean} covered */
+  /** Send a picture; without credit, drop it and return false. @param {Uint8Array} jpeg @param {number} takenMs @param {boolean} covered */
   show(jpeg, takenMs, covered) {
     if (!this.hasCredit || this.socket?.readyState !== 1) return false;
     this.seq += 1;
@@ -85,7 +85,7 @@ export class EyeLink extends EventTarget {
     return true;
   }
 
-  /** Stop the robot: if this line is dead, by the next. */
+  /** Stop the robot; if this connection is dead, by the next one. */
   stop() {
     this.owesStop = true;
     this.say({ type: 'stop' });

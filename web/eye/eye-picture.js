@@ -1,8 +1,8 @@
-// From one picture of the camera to a JPEG in the robot's size; in a worker where there can be one.
+// Converts a camera picture to a JPEG of the robot's size, in a worker if the browser supports it.
 
 const QUALITY = 0.85;
-const DARK = 20; // a covered lens: all of the picture is darker than this, of 255
-const LOOK_EVERY = 5; // pictures between two looks at whether it is covered
+const DARK = 20; // of 255: if the whole picture is darker, the lens is covered
+const LOOK_EVERY = 5; // pictures between two checks for a covered lens
 
 export class Packer {
   /** @param {(width: number, height: number) => any} makeCanvas  an OffscreenCanvas or an element */
@@ -15,7 +15,7 @@ export class Packer {
   }
 
   /**
-   * The middle of the picture, in the robot's proportions.
+   * Pack the middle of the picture in the robot's proportions.
    * @param {any} picture @param {number} fromWidth @param {number} fromHeight @param {{width: number, height: number}} to
    * @returns {Promise<{jpeg: ArrayBuffer, covered: boolean}>}
    */

@@ -1,4 +1,4 @@
-// Packs pictures beside the page, so that a slow phone's page stays quick.
+// Packs pictures in a worker, so that a slow phone's page stays responsive.
 
 import { Packer } from './eye-picture.js';
 

@@ -1,4 +1,4 @@
-// The page of the phone that is the robot's eye: rear camera, screen stays on, a big STOP.
+// The page of a phone that is the robot's camera: it uses the rear camera, keeps the screen on, and has a big STOP.
 
 import { askToStop, askWhy, socketBase } from '../js/api.js';
 import { WakeLock } from '../js/device.js';
@@ -7,7 +7,7 @@ import { Packer } from './eye-picture.js';
 import { listenForStop } from '../js/inputs/stop-keys.js';
 import { has, loadLanguage, t } from '../js/i18n.js';
 
-const LATE_MS = 1000; // a stamp that claims to be older is not believed
+const LATE_MS = 1000; // an older time stamp is ignored
 const HAS_PICTURE = 2; // of a video's `readyState`
 
 /** @template {Element} T @param {string} id @returns {T} */
@@ -34,7 +34,7 @@ let waiting = 0;
 let isPacking = false;
 let sent = 0;
 worker?.addEventListener('error', () => {
-  packer ??= makePacker(); // the worker did not arrive, or cannot be one: the page packs by itself
+  packer ??= makePacker(); // without a worker the page packs pictures itself
   isPacking = false;
 }, { once: true });
 
@@ -60,10 +60,10 @@ async function open() {
   next();
 }
 
-/** What a browser calls it that gives no camera. @type {Record<string, string>} */
+/** Browsers' error names for a missing camera. @type {Record<string, string>} */
 const WHY = { NotFoundError: 'none', DevicesNotFoundError: 'none', OverconstrainedError: 'none', NotReadableError: 'in_use', TrackStartError: 'in_use', AbortError: 'in_use' };
 
-/** There is no camera, its permission was taken back, or another program took it: its last picture is none any more. @param {string} [name]  of the browser's error */
+/** The camera is missing, its permission was revoked, or another program uses it: discard the last picture. @param {string} [name]  of the browser's error */
 function lose(name = '') {
   for (const track of /** @type {MediaStream | null} */ (seen.srcObject)?.getTracks() ?? []) track.stop();
   seen.srcObject = null;
@@ -71,7 +71,7 @@ function lose(name = '') {
   tell(t(`eye.${WHY[name] ?? 'refused'}`), true);
 }
 
-/** Wait for a picture; only once, however often the camera was begun. */
+/** Wait for a picture; only one wait at a time, even if the camera was started several times. */
 function next() {
   const video = /** @type {any} */ (seen);
   if (video.requestVideoFrameCallback) {
@@ -83,7 +83,7 @@ function next() {
   }
 }
 
-/** One picture of the camera is there. @param {number} nowMs @param {{captureTime?: number}} about */
+/** Process a new picture of the camera. @param {number} nowMs @param {{captureTime?: number}} about */
 async function look(nowMs, about) {
   next();
   if (isPacking || !link.hasCredit || nowMs < dueMs || seen.readyState < HAS_PICTURE) return;
@@ -136,7 +136,7 @@ setInterval(() => {
   sent = 0;
 }, 1000);
 
-/** Also by requests, until the robot hears one: the line may be dead without knowing it, or another phone's. */
+/** Stop also by requests, until the robot confirms one: the connection may be dead without an error, or replaced by another phone's. */
 async function stopRobot() {
   link.stop();
   if (await askToStop(() => link.owesStop)) link.owesStop = false;

@@ -4,10 +4,10 @@
 /** @typedef {{key: string, values?: Record<string, string | number>, step?: string, level: 'info' | 'ask' | 'stop'}} Advice */
 
 const FEW_EXAMPLES = 60;
-const USED_SHARE = 0.03; // less of a move than this was a slip of the thumb
+const USED_SHARE = 0.03; // a smaller share of a move was a slip of the thumb
 
 /**
- * The moves that this pilot uses: whichever were really taught. The box needs two.
+ * The moves that this pilot uses: those that were really taught. The box needs two moves.
  * @param {Record<string, number>} taught
  * @returns {string[]}
  */
@@ -17,7 +17,7 @@ export function usedMoves(taught) {
 }
 
 /**
- * Who drives, in the page's words: a robot that stands and asks does not drive.
+ * The driver, as a key of the texts; a robot that stands and asks does not drive.
  * @param {import('./protocol.js').RobotState | null} robot
  */
 export function whoDrives(robot) {
@@ -28,7 +28,7 @@ export function whoDrives(robot) {
 }
 
 /**
- * What a person must know now, the most urgent first; null if all is well.
+ * The most urgent advice; null if all is well.
  * @param {PageState} page
  * @returns {Advice | null}
  */
@@ -40,14 +40,14 @@ export function urgentAdvice(page) {
   }
   if (robot.stop_held_by) return { key: `stopped_by.${robot.stop_held_by}`, level: 'stop' };
   const elsewhere = robot.you_are_pilot ? null : wheelElsewhere(page);
-  // Who has the wheel releases; of others the robot takes no release.
+  // Only the pilot with the wheel can release; the robot refuses a release by others.
   if (robot.emergency) return { key: 'emergency', step: elsewhere ? elsewhere.step : 'release', level: 'stop' };
   if (elsewhere) return elsewhere;
   if (page.wheelAsked) return { key: 'wheel_asked', step: 'yield', level: 'ask' };
   if (robot.fault) return { key: 'fault', values: { fault: robot.fault }, level: 'stop' };
-  // Nothing is left to be driven: why the robot stands matters no more.
+  // The lead is over, so the reason why the robot stands does not matter.
   if (page.lead?.isOver) return page.lead.ask(robot);
-  // A lead's own words say what to choose.
+  // The lead's text already says what to choose.
   if (page.localStop === 'wheel' && robot.mode === 'stopped' && !page.lead) return { key: 'local.wheel', level: 'ask' };
   if (page.localStop && page.localStop !== 'wheel') return { key: `local.${page.localStop}`, level: 'stop' };
   if (page.notice === 'start_stale') return { key: page.notice, level: 'stop' };
@@ -71,10 +71,8 @@ export function urgentAdvice(page) {
 }
 
 /**
- * Why there is no link. What the robot does is said only if it has said so itself: a robot stops without
- * its pilot, but somebody else may have taken the wheel.
- * @param {PageState} page
- * @returns {Advice}
+ * Why there is no link. The robot's activity is named only if the robot has reported it: a robot stops
+ * without its pilot, but somebody else may have taken the wheel. @param {PageState} page @returns {Advice}
  */
 function wayAdvice({ robot, way, isWatching }) {
   if (way?.kind === 'blocked' || way?.kind === 'cut') {
@@ -87,10 +85,10 @@ function wayAdvice({ robot, way, isWatching }) {
 }
 
 /**
- * Where the age of the picture on the screen comes from, in milliseconds: the camera and the way to
- * the robot's loop (a brick's part of it by itself), the link from there to this phone, and the phone.
- * @param {PageState} page
- * @returns {{camera: number, brick?: number, link: number, phone: number} | null}  null as long as it is not known
+ * The parts of the age of the picture on the screen, in milliseconds: the camera with the way to the robot's
+ * loop (a brick's part separately), the link from the loop to this phone, and the phone. @param {PageState}
+ * page @returns {{camera: number, brick?: number, link: number, phone: number} | null}  null until it is
+ * known
  */
 export function ageParts({ robot, drawnAgeMs, drawingMs }) {
   if (!robot?.camera || drawnAgeMs === null) return null;
@@ -102,15 +100,15 @@ export function ageParts({ robot, drawnAgeMs, drawingMs }) {
   return { camera: Math.round(camera - brick), brick: Math.round(brick), link, phone: Math.round(phone) };
 }
 
-/** Whether the computer is to blame for what comes late, and not the link. @param {PageState} page */
+/** True if delays are due to the computer, not to the link. @param {PageState} page */
 const isComputer = ({ robot, isLocal }) => isLocal || Boolean(robot?.busy);
 
-/** What lateness allows: a busy computer goes slower before the link's own measure says so. @param {import('./protocol.js').RobotState} robot */
+/** The link's grade with a busy computer counted in: such a robot drives slower before the link is graded slow. @param {import('./protocol.js').RobotState} robot */
 const lateness = ({ link, busy }) => busy && (link === 'good' || link === 'slow') ? 'capped' : link ?? 'good';
 
 const OLD_MS = 200;
 
-/** What makes pictures late, if it is not the link, and what would help. @param {PageState} page @returns {Advice | null} */
+/** The cause of late pictures, if it is not the link, and advice. @param {PageState} page @returns {Advice | null} */
 function lagAdvice(page) {
   const { robot } = page;
   if (!robot?.camera || robot.mode === 'stopped') return null;
@@ -134,10 +132,8 @@ function wheelElsewhere(page) {
 /** @typedef {{key: string, move?: string, left?: number, left_s?: number, have?: number, need?: number, n?: number, of?: number, metres?: string}} Told */
 
 /**
- * What is said while nothing is urgent: how far a lead is, why a countdown has gone back, or what would
- * help most; null before the robot is known.
- * @param {PageState} page
- * @returns {Told | null}
+ * The text while nothing is urgent: a lead's progress, the reason why a countdown has gone back, or the most
+ * useful advice; null before the robot is known. @param {PageState} page @returns {Told | null}
  */
 export function whatToSay({ robot, lead, readiness, setback, told }) {
   if (!robot) return null;
@@ -153,7 +149,7 @@ const ASKED_FOR = {
   'hint.teach': 'train', choose_first: 'train',
 };
 
-/** The mode whose button to press now, if any. @param {PageState} page */
+/** The mode whose button should be pressed now, if any. @param {PageState} page */
 export function modeToPress(page) {
   const key = urgentAdvice(page)?.key ?? whatToSay(page)?.key ?? '';
   const mode = ASKED_FOR[key] ?? null;
@@ -175,11 +171,10 @@ export function setbackOf(before, now) {
 }
 
 /**
- * What would help the robot most now: the robot's own verdict, not the agreement, which most pilots
- * reach long before their robot can drive alone.
- * @param {import('./protocol.js').RobotState} robot
- * @param {import('./readiness.js').Readiness | null} readiness
- * @returns {{key: string, move?: string, left?: number, have?: number, need?: number}}
+ * The most useful advice now. It follows the robot's readiness, not the agreement, which most pilots reach
+ * long before their robot can drive alone. @param {import('./protocol.js').RobotState} robot @param
+ * {import('./readiness.js').Readiness | null} readiness @returns {{key: string, move?: string, left?: number,
+ * have?: number, need?: number}}
  */
 export function teachingAdvice(robot, readiness) {
   const { mode, lessons } = robot;
@@ -188,7 +183,7 @@ export function teachingAdvice(robot, readiness) {
   if (mode !== 'autonomous' && lessons >= FEW_EXAMPLES && usedMoves(robot.taught).length < 2) return { key: 'advice.turn' };
   if (!readiness) return { key: mode === 'autonomous' ? 'advice.watch' : 'advice.go_on' };
   const { stage, missing, alone_s: alone, alone_needed_s: needed } = readiness;
-  const left = Math.max(1, Math.ceil((needed - alone) / 5)) * 5; // in fives: it is read out, too
+  const left = Math.max(1, Math.ceil((needed - alone) / 5)) * 5; // in steps of five, because it is read out too
   if (mode === 'autonomous') {
     if (stage === 'ready') return { key: 'advice.can', left: needed };
     return { key: stage === 'try' && alone >= 1 ? 'advice.trial' : 'advice.watch', left };

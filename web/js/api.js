@@ -1,8 +1,8 @@
-// Asking the robot over HTTP. What it refuses comes with a sentence for the person.
+// HTTP requests to the robot. A refusal contains a sentence for the person.
 //
 // Every address is relative to the document: a proxy may serve the robot under a path.
 
-/** What the addresses of websockets begin with, such as wss://home.example/robot. */
+/** The start of the websockets' addresses, for example wss://home.example/robot. */
 export const socketBase = () => new URL('.', document.baseURI).href.replace(/^http/, 'ws').slice(0, -1);
 
 export class Refused extends Error {
@@ -10,28 +10,28 @@ export class Refused extends Error {
   constructor(status, sentence, robot) {
     super(sentence);
     this.status = status;
-    /** What the robot itself says; null if something else answers in its place. */
+    /** The robot's status; null if something else answered instead of the robot. */
     this.robot = robot;
   }
 }
 
-/** How long an answer is waited for: a server that takes a request and never answers is out of reach. */
+/** Timeout of an answer: a server that accepts a request and never answers counts as out of reach. */
 const ANSWER_MS = 15_000;
-/** What carries a file, reads or rewrites a recording, or has a small computer measure itself takes its time. */
+/** Timeout of slow requests, which carry a file, read or rewrite a recording, or let a small computer measure itself. */
 export const LONG_MS = 180_000;
-/** A stop by request is so long under way at most: it could latch the stop again that is released meanwhile. */
+/** Timeout of a stop by request: a late one could latch again a stop that was released meanwhile. */
 export const STOPPING_MS = 3000;
-/** How long a websocket has to show a stop, and how long after a failed request the next one follows. */
+/** Time for a websocket to confirm a stop, and pause between a failed request and the next. */
 export const STOP_MS = 300;
 
-/** Sent to the window when the robot did what it was asked, but could not write it to its disk. */
+/** Event on the window: the robot obeyed a request, but could not save the result. */
 export const NOT_KEPT = 'not-kept';
 
 /**
- * Refused if the robot says no; TypeError if no answer came, or only a part of one.
+ * Refused if the robot refuses; TypeError if there was no answer or only a part of it.
  * @param {string} method
  * @param {string} path
- * @param {unknown} [body]  sent as JSON, or as it is if it is a Blob
+ * @param {unknown} [body]  a Blob is sent unchanged, anything else as JSON
  * @param {number} [patienceMs]
  * @returns {Promise<any>}
  */
@@ -43,7 +43,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
     const answer = await fetch(path, {
       method,
       signal: patience.signal,
-      redirect: 'manual', // the robot has none: it is a network's sign-in page, elsewhere
+      redirect: 'manual', // the robot never redirects: it is a network's sign-in page
       headers: body === undefined || isFile ? {} : { 'content-type': 'application/json' },
       body: body === undefined || isFile ? /** @type {Blob | undefined} */ (body) : JSON.stringify(body),
     });
@@ -51,7 +51,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
     if (isPage) throw new Refused(answer.status, `${answer.status} text/html`, null);
     if (answer.ok) {
       const told = await answer.json();
-      // After whatever the screen says of it: the person must read both.
+      // After the screen's own message, because the person must read both.
       if (told?.kept === false) setTimeout(() => dispatchEvent(new Event(NOT_KEPT)));
       return told;
     }
@@ -68,9 +68,9 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
 
 let stopsAsked = 0;
 /**
- * Stop the robot by requests, one after the other, until it hears one, refuses (a page that is not admitted), the stop is owed no more, or is asked for anew.
+ * Stop the robot by requests, one after the other, until the robot confirms one or refuses it (a page that is not admitted), or until the stop is no longer needed or is requested again.
  * @param {() => boolean} isOwed
- * @returns {Promise<boolean>} whether the robot heard it
+ * @returns {Promise<boolean>} whether the robot confirmed it
  */
 export async function askToStop(isOwed) {
   const own = (stopsAsked += 1);
@@ -86,18 +86,18 @@ export async function askToStop(isOwed) {
   return false;
 }
 
-/** How long a lost link is asked why: no STOP by request waits behind these questions. */
+/** Timeout of questions about a lost link, so that no STOP by request waits behind them. */
 export const WHY_MS = 2000;
 
-/** A websocket that is refused does not say why: a browser that is admitted no longer is led elsewhere by the document's own address. @param {string} path  what an admitted browser gets */
+/** A refused websocket gives no reason, so this asks by a request: a browser that is no longer admitted is redirected. @param {string} path  a path that an admitted browser may request */
 export const askWhy = (path) => ask('GET', path, undefined, WHY_MS).catch(({ status, robot }) => status === 401 && robot && location.reload());
 
-/** A question that is no quick one. @param {string} path */
+/** Send a request with a long timeout. @param {string} path */
 export const askLong = (path) => ask('GET', path, undefined, LONG_MS);
 
 /**
- * For what is asked again and again: passes on an answer, but null for one that comes after the answer to a
- * newer question, and where none came. What is known by now is newer than that.
+ * For repeated requests: returns the answer, or null if there was none, or if a newer request was answered
+ * before.
  */
 export function inOrder() {
   let [asked, answered] = [0, 0];

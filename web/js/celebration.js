@@ -1,5 +1,5 @@
-// The moment at which the robot can drive alone: the panel jumps for joy, and three notes sound. The
-// movement is left out where a person wants less of it (drive.css), the notes where they are muted.
+// Celebrates the moment at which the robot can drive alone: the panel jumps, and three notes sound. There is
+// no movement if the person prefers less motion (drive.css), and no notes if sound is off.
 
 const NOTES_HZ = [523, 659, 784];
 const NOTE_S = 0.14;

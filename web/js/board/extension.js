@@ -1,4 +1,4 @@
-// A robot in a class says on its own page who has stopped it.
+// Shows on a class robot's page that the teacher has stopped it.
 
 import { register } from '../parts.js';
 

@@ -1,4 +1,4 @@
-// <challenge-screen>: the rules of the challenge, its tries and the best of them, and a button to start one.
+// <challenge-screen>: the rules of the challenge, the tries, the best try, and a button to start one.
 
 import { ask } from '../api.js';
 import { Screen } from '../components/screen.js';

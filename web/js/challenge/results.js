@@ -1,4 +1,4 @@
-// What is said about tries of the challenge.
+// Texts about tries of the challenge.
 
 import { language, t } from '../i18n.js';
 
@@ -11,7 +11,7 @@ import { language, t } from '../i18n.js';
 /** @param {number} metres */
 export const metresOf = (metres) => metres.toLocaleString(language, { minimumFractionDigits: 1, maximumFractionDigits: 1 });
 
-/** What to say while a try waits or is driven. @param {Challenge} now @returns {import('../advice.js').Told | null} */
+/** The text while a try waits or is driven. @param {Challenge} now @returns {import('../advice.js').Told | null} */
 export function tellNow({ is_armed: isArmed, is_on: isOn, metres, left_s, tries, tries_of: of }) {
   if (isOn) return { key: 'challenge.left', n: tries.length + 1, of, metres: metresOf(metres), left_s };
   return isArmed ? { key: 'challenge.armed' } : null;

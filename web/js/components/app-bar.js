@@ -1,5 +1,5 @@
-// <app-bar>: the robot's plate and name, and the menu: the way to the other screens, and the figures;
-// on all screens but the drive screen also the emergency stop.
+// <app-bar>: the robot's plate and name, and the menu with the other screens and the figures. On all screens
+// except the drive screen it also has the emergency stop.
 
 import { append, h, icon, say, svg } from '../dom.js';
 import { mood } from '../mood.js';
@@ -82,7 +82,7 @@ export class AppBar extends HTMLElement {
     return robot.battery !== null && robot.battery < LOW_BATTERY ? `${t('figure.battery')} ${percent(robot.battery)}` : '';
   }
 
-  /** What interests whoever wants to know more. @param {import('../store.js').PageState} state */
+  /** Figures for people who want to know more. @param {import('../store.js').PageState} state */
   list({ robot, link, delayMs, pictureAgeMs }) {
     if (link !== 'open' || !robot) return [];
     return [

@@ -1,7 +1,8 @@
-// <drive-map>: the world from above while the robot drives: its way in amber and blue, and where it
-// asked, pushed and was corrected. On a phone a corner of the picture, on a desktop beside it.
+// <drive-map>: the world from above while the robot drives, with its path in amber and blue, and the places
+// where it asked, pushed and was corrected. On a phone it is in a corner of the picture, on a desktop beside
+// the picture.
 //
-// Only what is new of the way is asked for, once a second, and only while the map is on the screen.
+// Only new points of the path are requested, once a second, and only while the map is on the screen.
 
 import { ask } from '../api.js';
 import { fill, h, say, svg } from '../dom.js';
@@ -13,14 +14,14 @@ import { bounds, fetchWorld, makeRobot, mark, room, standAt, way } from './from-
 /** @typedef {{first: number, pose: number[][], driven_by: string[], events: Record<string, string[]>, is_estimate: boolean}} Answer */
 
 const ASK_MS = 1000;
-const STAND_MS = 200; // the robot's sign moves so often: each time the browser draws it anew
+const STAND_MS = 200; // interval of the robot symbol's moves; the browser redraws it each time
 const KINDS = ['asked', 'pushed', 'corrected'];
-/** The page keeps as much of the way as the robot does. */
+/** Number of points that the page remembers, the same as the robot's. */
 const POINTS = 2000;
-/** Where there is room beside the picture; see drive.css. */
+/** Screens with room beside the picture; see drive.css. */
 const WIDE = '(min-width: 900px) and (min-height: 701px)';
 
-/** The way as far as it is known here, put together from what the robot tells. */
+/** The known part of the path, assembled from the robot's answers. */
 export class Way {
   constructor() {
     this.first = 0;
@@ -37,7 +38,7 @@ export class Way {
     return this.first + this.pose.length;
   }
 
-  /** Take in an answer to "since `next`?"; false if it has nothing new. @param {Answer} answer */
+  /** Add an answer to "since `next`?"; false if it contains nothing new. @param {Answer} answer */
   add({ first, pose, driven_by: by, events }) {
     const goesOn = first === this.next;
     if (goesOn && !pose.length) return false;
@@ -88,7 +89,7 @@ export class DriveMap extends HTMLElement {
 
   /** @param {import('../store.js').PageState} state */
   stand({ robot, link }) {
-    if (link !== 'open' || !robot) return; // nothing may move under a finger that looks for STOP
+    if (link !== 'open' || !robot) return; // without a link nothing may move near STOP
     const { pose } = robot;
     if (!pose) {
       this.show(false);
@@ -125,13 +126,13 @@ export class DriveMap extends HTMLElement {
       if (isFirst || isElsewhere || changes) await this.furnish();
       if (isFirst || isNew) this.draw();
     } catch {
-      // out of reach: the next time it will be there, or the page says so
+      // out of reach: retried, and the page reports a lost link
     } finally {
       this.isAsking = false;
     }
   }
 
-  /** Draw the room and what stands in it. */
+  /** Draw the room and the things in it. */
   async furnish() {
     this.world = this.isEstimate ? null : await fetchWorld();
     fill(/** @type {Element} */ (this.things), ...(this.world ? room(this.world) : []));

@@ -1,8 +1,8 @@
 // <drive-pad>: the directions to hold, Undo, and the emergency stop.
 //
-// Each finger is followed by itself and may slide from one direction to another; a finger that
-// slides off the pad lets go. What a stop, a call or a turned screen took from a finger it must press
-// anew, however it trembles where it lies.
+// Each finger is tracked separately and may slide from one direction to another; a finger that slides off the
+// pad lets go. After a stop, a call or a turned screen, a finger must be lifted and pressed again; small
+// movements do not count.
 
 import { append, fill, h, hasLetGo, icon } from '../dom.js';
 import { t } from '../i18n.js';
@@ -15,13 +15,13 @@ const SLACK_PX = 24;
 const TAP_MS = 500;
 
 export class DrivePad extends HTMLElement {
-  /** @type {HTMLElement[]} made when they are first wanted */
+  /** @type {HTMLElement[]} made when first needed */
   sticks = [];
-  /** @type {Set<number>} those that may drive: down since all was let go of last */
+  /** @type {Set<number>} fingers that may drive: pressed since the last time everything was released */
   fingers = new Set();
-  /** @type {number | null} the one that holds the phone's tilt */
+  /** @type {number | null} the finger that activates tilt */
   tilting = null;
-  /** @type {import('../inputs/tilt.js').Tilt | null} fetched by those who drive so */
+  /** @type {import('../inputs/tilt.js').Tilt | null} loaded by people who use tilt */
   tilt = null;
 
   /** @param {import('../page.js').Page} page */
@@ -52,7 +52,7 @@ export class DrivePad extends HTMLElement {
     this.arrange(hasStick ? [] : moves, Boolean(useTilt), hasStick);
   }
 
-  /** Where a word is wider than its button, the signs stand alone (drive.css): no word is broken. */
+  /** If a word is wider than its button, only the symbols are shown (drive.css), so that no word is broken. */
   measure() {
     const { classList } = /** @type {HTMLElement} */ (this.moves);
     classList.remove('signs');
@@ -60,7 +60,7 @@ export class DrivePad extends HTMLElement {
     classList.toggle('signs', isBroken);
   }
 
-  /** Tell the layout (drive.css) what it has to find room for. @param {string[]} moves @param {boolean} useTilt @param {boolean} hasStick */
+  /** Tell the layout (drive.css) which controls need room. @param {string[]} moves @param {boolean} useTilt @param {boolean} hasStick */
   arrange(moves, useTilt, hasStick) {
     const spins = moves.some((move) => move.startsWith('spin'));
     const isMany = moves.length > 4;
@@ -85,12 +85,12 @@ export class DrivePad extends HTMLElement {
       class: 'move', type: 'button', 'data-move': move, 'aria-pressed': 'false',
       onkeydown: (/** @type {KeyboardEvent} */ event) => {
         if (!isEnter(event)) return;
-        event.preventDefault(); // a click would let go after a moment
+        event.preventDefault(); // because a click would let go after a moment
         if (!event.repeat) helm?.press(source, move);
       },
       onkeyup: () => helm?.release(source),
       onblur: () => helm?.release(source),
-      // A screen reader's click has no finger that could hold.
+      // A screen reader's click cannot hold a button.
       onclick: (/** @type {PointerEvent} */ event) => {
         if (event.pointerType || event.detail) return;
         helm?.press(source, move);
@@ -161,7 +161,7 @@ function moveAt(event) {
   return under?.closest('.move')?.getAttribute('data-move') ?? null;
 }
 
-/** True if the finger is on a button or in the gaps about them. @param {Element} moves @param {PointerEvent} event */
+/** True if the finger is on a button or in a gap between buttons. @param {Element} moves @param {PointerEvent} event */
 function isNear(moves, event) {
   return [...moves.children].some((button) => {
     const box = button.getBoundingClientRect();
