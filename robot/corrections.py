@@ -104,7 +104,7 @@ class RawPicture:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mounting:
-    """How a camera is mounted.
+    """The mounting of a camera.
 
     Args:
         turn_deg: Degrees by which the pictures are turned clockwise, to be upright.

@@ -88,7 +88,7 @@ class Point(NamedTuple):
 
 
 class Mode(StrEnum):
-    """The mode that the pilot asked for. Only an explicit request leaves STOPPED."""
+    """The mode that the pilot requested. Only an explicit request leaves STOPPED."""
 
     STOPPED = "stopped"
     TRAIN = "train"

@@ -20,7 +20,7 @@ from robot.policy.history import Replaced, Taught, Undone
 from robot.types import Action, DrivenBy, Frame, StopReason
 
 TAUGHT_S = 40.0
-"""Teaching time after which a first trial may begin in any case, in seconds."""
+"""Teaching time after which the first trial may begin in any case, in seconds."""
 EARLY_S, EARLY_CHANGES, EARLY_FORESEEN, EARLY_KNOWN = 15.0, 6, 5, 0.9
 """Conditions of an early trial. It may begin after 15 s of teaching if the robot foresaw five of
 the pilot's last six changes of move, and knew nine of ten views of the last ten seconds."""

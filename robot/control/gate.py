@@ -1,11 +1,11 @@
-"""Who drives: nobody, the pilot or the robot. Pure; time is an argument.
+"""Decides who drives: nobody, the pilot or the robot. Pure; time is an argument.
 
-The rules, in their order:
+The rules, in order of priority:
 
 1. A latched emergency stop, or mode STOPPED: nobody drives.
 2. Anything in doubt (pilot gone or silent, picture stale, camera or drive faulty) *trips* the
-   gate: it falls to STOPPED, remembers why, and waits for an explicit start. It never falls
-   through to autonomy.
+   gate: the mode falls to STOPPED, the reason is stored, and the gate waits for an explicit start.
+   The mode never falls through to AUTONOMOUS.
 3. The pilot's move has priority over the robot's, in both moving modes.
 4. In AUTONOMOUS the robot drives while the pilot holds no move; when the pilot lets go, the robot
    drives again.

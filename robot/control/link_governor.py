@@ -15,7 +15,7 @@ from robot.types import PilotCommand
 
 
 class LinkLevel(StrEnum):
-    """How bad the link is, from good to unusable."""
+    """Quality of the link, from good to unusable."""
 
     GOOD = "good"
     SLOW = "slow"  # the pilot is warned

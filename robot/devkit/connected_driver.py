@@ -203,7 +203,7 @@ class ConnectedDriver(Driver, Generic[_C]):
         with self.__opening:
             connection, self.__connection = self.__connection, None
             if connection is not None:
-                with contextlib.suppress(*_BROKEN):  # it may be broken already
+                with contextlib.suppress(*_BROKEN):  # the connection may be broken
                     self._close(connection)
 
     def __check_heard(self, listen: Callable[[], object] | None = None) -> None:

@@ -117,7 +117,7 @@ class Node:
 
 @dataclass(slots=True)
 class State:
-    """The whole state of a learner, as arrays and plain values, to be saved and compared."""
+    """The complete state of a learner, as arrays and plain values, to be saved and compared."""
 
     kind: str
     params: dict[str, Any]

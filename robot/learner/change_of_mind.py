@@ -45,7 +45,7 @@ CONFIRMED = 4.0
 LATER = 200
 """An image counts as taught much later than another after this many examples (20 s of teaching)."""
 STILL_VALID = 0.3
-"""Share of its votes that an overruled label keeps."""
+"""Share of an overruled label's votes that remains."""
 
 
 class ChangeOfMind(Stateful):

@@ -39,8 +39,7 @@ _TURNED = np.array([-1.0, 1.0])
 """Multipliers for (angle, |angle|) when the image is mirrored: the angle's sign flips, its
 magnitude stays."""
 SHARPNESS = 1.6
-"""Calibrates the mixture's probabilities: the same number in all locations
-(docs/explanation/learner.md)."""
+"""Calibrates the mixture's probabilities; one value for all rooms (docs/explanation/learner.md)."""
 
 
 class _Counted:

@@ -1,4 +1,4 @@
-"""The clustering exactly as published: every distance computed, the same tie-breaking.
+"""The clustering exactly as published: it computes all distances, and breaks ties as published.
 
 Source: Ferrer, FLAIRS-30 (2017), with the details of the authors' program: the distance is the
 sum of squared differences; a new node gets the lowest free index, a merged node the lower index of

@@ -7,8 +7,8 @@ Every constant is a time or a share of votes, never a number of frames.
    a turn goes on until a turn to the other side has clearly more votes.
 3. A straight move without effect is given up (`StallDetector`).
 4. Turning for longer than the pilot's longest turns loses votes (`Headway`).
-5. A robot that alternates between left and right faster than its pilot keeps to one side for a
-   while.
+5. A robot that alternates between left and right faster than its pilot then turns only to one side
+   for a while.
 6. If none of this helps, the robot stops and asks for help.
 """
 

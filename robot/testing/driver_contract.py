@@ -185,7 +185,7 @@ class DriverContract:
                 )
                 assert now.throttle > 0.0 or abs(steering) > 0.5, f"{asked}, which is not ahead"
             assert turned == sorted(turned), f"more steering turns less somewhere: {turned}"
-            if driver.move_of(Point(0.0, -0.5)) is not Action.STOP:  # it has a move back
+            if driver.move_of(Point(0.0, -0.5)) is not Action.STOP:  # the body has a move back
                 back = _driven(driver_case, partial(driver.send_point, Point(0.0, -0.5)))
                 assert back.throttle < 0.0, f"asked for throttle -0.5: it drives {tuple(back)}"
             for move in driver.declared_moves:
@@ -279,7 +279,7 @@ class DriverContract:
                 _check_sent(driver.send_action(move), move, f"send_action({move})")
 
     def test_requests_are_quick_enough(self, driver_case: DriverCase) -> None:
-        """The latency budget. A driver that cannot keep to it must declare `is_remote`."""
+        """A driver that exceeds the latency budget must declare `is_remote`."""
         is_remote = type(driver_case.driver).is_remote
         budget_s = driver_case.budget_s or (REMOTE_BUDGET_S if is_remote else LOCAL_BUDGET_S)
         now_s = driver_case.now_s or _REAL.now_s

@@ -33,11 +33,11 @@ class VirtualRobot:
         31
 
     Args:
-        clock: On which the event loop runs.
+        clock: The clock on which the event loop runs.
         policy: The policy that drives; `published-8` by default.
         config: The loop's limits.
         camera: Takes the pictures; 30 a second by default.
-        seed: Of all random numbers.
+        seed: Seed of all random numbers.
     """
 
     def __init__(
@@ -76,12 +76,12 @@ class VirtualRobot:
     async def until(
         self, condition: Callable[[], bool], within_s: float = 10.0, what: str = ""
     ) -> float:
-        """Let time pass until a condition holds; return how long it took.
+        """Let time pass until a condition holds; return the time passed.
 
-        The condition is looked at after each tick and each `poke`.
+        The condition is checked after each tick and each `poke`.
 
         Raises:
-            AssertionError: If it does not hold within `within_s`.
+            AssertionError: If the condition does not hold within `within_s`.
         """
         start_s = asyncio.get_running_loop().time()  # `clock` may be made to jump meanwhile
         try:
@@ -94,5 +94,5 @@ class VirtualRobot:
         return asyncio.get_running_loop().time() - start_s
 
     def poke(self) -> None:
-        """Make `until` check its condition again: where something happens, and never in vain."""
+        """Make `until` check its condition again. Call this whenever the condition may change."""
         self._poked.set()
