@@ -8,23 +8,23 @@ import {
   parseWords,
 } from './protocol.js';
 
-const SILENCE_MS = 1500; // states come ten times a second: so much silence is a dead link
-const PICTURE_MS = 5000; // states of newer pictures come, and none of these: their socket is dead without knowing it
+const SILENCE_MS = 1500; // states arrive ten times a second, so this much silence means a dead link
+const PICTURE_MS = 5000; // states of newer pictures arrive without the pictures: the video's socket is dead without an error
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
 const PING_EVERY_MS = 1000;
 const CLOCK_SAMPLES = 8;
-const IDLE_SILENCE_MS = 4000; // an idle page receives a pong each second, and little else
+const IDLE_SILENCE_MS = 4000; // an idle page mainly receives a pong each second
 
 /**
  * Events: `open`, `lost`, and `words` and `picture` with the message as `detail`.
  *
- * @typedef {object} Environment  what tests put in place of the browser's own
+ * @typedef {object} Environment  the browser's functions, which tests replace
  * @property {new (url: string) => WebSocket} WebSocket
  * @property {() => number} nowMs
  * @property {(f: () => void, ms: number) => number} setTimeout
  * @property {(id: number) => void} clearTimeout
- * @property {() => boolean} [isHidden]  nobody can see the page
+ * @property {() => boolean} [isHidden]  true if nobody can see the page
  */
 export class Connection extends EventTarget {
   /** @param {string} base such as ws://host:8000 @param {Partial<Environment>} [environment] */
@@ -48,14 +48,14 @@ export class Connection extends EventTarget {
     this.video = null;
     /** @type {{rttMs: number, offsetMs: number}[]} */
     this.samples = [];
-    /** @type {number | null} the newest nonce: commands carry it back */
+    /** @type {number | null} the newest nonce, which commands return */
     this.nonce = null;
     this.nonceMs = -Infinity;
     /** @type {number | null} the picture on the screen */
     this.frame = null;
     this.showsPictures = true;
     this.isDrawn = true;
-    /** @type {Pick<Worker, 'postMessage'> | null} receives and draws pictures in place of this thread */
+    /** @type {Pick<Worker, 'postMessage'> | null} the worker that receives and draws pictures instead of this thread */
     this.worker = null;
     /** @type {Record<string, number>} */
     this.timers = {};
@@ -70,7 +70,7 @@ export class Connection extends EventTarget {
     return this.samples[this.samples.length - 1]?.rttMs ?? null;
   }
 
-  /** How old a moment of the server's clock is now; null before the first pong. @param {number} serverMs */
+  /** The age of a time on the server's clock; null before the first pong. @param {number} serverMs */
   ageMs(serverMs) {
     if (!this.samples.length) return null;
     // The shortest round trip gives the best estimate of the clock offset.
@@ -78,7 +78,7 @@ export class Connection extends EventTarget {
     return Math.max(0, this.env.nowMs() + best.offsetMs - serverMs);
   }
 
-  /** Connect at once; pictures are asked for when it is known who draws them. @param {Promise<unknown>} ready */
+  /** Connect at once; request pictures once it is decided who draws them. @param {Promise<unknown>} ready */
   async begin(ready) {
     this.isDrawn = false;
     this.connect();
@@ -101,18 +101,18 @@ export class Connection extends EventTarget {
     this.expectWord(SILENCE_MS * 2);
   }
 
-  /** Give up these sockets and try again at once, as after a page comes back from the cache. */
+  /** Drop the sockets and connect again at once, for example after the page returns from the cache. */
   reconnect() {
     this.retryMs = FIRST_RETRY_MS;
     this.lose();
   }
 
-  /** The page comes into sight: connect at once where it has no link. */
+  /** The page became visible: connect at once if there is no link. */
   seek() {
     if (!this.isOpen) this.connect();
   }
 
-  /** Leave for good. */
+  /** Close the connection for good. */
   close() {
     for (const name of Object.keys(this.timers)) this.cancel(name);
     this.dropSockets();
@@ -144,7 +144,7 @@ export class Connection extends EventTarget {
     };
   }
 
-  /** What came before the newest nonce, or on another link, proves less. @param {number | undefined} nonce  0 or none: there is none @param {number} [cameMs] */
+  /** Note a nonce, unless a newer one is known: an older nonce proves less. @param {number | undefined} nonce  0 or none: there is none @param {number} [cameMs] */
   learn(nonce, cameMs = this.env.nowMs()) {
     if (!nonce || cameMs < this.nonceMs) return;
     this.nonce = nonce;
@@ -171,7 +171,7 @@ export class Connection extends EventTarget {
     this.dispatchEvent(new Event('open'));
   }
 
-  /** Pictures cross the link only while they are shown. @param {boolean} wanted */
+  /** Request pictures only while they are shown. @param {boolean} wanted */
   showPictures(wanted) {
     if (wanted === this.showsPictures) return;
     this.showsPictures = wanted;
@@ -243,7 +243,7 @@ export class Connection extends EventTarget {
     this.cancel('ping');
     this.cancel('silence');
     this.dispatchEvent(new Event('lost'));
-    // Tabs out of sight stay away: a robot has few places for one person, and they would take turns.
+    // Hidden tabs do not reconnect, because a robot has few slots per person and the tabs would evict each other.
     this.after('retry', this.retryMs, () => this.env.isHidden?.() || this.connect());
     this.retryMs = Math.min(this.retryMs * 2, LAST_RETRY_MS);
   }
@@ -253,7 +253,7 @@ export class Connection extends EventTarget {
     const { drive } = this;
     this.drive = null;
     if (!drive) return;
-    // A socket on a silent network takes long to close: forget it now.
+    // A socket on a silent network takes long to close, so drop it now.
     drive.onopen = drive.onmessage = drive.onclose = drive.onerror = null;
     drive.close();
   }

@@ -1,4 +1,4 @@
-// Browser features that driving needs: keep the screen on, remember what a person wants.
+// Browser features that driving needs: keep the screen on, store preferences.
 
 const KEY = 'drivelesson.preferences';
 
@@ -10,7 +10,7 @@ export class WakeLock {
     this.isAsking = false;
   }
 
-  /** Called with each state, so what comes between a request and its answer is made up for. @param {boolean} wanted */
+  /** Called with each state, so changes between a request and its answer are caught up. @param {boolean} wanted */
   async want(wanted) {
     const api = /** @type {any} */ (navigator).wakeLock;
     if (!api || this.isAsking) return;
@@ -25,7 +25,7 @@ export class WakeLock {
   }
 }
 
-/** What this device remembers; where the browser forbids that, as long as the page is open. @type {Pick<Storage, 'getItem' | 'setItem'>} */
+/** This device's storage; if the browser forbids storage, it lasts as long as the page is open. @type {Pick<Storage, 'getItem' | 'setItem'>} */
 export const memory = findMemory();
 
 function findMemory() {
@@ -40,7 +40,7 @@ function findMemory() {
   }
 }
 
-/** What this person wants on this device. */
+/** A person's preferences on this device. */
 export class Preferences {
   constructor(storage = memory) {
     this.storage = storage;
@@ -71,7 +71,7 @@ export class Preferences {
     this.set('sticks', isWanted ? [...others, robot] : others);
   }
 
-  /** The directions of a game pad, as somebody has shown them. @param {string} id @returns {import('./inputs/pad-rest.js').Choice | null} */
+  /** The directions of a game pad, as shown by a person. @param {string} id @returns {import('./inputs/pad-rest.js').Choice | null} */
   padOf(id) {
     return this.values.pads[id] ?? null;
   }
@@ -88,11 +88,11 @@ export class Preferences {
 
   /** @param {string} name @param {unknown} value */
   set(name, value) {
-    const kept = read(this.storage); // with what other tabs have changed since this page was opened
+    const kept = read(this.storage); // including changes by other tabs since this page was opened
     this.values[name] = value;
     try {
       this.storage.setItem(KEY, JSON.stringify({ ...this.values, ...kept, [name]: value }));
-    } catch {} // full: it holds as long as the page is open
+    } catch {} // storage is full: the value lasts as long as the page is open
   }
 }
 

@@ -1,5 +1,5 @@
-// Building elements without a framework. The page's policy allows no inline style, so sizes that
-// follow data are set through `element.style`, which it does allow.
+// Builds elements without a framework. The page's policy forbids inline styles, so sizes that depend on data
+// are set through `element.style`, which is allowed.
 
 /**
  * @template {keyof HTMLElementTagNameMap} T
@@ -21,7 +21,7 @@ export function h(tag, props = {}, ...children) {
 
 const PATIENCE_MS = 5000;
 
-/** A second tap on what is not answered yet is the same wish; what hangs is not waited for long. @param {(event: Event) => unknown} act */
+/** Ignore a second tap until the first one's action has ended, but not for long if the action hangs. @param {(event: Event) => unknown} act */
 function once(act) {
   let untilMs = -Infinity;
   return (/** @type {Event} */ event) => {
@@ -46,9 +46,9 @@ export function append(parent, children) {
 }
 
 /**
- * Put `children` in place of what is there. The focus stays on what bears the same name, or who has no
- * other pointer would be back at the top of the page.
- * @param {Element} parent @param {...(Node | string | null | false)} children
+ * Replace the children. The focus stays on the element of the same name, because otherwise keyboard users
+ * would be back at the top of the page. @param {Element} parent @param {...(Node | string | null | false)}
+ * children
  */
 export function fill(parent, ...children) {
   const { activeElement: focused } = document;
@@ -64,19 +64,19 @@ export function fill(parent, ...children) {
 /** @param {any} control */
 const nameOf = (control) => control.getAttribute('aria-label') ?? (control.textContent || control.value);
 
-/** Set text only where it differs, so that nothing is laid out for nothing. @param {Node} node @param {string} text */
+/** Set text only if it differs, to avoid needless layout. @param {Node} node @param {string} text */
 export function say(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
 
-/** A mouse that lets go while another of its buttons is down says so by a move alone. @param {PointerEvent} event */
+/** A mouse button that is released while another one is down causes only a move event. @param {PointerEvent} event */
 export const hasLetGo = ({ pointerType, buttons }) => pointerType === 'mouse' && !(buttons & 1);
 
 const SETTLE_MS = 300;
 /** @type {WeakMap<Element, ReturnType<typeof setTimeout>>} */
 const settling = new WeakMap();
 
-/** What has just appeared takes no tap yet: the finger was on its way to what was there before. @param {Element} element */
+/** Ignore taps on an element that has just appeared, because the finger aimed at the previous content. @param {Element} element */
 export function settle(element) {
   clearTimeout(settling.get(element));
   element.classList.add('fresh');
@@ -97,7 +97,7 @@ export function svg(tag, props = {}, ...children) {
   return element;
 }
 
-/** @type {Record<string, string>} outlines on a 24x24 ground */
+/** @type {Record<string, string>} outlines on a 24x24 grid */
 const PATHS = {
   forward: 'M12 20V5M5 12l7-7 7 7',
   backward: 'M12 4v15M5 12l7 7 7-7',
@@ -118,7 +118,7 @@ const PATHS = {
   tilt: 'M8 3h8v18H8zM3 8l-1 4 1 4M21 8l1 4-1 4',
 };
 
-/** Icons that a robot brought along: the name of an outline, or a sign to be written. @type {Map<string, string>} */
+/** A robot's icons: the name of an outline, or a character. @type {Map<string, string>} */
 export const signs = new Map();
 
 /** @param {string} name */

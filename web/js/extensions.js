@@ -1,4 +1,4 @@
-// The extensions' parts of the page, as entry points are those of the programs: one line each.
+// The extensions' parts of the page, one line each, like entry points in Python.
 import './board/extension.js';
 import './challenge/extension.js';
 import './study/extension.js';

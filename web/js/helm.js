@@ -1,4 +1,4 @@
-// What the pilot holds, whatever with; said on every change and every 100 ms.
+// The held move from any input device, sent on every change and every 100 ms.
 //
 // The heartbeat runs on the page's main thread on purpose: a page that hangs falls silent, and
 // the robot stops.
@@ -9,15 +9,15 @@ import { Start } from './start.js';
 
 export const HEARTBEAT_MS = 100;
 const EARLY_MS = 15;
-/** A stick that turns is told so often; what it is let go of, at once. */
+/** Minimum time between two commands of a moving stick; a release is sent at once. */
 const STEERED_MS = 50;
 const IDLE_BEATS = 5; // an idle page sends every fifth heartbeat: enough to renew its lease
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 /** @typedef {import('./points.js').Point} Point */
-/** @typedef {{move: string | null, point: Point | null}} Hold  no move: a thumb that rests on its stick */
+/** @typedef {{move: string | null, point: Point | null}} Hold  move is null if a thumb rests on its stick */
 
-/** Events: `held` when what is held changes, `freed` when all was let go of and must be held anew, `refused` when a move is asked of a standing robot. */
+/** Events: `held` when the held move changes, `freed` when everything was released and must be pressed again, `refused` when a move is requested from a standing robot. */
 export class Helm extends EventTarget {
   /**
    * @param {{send: (text: string) => boolean, nextSeq: () => number}} connection
@@ -28,11 +28,11 @@ export class Helm extends EventTarget {
     this.connection = connection;
     this.lookingAt = lookingAt;
     this.start = new Start(connection, lookingAt);
-    /** @type {Map<string, Hold>} what each finger, key or stick holds; the newest last */
+    /** @type {Map<string, Hold>} the hold of each finger, key or stick; the newest last */
     this.holds = new Map();
     /** @type {readonly string[]} */
     this.moves = [];
-    /** The robot takes degrees; and its pilot wants a thumb stick, and keys that ramp. */
+    /** True if the robot accepts degrees and its pilot wants a thumb stick and ramping keys. */
     this.takesPoints = false;
     this.hasStick = false;
     this.isSteered = false;
@@ -43,11 +43,11 @@ export class Helm extends EventTarget {
     this.isIdle = false;
     this.beats = 0;
     this.beatMs = -HEARTBEAT_MS;
-    /** How late heartbeats come on this phone, smoothed. */
+    /** Smoothed delay of heartbeats on this phone. */
     this.lateMs = 0;
   }
 
-  /** The one hold that counts: the newest that still asks for a move. @returns {Hold} */
+  /** The hold that counts: the newest with a move. @returns {Hold} */
   get newest() {
     return [...this.holds.values()].filter(({ move }) => move).pop() ?? { move: null, point: null };
   }
@@ -64,7 +64,7 @@ export class Helm extends EventTarget {
     return this.hasWheel && this.mode !== 'stopped';
   }
 
-  /** The robot may move as far as this page knows: also one that was just asked to start, or whose link is lost. */
+  /** True if the robot may be moving, also right after a start request or a lost link. */
   get mayBeMoving() {
     return this.mode !== 'stopped' || this.start.tap !== null;
   }
@@ -89,7 +89,7 @@ export class Helm extends EventTarget {
     else this.dispatchEvent(new Event('refused'));
   }
 
-  /** Turn a stick; one that was let go of meanwhile, for whatever reason, must be grasped anew. @param {string} source @param {Point | null} point */
+  /** Turn a stick; a stick that was released meanwhile must be grasped again. @param {string} source @param {Point | null} point */
   steer(source, point) {
     const move = point && moveOf(point, this.moves);
     this.change(() => this.holds.has(source) && this.holds.set(source, { move, point: move ? point : null }), true);
@@ -117,7 +117,7 @@ export class Helm extends EventTarget {
     this.dispatchEvent(new Event('held'));
   }
 
-  /** Send a heartbeat if one is due: called by a timer, and by whatever else the page does, because a slow phone's timers come late. @param {number} nowMs */
+  /** Send a heartbeat if one is due. It is called by a timer and by other work, because a slow phone's timers are late. @param {number} nowMs */
   beatIfDue(nowMs) {
     const sinceMs = nowMs - this.beatMs;
     if (sinceMs < (this.isSteered ? STEERED_MS : HEARTBEAT_MS) - EARLY_MS) return;
@@ -135,7 +135,7 @@ export class Helm extends EventTarget {
     this.connection.send(encodeDrive({ held, ...point, seq: this.connection.nextSeq(), ...this.lookingAt() }));
   }
 
-  /** Choose a mode; what was held before does not count in it. @param {Mode} mode */
+  /** Choose a mode; earlier holds do not count in the new mode. @param {Mode} mode */
   choose(mode) {
     this.releaseAll();
     this.start.ask(mode);
@@ -150,7 +150,7 @@ export class Helm extends EventTarget {
     this.start.follow(robot);
   }
 
-  /** The link is gone: so is the wheel. */
+  /** The link is lost, and with it the wheel. */
   lose() {
     this.hasWheel = false;
     this.start.forget();

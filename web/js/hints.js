@@ -1,4 +1,4 @@
-// The first visit's hints: each is shown once, when its moment has come, one at a time. Pure.
+// The first visit's hints: each hint is shown once, at its moment, one hint at a time. Pure.
 
 /** @typedef {{mode: string, lessons: number}} Moment */
 
@@ -14,7 +14,7 @@ const MOMENTS = {
 export const HINTS = Object.keys(MOMENTS);
 
 /**
- * The hint about what is happening now; null if there is none, or it was shown before.
+ * The hint for the current moment; null if there is none, or it was shown before.
  * @param {Moment} robot
  * @param {readonly string[]} shown  hints that were shown before
  */

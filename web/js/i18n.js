@@ -1,4 +1,4 @@
-// The page's texts in the user's language: plain message files, English where one is missing.
+// The page's texts in the user's language, from plain message files; missing texts are in English.
 
 import { memory } from './device.js';
 
@@ -17,7 +17,7 @@ export const language = pickLanguage(globalThis.navigator?.languages ?? [], memo
 
 /** @typedef {(code: string) => Promise<{default: Record<string, string>}>} Load  a message file */
 
-/** @param {Load[]} [more]  of extensions; where one lacks a language, it speaks English @param {Load} [load] */
+/** @param {Load[]} [more]  of extensions; an extension without the language uses English @param {Load} [load] */
 export async function loadLanguage(more = [], load = (code) => import(`./messages/${code}.js`)) {
   const files = [load, ...more].map((each) => each('en'));
   if (language !== 'en') files.push(load(language), ...more.map((each) => each(language).catch(() => ({ default: {} }))));
@@ -25,7 +25,7 @@ export async function loadLanguage(more = [], load = (code) => import(`./message
   document.documentElement.lang = language;
 }
 
-/** Add an extension's further sentences, in English where it lacks a language. @param {Load} load */
+/** Add an extension's further sentences, in English if it lacks the language. @param {Load} load */
 export async function fetchWords(load) {
   learn((await load(language).catch(() => load('en'))).default);
 }
@@ -35,7 +35,7 @@ export function learn(words) {
   messages = { ...messages, ...words };
 }
 
-/** A driver's own move without a text is shown by its name. @param {string} key */
+/** A driver's move without a text is shown by its name. @param {string} key */
 function nameOf(key) {
   const name = key.match(/^moves?\.(\w+)$/)?.[1].replace(/_/g, ' ') ?? key;
   return name === key ? key : name[0].toUpperCase() + name.slice(1);

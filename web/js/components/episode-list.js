@@ -25,7 +25,7 @@ export async function listEpisodes(home) {
   find(home);
 }
 
-/** What deleted recordings still take, and how to get them back. @param {Home} home @param {any} answer */
+/** The space that deleted recordings still use, and the way to restore them. @param {Home} home @param {any} answer */
 function trash(home, { trash_bytes: bytes, undo, days }) {
   if (!bytes) return null;
   const empty = () => home.page?.toast(t('trash.sure'), { label: t('trash.empty'), act: () => home.attempt(async () => {
@@ -37,7 +37,7 @@ function trash(home, { trash_bytes: bytes, undo, days }) {
     h('button', { type: 'button', onclick: empty }, t('trash.free')));
 }
 
-/** Show only what has every word that is looked for. @param {Home} home */
+/** Show only the recordings that contain every searched word. @param {Home} home */
 function find(home) {
   const words = folded(home.finder.value).split(/\s+/);
   for (const one of home.shelf) {
@@ -50,10 +50,10 @@ function find(home) {
 /** @param {string} text */
 const folded = (text) => text.normalize('NFC').toLocaleLowerCase(language);
 
-/** What is shown and can be ticked. @param {Home} home */
+/** The recordings that are shown and can be ticked. @param {Home} home */
 const shown = ({ shelf }) => shelf.filter(({ card, isOn }) => !isOn && !card.hidden);
 
-/** Several recordings can be fetched, deleted and taught together: those that are ticked, of those shown. @param {Home} home */
+/** Actions on several recordings (fetch, delete, teach): on those that are shown and ticked. @param {Home} home */
 function offer(home) {
   const all = shown(home);
   const some = all.filter(({ episode }) => home.ticked.has(episode.id));
@@ -73,7 +73,7 @@ function offer(home) {
   ] : []));
 }
 
-/** The address of one file with these; all need not be named one by one. @param {Home} home @param {string[]} ids */
+/** The address of one file with these recordings; for all recordings no names are needed. @param {Home} home @param {string[]} ids */
 function zipOf({ shelf }, ids) {
   return `api/episodes.zip${ids.length < shelf.length ? `?${new URLSearchParams(ids.map((id) => ['episode', id]))}` : ''}`;
 }
@@ -88,7 +88,7 @@ function tickAll(home, isOn) {
   offer(home);
 }
 
-/** Teach again from what is ticked, and from the one that is open. @param {Home} home @param {string[]} more */
+/** Teach again from the ticked recordings and from the open one. @param {Home} home @param {string[]} more */
 async function teachTogether(home, ...more) {
   const { teachAgain } = await import('./teach-again.js');
   const ticked = shown(home).filter(({ episode }) => episode.lessons && home.ticked.has(episode.id));
@@ -102,7 +102,7 @@ async function card(home, episode, isOn) {
   const tools = h('div', { class: 'stack' });
   const more = h('div', { class: 'stack' });
   const player = async () => (await import('./episode-player.js')).openPlayer(home, path, tools, () => teachTogether(home, episode.id));
-  /** Open it once all that it shows is there, so that no button in it moves afterwards. */
+  /** Open it once its content has loaded, so that no button moves afterwards. */
   const show = async (/** @type {boolean} */ isOpen) => {
     if (isOpen) {
       toggle.setAttribute('aria-busy', 'true');

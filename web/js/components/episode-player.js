@@ -1,5 +1,5 @@
-// A recording: played and scrubbed, with what was held, what the robot would have done and the
-// sonar on one time axis; and mended, part by part.
+// A recording's player, with the held moves, the robot's proposals and the sonar on one time axis, and tools
+// to edit parts of it.
 
 import { ask, askLong, inOrder } from '../api.js';
 import { append, fill, h, icon, say, settle, svg } from '../dom.js';
@@ -18,14 +18,14 @@ const LANE_PX = 12;
 const SONAR_PX = 30;
 const HEIGHT = LANE_PX * 6 + 12 + SONAR_PX;
 const FARTHEST_M = 2;
-const LEAST_MS = 80; // between two pictures while it plays: what a phone draws with ease
-const [MOST_FRAMES, FEW_FRAMES] = [10_000, 500]; // more than the first are shown by the second, at even distances
+const LEAST_MS = 80; // minimum time between two pictures while playing; any phone can draw at this rate
+const [MOST_FRAMES, FEW_FRAMES] = [10_000, 500]; // a longer recording is shown by the second number of evenly spaced pictures
 
-/** The address of a recording's pictures, or of those between two; of many only some. @param {string} path @param {number} frames @param {number[]} between */
+/** The address of a recording's timeline, or of the part between two pictures; a long one is sampled. @param {string} path @param {number} frames @param {number[]} between */
 export const timelineOf = (path, frames, between = []) =>
   `${path}/timeline?count=${frames > MOST_FRAMES ? FEW_FRAMES : MOST_FRAMES}${between.length ? `&first=${between[0]}&last=${between[1]}` : ''}`;
 
-/** @param {Home} home @param {string} path  of the episode @param {Element} place  filled with the tools @param {() => void} teach @param {number[]} between  the first and the last picture; none: all of it */
+/** @param {Home} home @param {string} path  of the episode @param {Element} place  filled with the tools @param {() => void} teach @param {number[]} between  the first and the last picture; empty: the whole recording */
 export async function openPlayer(home, path, place, teach, at = 0, ordered = inOrder(), between = []) {
   const shown = await ordered(home.attempt(async () => {
     const episode = await askLong(path);
@@ -65,7 +65,7 @@ export async function openPlayer(home, path, place, teach, at = 0, ordered = inO
         : null,
       episode.redoable ? button(t('mend.redo'), () => change(() => ask('POST', `${path}/edits/redo`)), icon('redo')) : null),
     h('button', { type: 'button', class: 'primary', onclick: teach }, t('again.begin')));
-  settle(place); // all is chosen again: a second tap on *Delete* was meant for the part that is deleted
+  settle(place); // now the whole recording is selected, so a second tap on "Delete" must not count
 }
 
 class Player {
@@ -110,7 +110,7 @@ class Player {
     return box;
   }
 
-  /** Each move has a lane of its own, so that its place identifies it; the sonar is below. */
+  /** Each move has a separate lane, so that its position identifies it; the sonar is below. */
   timeline() {
     const { columns } = this;
     const size = columns.frame.length;

@@ -1,6 +1,6 @@
-// The world from above: the room, the robot's path in amber (the pilot drove) and blue (the robot
-// did), and where it asked, pushed and was corrected. Of a simulated robot the true place; of a real
-// one an estimate by its wheels' counts, and said to be one.
+// The world from above: the room, the robot's path in amber (the pilot drove) and blue (the robot drove), and
+// the places where it asked, pushed and was corrected. A simulated robot's path is exact; a real robot's path
+// is an estimate from its wheels' counts, and labelled as an estimate.
 
 import { ask, askLong } from '../api.js';
 import { fill, h, svg } from '../dom.js';
@@ -16,14 +16,14 @@ const MARGIN_M = 0.1;
 /** @type {[keyof Path, string][]} */
 const MARKS = [['asks_pilot', 'asked'], ['bumped', 'pushed'], ['intervention', 'corrected']];
 
-/** The simulated world as it is now; null of a real robot's. @returns {Promise<World | null>} */
+/** The current simulated world; null for a real robot. @returns {Promise<World | null>} */
 export async function fetchWorld() {
   return (await ask('GET', 'api/world').catch(() => ({ world: null }))).world;
 }
 
 /**
  * Draw a path into `place`; an event `moment` with an index as detail moves the robot along it.
- * @param {HTMLElement} place @param {Path} path @param {boolean} [isEstimate]  reckoned from the wheels
+ * @param {HTMLElement} place @param {Path} path @param {boolean} [isEstimate]  computed from the wheels' counts
  */
 export async function drawFromAbove(place, path, isEstimate = false) {
   const poses = path.pose;
@@ -51,7 +51,7 @@ export async function drawFromAbove(place, path, isEstimate = false) {
   stand(poses.findIndex(Boolean));
 }
 
-/** Draw the way of some recordings, one after the other; those that are gone are left out. @param {HTMLElement} place @param {string[]} ids */
+/** Draw the paths of some recordings, one after the other; deleted recordings are left out. @param {HTMLElement} place @param {string[]} ids */
 export async function drawRecordings(place, ids) {
   const kept = new Set((await askLong('api/episodes').catch(() => ({ episodes: [] }))).episodes.map((/** @type {{id: string}} */ { id }) => id));
   const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => askLong(`api/episodes/${id}/timeline?count=2000`)));
@@ -64,7 +64,7 @@ export async function drawRecordings(place, ids) {
   place.dispatchEvent(new CustomEvent('moment', { detail: path.pose.length - 2 }));
 }
 
-/** The robot: it points where it looks. */
+/** The robot's symbol, which points in its viewing direction. */
 export const makeRobot = () => svg('path', { class: 'body', d: 'M.09 0L-.06 .06V-.06Z' });
 
 /** @param {Element} robot @param {readonly number[] | null} pose */
@@ -85,7 +85,7 @@ export function room({ width_m: width, depth_m: depth, things }) {
   ];
 }
 
-/** Left, bottom, right and top of what is to be seen. @param {Path['pose']} poses @param {World | null} world */
+/** Left, bottom, right and top of the visible area. @param {Path['pose']} poses @param {World | null} world */
 export function bounds(poses, world) {
   const xs = poses.flatMap((pose) => (pose ? [pose[0]] : []));
   const ys = poses.flatMap((pose) => (pose ? [pose[1]] : []));
@@ -95,7 +95,7 @@ export function bounds(poses, world) {
   return [least(xs), least(ys), most(xs), most(ys)];
 }
 
-/** The parts of the path that one of the two drove. @param {Pick<Path, 'pose' | 'driven_by'>} path @param {string} who */
+/** The parts of the path that the pilot or the robot drove. @param {Pick<Path, 'pose' | 'driven_by'>} path @param {string} who */
 export function way({ pose, driven_by: by }, who) {
   let d = '';
   for (let i = 1; i < pose.length; i += 1) {
@@ -107,12 +107,12 @@ export function way({ pose, driven_by: by }, who) {
   return d;
 }
 
-/** Where a flag is raised: each time once. @param {boolean[]} flags */
+/** The indices at which a flag becomes true. @param {boolean[]} flags */
 export function begins(flags) {
   return flags.flatMap((flag, i) => (flag && !flags[i - 1] ? [i] : []));
 }
 
-/** Each has its own sign, so that colour is not needed to tell them apart. @param {string} kind @param {number} x @param {number} y */
+/** Each kind has its own symbol, so that colour is not needed to distinguish them. @param {string} kind @param {number} x @param {number} y */
 export function mark(kind, x, y) {
   /** @type {Record<string, string>} */
   const signs = { asked: 'M0 .05V-.02M0 -.05V-.055', pushed: 'M-.04 -.04L.04 .04M-.04 .04L.04 -.04', corrected: 'M-.045 0A.045 .045 0 1 0 .045 0A.045 .045 0 1 0 -.045 0' };

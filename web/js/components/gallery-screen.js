@@ -1,4 +1,4 @@
-// <gallery-screen>: what have I learned? Every learned image; the one that decides now is lit.
+// <gallery-screen>: every learned image; the image that decides now is lit.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon, say } from '../dom.js';
@@ -92,7 +92,7 @@ export class GalleryScreen extends Screen {
     return h('img', { src, alt: '', width: 40, height: 30, loading: 'lazy', class: 'pixels' });
   }
 
-  /** One thin bar: left, forward, right by place. @param {LearnedImage} image */
+  /** One thin bar, in which the position means left, forward or right. @param {LearnedImage} image */
   bar(image) {
     const bar = h('span', { class: 'bar', 'aria-hidden': 'true' });
     const total = Object.values(image.votes).reduce((a, b) => a + b, 0) || 1;
@@ -184,7 +184,7 @@ export function mainMove({ votes }) {
   return Object.entries(votes).reduce((a, b) => (b[1] > a[1] ? b : a), ['stop', 0])[0];
 }
 
-/** How its frames were steered, on the mean; null if by moves. @param {LearnedImage} image */
+/** The mean steering of the image's frames; null if they were driven by moves. @param {LearnedImage} image */
 function needleOf({ angle }) {
   if (angle == null) return null;
   const needle = makeNeedle();

@@ -16,9 +16,9 @@ export class HomeScreen extends Screen {
   finder = h('input', { type: 'search', 'aria-label': t('episodes.find'), placeholder: t('episodes.find') });
   chosen = h('div', { class: 'row' });
   offer = h('div', { class: 'stack' }, this.finder, this.chosen);
-  /** @type {{episode: any, card: HTMLElement, isOn: boolean}[]} the recordings and what shows them; `isOn` of the one being made */
+  /** @type {{episode: any, card: HTMLElement, isOn: boolean}[]} the recordings with their cards; `isOn` is true for the recording in progress */
   shelf = [];
-  /** How often recordings were listed: of two lists that are under way only the newer is shown. */
+  /** Number of list requests; of two requests under way, only the newer one is shown. */
   listing = 0;
   /** @type {Set<string>} recordings to fetch, delete or teach again from */
   ticked = new Set();
@@ -35,7 +35,7 @@ export class HomeScreen extends Screen {
     const file = h('input', { type: 'file', accept: '.npz', hidden: true,
       onchange: () => {
         const [chosen] = file.files ?? [];
-        file.value = ''; // or the same file could not be chosen again
+        file.value = ''; // otherwise the same file could not be chosen again
         if (chosen) this.upload(chosen);
       } });
     append(this, [
@@ -108,9 +108,8 @@ export class HomeScreen extends Screen {
   }
 
   /**
-   * Do something to the models, then show what came of it. Words about it come after: whoever
-   * reads them may touch the new list at once.
-   * @param {() => Promise<any>} act
+   * Change the models, then show the new list. A message comes after the list, because a person who reads it
+   * may touch the list at once. @param {() => Promise<any>} act
    */
   async act(act) {
     const answer = await this.attempt(act);

@@ -1,7 +1,7 @@
-// <mode-bar>: Stop, Teach, Drive itself; the one to press now is lit.
+// <mode-bar>: the buttons "Stop", "Teach" and "Drive itself"; the button to press now is lit.
 //
-// A mode that may not be chosen keeps the focus that is on it. Arrows move the focus, as in any group of
-// choices, and choose nothing: a robot is not started in passing. After a tap they drive.
+// A button that becomes disabled keeps the focus. Arrow keys move the focus, as in any group of choices, but
+// choose nothing, so that no robot starts by accident. After a tap, arrow keys drive.
 
 import { modeToPress } from '../advice.js';
 import { append, h } from '../dom.js';
@@ -24,7 +24,7 @@ export class ModeBar extends HTMLElement {
     };
     const buttons = MODES.map((mode) => h('button', {
       type: 'button', role: 'radio', 'aria-checked': 'false', 'data-mode': mode, onclick: tap,
-      // While another finger holds a direction, browsers make no click of a tap.
+      // While another finger holds a direction, browsers send no click for a tap.
       onpointerup: (/** @type {PointerEvent} */ event) => !event.isPrimary && isUnder(event) && tap(event),
     }, t(`mode.${mode}`)));
     append(this, buttons);
@@ -52,7 +52,7 @@ export class ModeBar extends HTMLElement {
   }
 }
 
-/** True if a finger comes up where it went down. @param {PointerEvent} event */
+/** True if a finger was lifted on the same button. @param {PointerEvent} event */
 function isUnder({ clientX, clientY, currentTarget }) {
   return /** @type {Element} */ (currentTarget).contains(document.elementFromPoint(clientX, clientY));
 }

@@ -1,9 +1,9 @@
-// What the robot still needs before it can drive alone, each with the picture of where it was.
+// The gaps to close before the robot can drive alone, each with a picture of its place.
 
 import { fill, h } from '../dom.js';
 import { tellGap, tellStage } from '../readiness.js';
 
-/** Draw it into `place`. @param {Element} place @param {import('../readiness.js').Readiness} readiness */
+/** Draw the readiness into `place`. @param {Element} place @param {import('../readiness.js').Readiness} readiness */
 export function drawReadiness(place, readiness) {
   const { stage, alone_s: alone, alone_needed_s: needed, missing } = readiness;
   const done = h('i');

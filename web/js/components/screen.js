@@ -1,4 +1,4 @@
-// What all screens besides the drive screen share.
+// Base of all screens except the drive screen.
 
 import { inOrder } from '../api.js';
 import { h } from '../dom.js';
@@ -7,13 +7,13 @@ import { t } from '../i18n.js';
 const PATIENCE_MS = 2000;
 
 export class Screen extends HTMLElement {
-  /** For what the screen shows: an action asks for it anew while an earlier answer is still under way. */
+  /** Orders the answers, because an action requests new data while an earlier answer is under way. */
   inOrder = inOrder();
 
   /**
-   * Show the screen once it has what it asks for: what comes later would move a button away while a
-   * finger comes down on it. On a slow link it is shown as it is after a while.
-   * @param {import('../page.js').Page} page
+   * Show the screen once its data has loaded, because later data would move a button away from under a
+   * finger. On a slow link the screen is shown incomplete after a while. @param {import('../page.js').Page}
+   * page
    */
   async start(page) {
     this.page = page;
@@ -28,7 +28,7 @@ export class Screen extends HTMLElement {
     }
   }
 
-  /** Subclasses fill the screen here. @returns {unknown} a promise, if it asks the robot for something */
+  /** Subclasses override it to fill the screen. @returns {unknown} a promise, if it sends requests to the robot */
   build() {
     return undefined;
   }
@@ -37,11 +37,11 @@ export class Screen extends HTMLElement {
     for (const end of this.endings ?? []) end();
   }
 
-  /** Do something now and then while the screen is open; returns what it returned first. @param {() => unknown} act @param {number} ms */
+  /** Call `act` now and periodically while the screen is open; returns the first call's result. @param {() => unknown} act @param {number} ms */
   every(ms, act) {
     let isUnderWay = false;
     const next = async () => {
-      if (isUnderWay) return; // on a slow link questions would pile up, and a STOP behind them
+      if (isUnderWay) return; // on a slow link requests would pile up, and a STOP would wait behind them
       isUnderWay = true;
       try {
         await act();
@@ -63,7 +63,7 @@ export class Screen extends HTMLElement {
     if (end) this.endings?.push(end);
   }
 
-  /** Run an action that may be refused, and show the error. @param {() => Promise<any>} act */
+  /** Run an action, and show its error if it is refused. @param {() => Promise<any>} act */
   async attempt(act) {
     try {
       return await act();
@@ -74,11 +74,11 @@ export class Screen extends HTMLElement {
   }
 }
 
-/** What is in a chosen file; one that has changed since is not given out by the browser. @param {Blob} file */
+/** The content of a chosen file; the browser refuses to read a file that has changed since. @param {Blob} file */
 export const contentOf = (file) => file.arrayBuffer().catch(() => Promise.reject(new Error(t('unreadable'))));
 
 /**
- * A row of choices of which one is on.
+ * A row of choices, one of which is selected.
  * @param {string} label
  * @param {[string, string][]} options  value and text
  * @param {string} value

@@ -1,4 +1,4 @@
-// <settings-screen>: only what a person would change.
+// <settings-screen>: only the settings that a person would change.
 
 import { ask, askLong } from '../api.js';
 import { append, fill, h, say, svg } from '../dom.js';
@@ -18,7 +18,7 @@ export class SettingsScreen extends Screen {
     return this.refresh();
   }
 
-  /** What was asked for last: a change waits for the one before, or a late one would undo a newer one. @type {Promise<any>} */
+  /** The last change; each change waits for the previous one, so that a late change cannot undo a newer one. @type {Promise<any>} */
   putting = Promise.resolve();
 
   /** @param {string} path @param {object} words */
@@ -29,7 +29,7 @@ export class SettingsScreen extends Screen {
   async refresh() {
     const answers = await this.inOrder(this.attempt(() => Promise.all([
       askLong('api/settings'),
-      ask('GET', 'api/world').catch(() => ({ world: null })), // these are of extensions, which need not be there
+      ask('GET', 'api/world').catch(() => ({ world: null })), // these belong to extensions, which may be missing
       ask('GET', 'api/corrections').catch(() => ({ possible: [] })),
     ])));
     if (answers) this.renderRobot(answers[0], answers[1], answers[2]);
@@ -50,7 +50,7 @@ export class SettingsScreen extends Screen {
     return group(t('settings.robot'), '', h('div', { class: 'row' }, field, choice));
   }
 
-  /** A simulated robot can be carried elsewhere. @param {{world: import('./from-above.js').World & {name: string} | null, worlds: string[]}} places */
+  /** The place to which a simulated robot can be carried. @param {{world: import('./from-above.js').World & {name: string} | null, worlds: string[]}} places */
   place({ world, worlds }) {
     if (!world || worlds.length < 2) return null;
     const name = (/** @type {string} */ place) => (has(`world.${place}`) ? t(`world.${place}`) : place);
@@ -75,7 +75,7 @@ export class SettingsScreen extends Screen {
 
   /** @param {any} settings */
   size({ sizes, max_nodes: now, camera: { rate_hz: most } }) {
-    // What the camera gives is no promise of this choice: only a computer that cannot keep up says a number.
+    // If the computer keeps up, the camera limits the rate, so a number is shown only if the computer does not.
     const rate = (/** @type {number} */ hz) => (most && hz >= most ? t('settings.keeps_up') : t('settings.rate', { n: Math.max(1, Math.round(hz)) }));
     const options = sizes.map((/** @type {any} */ size) => h('label', { class: 'choice' },
       h('input', { type: 'radio', name: 'size', value: size.max_nodes, checked: size.max_nodes === now, onchange: () => this.begin({ max_nodes: size.max_nodes }) }),
@@ -106,7 +106,7 @@ export class SettingsScreen extends Screen {
       ...boxes.map((box) => h('label', { class: 'choice' }, box, h('span', {}, t(`move.${box.value}`)))));
   }
 
-  /** Turned until it is upright, while one looks at it. @param {any} camera @param {Corrections} corrections */
+  /** The camera's picture with buttons to turn it upright. @param {any} camera @param {Corrections} corrections */
   camera({ name, width, height, rate_hz: rate }, { turn_picture: turn, mirror_picture: isMirrored, possible }) {
     const size = width ? `${width}×${height}` : '–';
     const hint = t('settings.camera_hint', { name, size, rate: Math.round(rate) });
@@ -117,7 +117,7 @@ export class SettingsScreen extends Screen {
       inView.observe(seen);
       this.endings?.push(() => {
         inView.disconnect();
-        seen.removeAttribute('src'); // or the stream goes on
+        seen.removeAttribute('src'); // otherwise the stream continues
       });
     }
     let turned = turn;
@@ -132,7 +132,7 @@ export class SettingsScreen extends Screen {
       h('p', { class: 'hint' }, t('settings.turn_hint')));
   }
 
-  /** How it is wired, and what it drives where it should drive straight. @param {Corrections} corrections */
+  /** Corrections of the robot's wiring and of its straight driving. @param {Corrections} corrections */
   body({ reverse, swap_sides: isSwapped, trim, possible }) {
     if (!['reverse', 'swap_sides', 'trim'].some((name) => possible.includes(name))) return null;
     const told = (/** @type {number} */ value) => `${value ? t(value < 0 ? 'move.left' : 'move.right') : ''} ${percent(Math.abs(value))}`;
@@ -152,20 +152,20 @@ export class SettingsScreen extends Screen {
       possible.includes('reverse') ? h('label', {}, t('settings.reverse'), ' ', reversed) : null);
   }
 
-  /** The robot stops for it. @param {object} change */
+  /** Apply a correction; the robot stops first. @param {object} change */
   async correct(change) {
     const done = await this.put('api/corrections', change);
     if (!done) await this.refresh();
     else if ('turn_picture' in change && this.seen?.hasAttribute('src')) this.look();
   }
 
-  /** Show the stream, which comes only while somebody sees it, from its start: a browser may keep the size of its first picture. */
+  /** Show the stream from its start, while it is visible. It is started again because a browser may keep the first picture's size. */
   look() {
     this.looks = (this.looks ?? 0) + 1;
     this.seen?.setAttribute('src', `video.mjpg?${this.looks}`);
   }
 
-  /** A model of another kind starts empty; the one before is saved. @param {object} change */
+  /** Start an empty model of another kind; the previous model is saved. @param {object} change */
   async begin(change) {
     const done = await this.put('api/settings', change);
     if (done) this.page?.toast(t('settings.begun'));
@@ -195,7 +195,7 @@ export class SettingsScreen extends Screen {
         ? [group(t(settings.title), t(settings.hint), h('a', { class: 'button', href: `#${name}` }, t(`screen.${name}`)))] : []));
   }
 
-  /** Directions of game pads are shown anew at the next touch. */
+  /** Forget the directions of game pads; the page asks for them at the next touch. */
   pads() {
     const { preferences } = /** @type {import('../page.js').Page} */ (this.page);
     if (!Object.keys(preferences.values.pads).length) return [];

@@ -1,4 +1,4 @@
-// Training again from recordings: progress, then before and after side by side, then keep or drop.
+// Training again from recordings: progress, then a comparison of before and after, then keep or drop.
 
 import { ask } from '../api.js';
 import { fill, h, icon } from '../dom.js';
@@ -18,7 +18,7 @@ export async function teachAgain(home, episodes) {
   home.again?.querySelector('button')?.focus();
 }
 
-/** Show how it stands, if anything is being taught again. @param {Home} home */
+/** Show the state of a training run, if there is one. @param {Home} home */
 export async function showTeaching(home) {
   const shown = home.again.firstChild;
   const state = await ask('GET', 'api/retraining').catch(() => null);

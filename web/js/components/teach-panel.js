@@ -1,5 +1,5 @@
-// <teach-panel>: how good the robot is, how much it was taught, and the one place in which something
-// is said: what a person must know now, or else what would help the robot most.
+// <teach-panel>: the robot's agreement, the number of examples, and the only place for messages: urgent
+// advice, or else the most useful advice.
 
 import { append, fill, h, say, settle, svg } from '../dom.js';
 import { urgentAdvice, whatToSay } from '../advice.js';
@@ -9,7 +9,7 @@ import { stepButton } from './toast-bar.js';
 
 const WIDTH = 200;
 const HEIGHT = 34;
-/** Before so many pictures a share says nothing: the first ones alone would be all or none. */
+/** Minimum number of pictures for a meaningful share. */
 const FEWEST = 20;
 
 export class TeachPanel extends HTMLElement {
@@ -30,7 +30,7 @@ export class TeachPanel extends HTMLElement {
       h('span', { class: 'taught' }, this.lessons, h('small', {}, t('frames_taught'))));
     append(this, [this.summary, h('div', { class: 'says' }, this.advice, this.notice)]);
     page.store.watch(['robot', 'link', 'way', 'isWatching', 'lead', 'readiness', 'setback', 'told', 'hint', 'notice', 'toast', 'localStop', 'wheelAsked', 'wheelWaiting'], (state) => this.render(state));
-    // A pilot who is led is not told how well it goes.
+    // A pilot who is led does not see the agreement.
     page.store.watch(['agreement', 'lead'], (state) => this.curve?.setAttribute('points', points(state.lead ? [] : state.agreement)));
   }
 
@@ -44,10 +44,10 @@ export class TeachPanel extends HTMLElement {
       say(/** @type {Node} */ (this.lessons), count(robot.lessons));
     }
     const isNoticed = this.renderNotice(state);
-    // One thing at a time; and what was said is kept, so that nothing is read out twice.
+    // One message at a time. An unchanged message stays, so that nothing is read out twice.
     const told = whatToSay(state);
     const text = isNoticed || !told ? '' : sentence(told);
-    // A clock is not read out each second.
+    // A screen reader must not read out a clock every second.
     const live = told?.left_s === undefined ? 'polite' : 'off';
     if (this.advice?.getAttribute('aria-live') !== live) this.advice?.setAttribute('aria-live', live);
     say(/** @type {Node} */ (this.advice), text);
@@ -55,7 +55,7 @@ export class TeachPanel extends HTMLElement {
   }
 
   /**
-   * Mark the moment at which it can drive alone, once: what is noticed in between hides it, no more.
+   * Celebrate once when the robot can drive alone; a notice in between only hides the celebration.
    * @param {boolean} isShown
    * @param {boolean} isOver
    */
@@ -71,7 +71,7 @@ export class TeachPanel extends HTMLElement {
   renderNotice(state) {
     const notice = /** @type {HTMLElement} */ (this.notice);
     const urgent = urgentAdvice(state);
-    // A toast goes before what is only good to know.
+    // A toast has priority over advice that is only informative.
     const toast = urgent && urgent.level !== 'info' ? null : state.toast;
     const advice = toast ? null : urgent;
     const text = toast?.text ?? (advice ? t(advice.key, advice.values) : '');

@@ -1,4 +1,4 @@
-// <teaching-screen>: am I teaching well? Agreement over the lessons, and how much of each move.
+// <teaching-screen>: am I teaching well? It shows the agreement over the examples, and the share of each move.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon, say, svg } from '../dom.js';
@@ -34,7 +34,7 @@ export class TeachingScreen extends Screen {
     return this.every(2000, () => this.refreshIfTaught());
   }
 
-  /** The curve grows with what is taught: without a new example there is nothing to ask for. */
+  /** The curve grows only with new examples, so without one there is nothing to request. */
   async refreshIfTaught() {
     const lessons = this.page?.store.state.robot?.lessons;
     if (this.drawn === lessons && lessons !== undefined) return;
@@ -46,13 +46,13 @@ export class TeachingScreen extends Screen {
     const [teaching, readiness, word] = await Promise.all([
       ask('GET', 'api/teaching').catch(() => null), askReadiness(true), ask('GET', 'api/teaching/alike').catch(() => null)]);
     if (!this.isConnected) return;
-    if (!teaching || !readiness) this.drawn = undefined; // lost on the way: asked for again
+    if (!teaching || !readiness) this.drawn = undefined; // the request failed: try again
     if (teaching && !this.page?.store.state.lead) drawAgreement(/** @type {HTMLElement} */ (this.chart), teaching);
     if (word) this.drawAlike(word);
     if (readiness) drawReadiness(/** @type {Element} */ (this.readiness), readiness);
   }
 
-  /** One switch; once a single side was taught, it is a question. @param {{ alike: boolean, possible: boolean, one_sided: boolean }} word */
+  /** One switch, which becomes a question once only one side was taught. @param {{ alike: boolean, possible: boolean, one_sided: boolean }} word */
   drawAlike(word) {
     const panel = /** @type {HTMLElement} */ (this.alike);
     panel.hidden = !word.possible;

@@ -1,18 +1,18 @@
-// A thumb stick: pushed to where the robot is to go, by degrees. It lies still, and is let go of as a
-// key is: when the finger comes up, is taken away by the browser, or leaves it for good; also when the
-// window changes, as a turned screen's does, since nobody pushed the stick to where it then points.
+// A thumb stick for steering by degrees. Its base does not move. It is released like a key: when the finger
+// is lifted, is cancelled by the browser, or leaves the stick. It is also released when the window's size
+// changes, for example on a turned screen, because nobody pushed the stick in its new direction.
 
 import { h, hasLetGo, svg } from '../dom.js';
 import { t } from '../i18n.js';
 import { fromStick } from '../points.js';
 
-/** In radii from the middle: where a thumb may come down, and how far it may slide and still holds. */
+/** In radii from the middle: the area in which a thumb may press, and the area in which it still holds. */
 const NEAR = 1.2;
 const OFF = 2;
-const WAY = 26; // of the knob, of the 50 from the middle to the edge
+const WAY = 26; // the knob's travel; from the middle to the edge are 50
 const ARROWS = 'M43 11l7-6 7 6M11 43l-6 7 6 7M89 43l6 7-6 7';
 
-/** @param {import('../page.js').Page} page @param {string} side  whose thumb it lies under */
+/** @param {import('../page.js').Page} page @param {string} side  the side of the thumb */
 export function makeStick(page, side) {
   const { helm } = page;
   const source = `stick ${side}`;
@@ -32,7 +32,7 @@ export function makeStick(page, side) {
     place();
     helm.release(source);
   };
-  /** How far from the middle, to the right and ahead. @param {PointerEvent} event */
+  /** The distances from the middle, to the right and ahead. @param {PointerEvent} event */
   const wayOf = ({ clientX, clientY }) => {
     const { left, top, width, height } = stick.getBoundingClientRect();
     const radius = Math.min(width, height) / 2;

@@ -1,4 +1,4 @@
-// <toast-bar>: a sentence that goes away by itself, with one step to take, such as Undo.
+// <toast-bar>: a sentence that disappears by itself, with one button, for example "Undo".
 
 import { fill, h } from '../dom.js';
 
@@ -15,7 +15,7 @@ export class ToastBar extends HTMLElement {
 }
 
 /**
- * The button for a toast's one step, if it has one.
+ * The button for a toast's step, if it has one.
  * @param {import('../page.js').Page} page
  * @param {import('../store.js').Toast} toast
  */

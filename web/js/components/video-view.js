@@ -1,4 +1,4 @@
-// <video-view>: what the robot sees, who drives, and what the robot would do.
+// <video-view>: the robot's picture, the driver, and the robot's proposal.
 
 import { append, fill, h, icon, say } from '../dom.js';
 import { Painter } from '../painter.js';
@@ -12,7 +12,7 @@ const OLD_PICTURE_MS = 200;
 const FROZEN_MS = 1000;
 const LIKE_MS = 500;
 const SMALL_PX = 300;
-const WORKER_MS = 3000; // a worker that has not started by then does not
+const WORKER_MS = 3000; // a worker that has not started by then never will
 
 export class VideoView extends HTMLElement {
   drawnMs = 0;
@@ -36,7 +36,7 @@ export class VideoView extends HTMLElement {
     append(this, [h('div', { class: 'picture' }, this.canvas, h('div', { class: 'corner' }, this.who, this.facts), this.likeLink, h('div', { class: 'low' }, this.needle, this.votes))]);
     const observer = new ResizeObserver(() => this.measure());
     observer.observe(this);
-    observer.observe(this.who); // as high as the text is large
+    observer.observe(this.who); // its height follows the text size
     const { store } = page;
     store.watch(['robot', 'link', 'held', 'moves'], (state) => this.render(state));
     store.watch(['isWatching'], ({ isWatching }) => this.watch(isWatching));
@@ -44,7 +44,7 @@ export class VideoView extends HTMLElement {
     setInterval(() => this.classList.toggle('frozen', performance.now() - this.drawnMs > FROZEN_MS), 500);
   }
 
-  /** Have a worker draw where there can be one; else the page draws. Resolves when it is known. @param {HTMLCanvasElement} canvas */
+  /** Let a worker draw if the browser supports it, otherwise the page. Resolves when this is decided. @param {HTMLCanvasElement} canvas */
   async receive(canvas) {
     const { connection } = /** @type {import('../page.js').Page} */ (this.page);
     connection.addEventListener('shown', (event) => this.note(/** @type {CustomEvent} */ (event).detail));
@@ -63,7 +63,7 @@ export class VideoView extends HTMLElement {
     connection.addEventListener('picture', (event) => painter.take(/** @type {CustomEvent} */ (event).detail));
   }
 
-  /** Show pictures by plain requests, in place of the video. @param {boolean} isWanted */
+  /** Show pictures by plain requests instead of the video. @param {boolean} isWanted */
   watch(isWanted) {
     this.still?.remove();
     this.still = undefined;
@@ -79,7 +79,7 @@ export class VideoView extends HTMLElement {
     this.page?.look(shown);
     if (!this.dataset.frames) performance.mark('first-frame');
     this.frames += 1;
-    // Rarely: each change of an attribute has the browser make a frame of the whole page.
+    // Rarely, because each change of an attribute makes the browser render the whole page.
     if (this.frames === 1 || this.frames % 15 === 0) this.dataset.frames = String(this.frames);
   }
 
@@ -96,7 +96,7 @@ export class VideoView extends HTMLElement {
     this.renderLike(robot);
   }
 
-  /** What fits into the picture follows its width and the language: words, signs, or less (drive.css). */
+  /** Choose what fits into the picture by its width and the language: words, symbols, or less (drive.css). */
   measure() {
     const votes = [...(this.votes?.children ?? [])];
     this.classList.toggle('many-votes', votes.length > 3);
@@ -125,7 +125,7 @@ export class VideoView extends HTMLElement {
     if (robot?.bumped) facts.push(t(whichBumper(robot.bumpers)));
     const state = this.page?.store.state;
     const ageMs = state?.pictureAgeMs;
-    // The parts say why pictures are old when they are drawn, not why none comes any more.
+    // The parts explain why drawn pictures are old, not why pictures have stopped.
     const parts = state && (state.drawnAgeMs ?? 0) > OLD_PICTURE_MS ? ageParts(state) : null;
     const total = parts ? Object.values(parts).reduce((sum, ms) => sum + ms) : Math.round((ageMs ?? 0) / 10) * 10;
     const isOld = (ageMs ?? 0) > OLD_PICTURE_MS;
@@ -175,10 +175,10 @@ export class VideoView extends HTMLElement {
       likeLink.classList.add('missing');
       like.dataset.stamp = '';
     }
-    // A merged image changes while it keeps its number: look again now and then.
+    // A merged image changes but keeps its number, so it is loaded again from time to time.
     const stamp = node === null ? '' : /** @type {import('../page.js').Page} */ (this.page).imageOf(node, String(Math.floor((robot?.lessons ?? 0) / 20)));
     const nowMs = performance.now();
-    // Each is fetched and drawn anew: twice a second is as fast as a person looks there.
+    // Each image is loaded and drawn again; twice a second is fast enough for a person.
     if (node === null || like.dataset.stamp === stamp || nowMs - this.likeMs < LIKE_MS) return;
     this.likeMs = nowMs;
     like.dataset.stamp = stamp;
@@ -186,7 +186,7 @@ export class VideoView extends HTMLElement {
   }
 }
 
-/** Start the worker that draws; null where the browser has none that can. @returns {Promise<Worker | null>} */
+/** Start the worker that draws; null if the browser does not support it. @returns {Promise<Worker | null>} */
 function startWorker() {
   if (!('transferControlToOffscreen' in HTMLCanvasElement.prototype)) return Promise.resolve(null);
   return new Promise((resolve) => {
@@ -205,7 +205,7 @@ function startWorker() {
   });
 }
 
-/** The text for the bumpers: with two of them, which one. @param {boolean[]} [bumpers] */
+/** The text for the bumpers; with two bumpers it names the pressed one. @param {boolean[]} [bumpers] */
 function whichBumper(bumpers) {
   const [left, right, ...more] = bumpers ?? [];
   if (right === undefined || more.length || left === right) return 'bumped';

@@ -1,5 +1,5 @@
-// <why-screen>: why would it do that? The learned image that decides, beside what the robot sees
-// now, and where the two are more alike than the rest.
+// <why-screen>: why would it do that? It shows the learned image that decides, the robot's current picture,
+// and the areas in which the two are most alike.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon, say, svg } from '../dom.js';
@@ -9,8 +9,8 @@ import { mainMove } from './gallery-screen.js';
 import { Screen } from './screen.js';
 
 const REFRESH_MS = 500;
-const DARKEST = 0.55; // over what is not alike
-const MARKED = 0.5; // of the most alike part, from which a part is framed
+const DARKEST = 0.55; // opacity over areas that are not alike
+const MARKED = 0.5; // share of the greatest likeness from which an area is framed
 const [WIDTH, HEIGHT] = [40, 30];
 
 /**
@@ -56,7 +56,7 @@ export class WhyScreen extends Screen {
   }
 }
 
-/** @param {Why} why @param {string} main  what its image was taught for, most of all */
+/** @param {Why} why @param {string} main  the move for which its image was mainly taught */
 function sentence({ action, novelty }, main) {
   if (!action) return t('why.nothing');
   const values = { move: t(`move.${action}`), image: t(`move.${main}`) };
@@ -64,7 +64,7 @@ function sentence({ action, novelty }, main) {
   return t(action === main ? 'why.because' : 'why.although', values);
 }
 
-/** One of the two pictures, darkened where they are not alike. @param {string} png @param {number[][]} alike @param {string} title @param {string | null} move */
+/** One of the two pictures, darkened in areas that are not alike. @param {string} png @param {number[][]} alike @param {string} title @param {string | null} move */
 function view(png, alike, title, move) {
   const wide = WIDTH / alike[0].length;
   const high = HEIGHT / alike.length;
