@@ -17,10 +17,10 @@ import { WayFinder } from './way.js';
 
 const MAP_MS = 1000;
 const AGAIN_MS = 1000;
-/** What stands in the document itself until the page is up: web/index.html. */
+/** The document's initial content until the page has started: web/index.html. */
 const { first } = /** @type {any} */ (globalThis);
 
-/** Try until it works, with a word. @param {() => Promise<unknown>} act */
+/** Retry until it works, with a message. @param {() => Promise<unknown>} act */
 async function persist(act) {
   for (;;) {
     try {
@@ -48,11 +48,12 @@ async function start() {
   new Router(page).start();
   followReadiness(store);
   listenForStop({ stop: () => page.stop(), isDriving: () => page.isDriving(), mayMove: () => page.helm.mayBeMoving });
-  // A computer's page waits for its keyboard. Few phones have one: it comes after their first picture.
+  // On a computer the page waits for the keyboard's code. Few phones have a keyboard, so there the code is
+  // loaded after the first picture.
   if (store.state.hasKeys) await persist(() => listen(page));
   const way = new WayFinder({
     askState: () => ask('GET', 'api/state', undefined, WHY_MS),
-    isOnline: () => store.state.isLocal || navigator.onLine !== false, // a computer's own page needs no network
+    isOnline: () => store.state.isLocal || navigator.onLine !== false, // a page on the robot's computer needs no network
     nowMs: () => performance.now(),
     tell: (found) => store.set({ way: found }),
   });
@@ -63,11 +64,11 @@ async function start() {
   for (const part of parts) part.start?.(page);
   first?.up();
   connection.begin(/** @type {any} */ (document.querySelector('video-view')).ready);
-  // A robot that does not know where it is has no map. Which one that is, its first picture tells.
+  // A robot that does not know its pose has no map; its first state with a picture shows which it is.
   store.watch(['robot'], ({ robot }) => {
     if (robot) document.body.classList.toggle('mapless', robot.frame !== null && !robot.pose);
   });
-  // What is not needed for the first picture comes after it.
+  // Load everything that the first picture does not need after the first picture.
   const unwatch = store.watch(['frame'], ({ frame }) => {
     if (frame === null) return;
     unwatch();
@@ -92,7 +93,7 @@ async function addTheRest(page) {
   /** @type {any} */ (document.querySelector('drive-map')).start(page);
   for (const part of parts) part.startLater?.(page);
   try {
-    // Without it, or where it is forbidden, only the shell without a robot is lost.
+    // Without a service worker, only the page's shell without a robot is missing.
     if (isSecureContext) await navigator.serviceWorker?.register('sw.js');
   } catch {}
 }

@@ -1,4 +1,4 @@
-// What the robot's face shows: whether it listens, knows its way, does not, or is proud. Pure.
+// The mood on the robot's face: it listens, is sure, is unsure, or is proud. Pure.
 
 import { whoDrives } from './advice.js';
 

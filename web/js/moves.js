@@ -13,7 +13,7 @@ const LAST = 3;
 /** @type {Map<string, Move>} */
 const known = new Map();
 
-/** Apply a driver's declaration; the page's own texts are used for what it leaves out. @param {Move[]} moves */
+/** Apply a driver's declaration; the page's texts are used for missing labels. @param {Move[]} moves */
 export function declare(moves) {
   for (const move of moves) {
     known.set(move.name, move);
@@ -29,19 +29,18 @@ export function pointOf(move) {
   return steering === null || throttle === null ? null : { steering, throttle };
 }
 
-/** True for a move that has no place of its own on the pad. @param {string} move */
+/** True for a move without a fixed place on the pad. @param {string} move */
 export const isOwn = (move) => !CLASSIC.includes(move);
 
-/** Left before forward before right, as on the floor; a steered move by its angle. @param {string[]} moves */
+/** Sort moves from left over forward to right; moves with steering by their angle. @param {string[]} moves */
 export function byPlace(moves) {
   return [...moves].sort((a, b) => place(a) - place(b));
 }
 
 /**
- * Three columns for many moves: what steers left in the left one, what steers right in the right one.
- * Null if a move has no declared steering.
- * @param {string[]} moves
- * @returns {{rows: number, areas: Map<string, string>} | null} areas of the grid, by move
+ * Three columns for many moves: moves to the left in the left column, moves to the right in the right column.
+ * Null if a move has no declared steering. @param {string[]} moves @returns {{rows: number, areas:
+ * Map<string, string>} | null} areas of the grid, by move
  */
 export function inColumns(moves) {
   if (moves.some((move) => place(move) === LAST)) return null;

@@ -1,4 +1,4 @@
-// A scale of steering with a needle for what is taught, what the robot would do, and what is driven.
+// A scale of steering with needles for the taught, the proposed and the driven steering.
 
 import { h } from './dom.js';
 import { t } from './i18n.js';
@@ -7,7 +7,7 @@ import { t } from './i18n.js';
  * @typedef {object} Needles  steering, from -1 (left) to 1
  * @property {number | null} [taught]  by the pilot
  * @property {number | null} [proposed]  by the robot
- * @property {number} [spread]  standard deviation of what it proposes
+ * @property {number} [spread]  standard deviation of the proposed steering
  * @property {number | null} [driven]
  */
 

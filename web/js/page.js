@@ -11,9 +11,9 @@ const CURVE_POINTS = 160;
 const NOTICE_MS = 3500;
 const TOAST_MS = 8000;
 const HINT_MS = 20_000;
-const SLOW_PHONE_MS = 15; // heartbeats so late, as a rule, are those of a slow phone
+const SLOW_PHONE_MS = 15; // an average delay of heartbeats that means a slow phone
 const SLOW_STATE_MS = 300;
-/** @type {Record<string, string>} events that are a sentence */
+/** @type {Record<string, string>} events that are shown as a sentence */
 const TOLD = { model_not_saved: 'not_saved', set_aside: 'set_aside', put_back: 'put_back', nothing_kept: 'nothing_kept', kept_again: 'kept_again', recording_off: 'recording_off', check_battery: 'check_battery' };
 const SHOWING = ['drive', 'gallery', 'why']; // screens with the robot's picture
 
@@ -35,21 +35,21 @@ export class Page {
     this.helm = new Helm(connection, () => this.lookingAt());
     this.curveLessons = 0;
     this.curveInOrder = inOrder();
-    /** Another for each model, undo and visit: their images bear the same numbers. */
+    /** A new number for each model, undo and visit, because images of different eras have equal numbers. */
     this.era = Math.round(performance.timeOrigin);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.noticeTimer = undefined;
     /** @type {Promise<unknown>} the last stop by request */
     this.stopping = Promise.resolve();
-    /** A STOP was pressed, and nothing has shown yet that the robot obeyed. */
+    /** True after a STOP until the robot confirms it. */
     this.isStopping = false;
     this.isReleasing = false;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.toastTimer = undefined;
-    /** @type {ReturnType<typeof setTimeout> | undefined} asks elsewhere for a stop that is not answered */
+    /** @type {ReturnType<typeof setTimeout> | undefined} sends an unconfirmed stop another way */
     this.stopTimer = undefined;
     this.shownGist = '';
-    /** Which devices body and camera are, where they were found by searching; by the stop that their fault causes.
+    /** The devices of body and camera, if a search found them, by the stop reason of their fault.
      * @type {Record<string, string | undefined>} */
     this.devices = {};
     this.drawingMs = 0;
@@ -112,10 +112,10 @@ export class Page {
 
   /** @param {{role: 'pilot' | 'viewer', robot: string, moves: string[], declared_moves?: import('./moves.js').Move[], takes_points?: boolean, device?: string, camera_device?: string}} hello */
   greet(hello) {
-    if (this.isStopping) this.connection.say('stop'); // a request may wait behind what the dead link still holds
+    if (this.isStopping) this.connection.say('stop'); // a request may wait behind data of the dead link
     declare(hello.declared_moves ?? []);
     const [before, device] = [this.devices.drive_fault, hello.device];
-    // After a restart it may be another one of the same name.
+    // After a restart it may be another device of the same name.
     if (device && device !== before) this.toast(t(before ? 'device_other' : 'device_now', { device, before: before ?? '' }));
     this.devices = { drive_fault: device ?? before, camera_fault: hello.camera_device };
     this.beginEra();
@@ -123,7 +123,7 @@ export class Page {
     this.followPreferences();
   }
 
-  /** Whether this pilot steers this robot by a thumb stick. */
+  /** Apply this pilot's choice of a thumb stick for this robot. */
   followPreferences() {
     const { takesPoints, robotName } = this.store.state;
     const hasStick = takesPoints && this.preferences.stickFor(robotName);
@@ -145,7 +145,7 @@ export class Page {
     if (device) this.toast(t('device_back', { device }));
     const hasGotIt = before && !before.you_are_pilot && before.pilot !== null && robot.you_are_pilot;
     store.set({
-      link: 'open', // not before: what is known from an earlier link may be over
+      link: 'open', // only now, because the state of an earlier link may be outdated
       robot,
       pictureAgeMs: this.lastAgeMs,
       drawnAgeMs: this.drawnAgeMs,
@@ -158,25 +158,25 @@ export class Page {
       wheelAsked: robot.you_are_pilot && robot.wheel_asked === true,
       ...(robot.you_are_pilot ? { wheelWaiting: false } : {}),
     });
-    // After the state is shown: the proposal in it may still be that of the model before.
+    // After the state is shown, because its proposal may still be the previous model's.
     if (before && (robot.lessons < before.lessons || (robot.mode === 'stopped' && robot.lessons !== before.lessons))) this.beginEra();
     this.followHint(robot);
     this.drawCurve(robot);
     this.wakeLock.want(robot.mode !== 'stopped');
   }
 
-  /** What was learned is another than before, and not by teaching. */
+  /** Begin a new era: the learned images have changed, but not by teaching. */
   beginEra() {
     this.era += 1;
     this.refreshCurve();
   }
 
-  /** Where a learned image is had; the browser keeps it as long as its stamp is the same. @param {number} node @param {string} stamp */
+  /** The address of a learned image; the browser caches it while its stamp is the same. @param {number} node @param {string} stamp */
   imageOf(node, stamp) {
     return `api/gallery/${node}.png?v=${this.era}.${stamp}`;
   }
 
-  /** A slow phone shows fewer states, so that heartbeats and fingers get their time. @param {RobotState} robot */
+  /** A slow phone shows fewer states, to leave time for heartbeats and touches. @param {RobotState} robot */
   isWorthShowing(robot) {
     const nowMs = performance.now();
     const { mode, driven_by, action, stop_reason, emergency, you_are_pilot, fault, link } = robot;
@@ -188,7 +188,7 @@ export class Page {
     return true;
   }
 
-  /** Begin the curve with what was taught before this page came. */
+  /** Begin the curve with the examples taught before this page was opened. */
   async refreshCurve() {
     const teaching = await this.curveInOrder(ask('GET', 'api/teaching'));
     if (!teaching) return;
@@ -225,14 +225,14 @@ export class Page {
     this.noticeTimer = setTimeout(() => this.store.set({ notice: null }), NOTICE_MS);
   }
 
-  /** Show a notice on any screen, with one action. @param {string} text @param {{label: string, act: () => void} | null} [step] @param {number} [ms]  Infinity: until the next one */
+  /** Show a notice on any screen, with one action. @param {string} text @param {{label: string, act: () => void} | null} [step] @param {number} [ms]  Infinity: until the next toast */
   toast(text, step = null, ms = TOAST_MS) {
     clearTimeout(this.toastTimer);
     this.store.set({ toast: { text, step } });
     if (ms < Infinity) this.toastTimer = setTimeout(() => this.store.set({ toast: null }), ms);
   }
 
-  /** Say that what was just done is not on the disk, after what is said of it already. */
+  /** Report that the last change was not saved, after the message about the change. */
   tellNotKept() {
     const { toast } = this.store.state;
     const text = t('done_not_kept');
@@ -263,21 +263,21 @@ export class Page {
     if (this.preferences.vibrate) navigator.vibrate?.([60, 40, 60]);
   }
 
-  /** A state shows the stop: no other way is needed, and who releases it is not stopped again. */
+  /** A state confirms the stop: end the requests, so that none of them stops the robot after a release. */
   endStop() {
     this.isStopping = false;
     clearTimeout(this.stopTimer);
     this.stopTimer = undefined;
   }
 
-  /** The websocket is away or slow: stop by requests of its own, until one reaches the robot. */
+  /** The websocket is lost or slow: stop by separate requests, until one reaches the robot. */
   stopElsewhere() {
     clearTimeout(this.stopTimer);
     this.stopTimer = undefined;
     this.stopping = askToStop(() => this.isStopping).then((isHeard) => isHeard && this.endStop());
   }
 
-  /** Release the emergency stop once no request of ours is left that would latch it again, and if no STOP came meanwhile. */
+  /** Release the emergency stop once no request of ours can latch it again, unless STOP was pressed meanwhile. */
   async release() {
     this.endStop();
     this.isReleasing = true;
@@ -307,14 +307,14 @@ export class Page {
     this.connection.say(/** @type {'take' | 'yield'} */ (step));
   }
 
-  /** Show the hint about what is happening now; one whose moment is over is not shown again. @param {RobotState} robot */
+  /** Show the hint for the current moment; a hint whose moment is over is not shown again. @param {RobotState} robot */
   followHint(robot) {
     const { hint } = this.store.state;
     const now = hintNow(robot, this.preferences.hintsShown);
     if (hint && hint !== now) this.endHint();
     else if (hint !== now) {
       this.store.set({ hint: now });
-      // Who drives has no finger to put it away; what helps most now must come to be seen again.
+      // While driving, no finger is free to close the hint, so it closes itself and makes room for the advice.
       if (robot.mode !== 'stopped') setTimeout(() => this.store.state.hint === now && this.endHint(), HINT_MS);
     }
   }
@@ -325,7 +325,7 @@ export class Page {
     this.store.set({ hint: null });
   }
 
-  /** The video is fetched only where it is shown, and only a page that shows it may drive. */
+  /** The video is loaded only on screens that show it, and only these screens may drive. */
   followScreen() {
     const shows = SHOWING.includes(this.store.state.screen) && !document.hidden;
     if (!shows && !document.hidden) this.hide('elsewhere');
@@ -334,7 +334,7 @@ export class Page {
     if (!shows) this.looking = null;
   }
 
-  /** The picture goes out of sight: nobody supervises the robot any more. @param {'hidden' | 'elsewhere'} why */
+  /** The picture is no longer visible, so nobody supervises the robot. @param {'hidden' | 'elsewhere'} why */
   hide(why) {
     const { robot } = this.store.state;
     this.helm.releaseAll();

@@ -1,7 +1,7 @@
-// Draws the newest picture, and no more than it can: what comes while one is being drawn takes the
-// place of what still waits. A slow phone so costs pictures, and nothing queues up.
+// Draws the newest picture. A picture that arrives during drawing replaces the waiting one, so a slow phone
+// skips pictures and no queue grows.
 //
-// Used on a worker's thread, with a canvas of its own, or on the page's where there is none.
+// Used in a worker with a transferred canvas, or on the page if there is no worker.
 
 import { decode } from './picture.js';
 
@@ -28,7 +28,7 @@ export class Painter {
 
   /** Take a picture that has just arrived. @param {Picture} picture */
   take(picture) {
-    // An acknowledgement stands for all frames before it, so one that is dropped needs none.
+    // An acknowledgement covers all earlier frames, so a dropped frame needs none.
     this.owesAnswer ||= !picture.quiet;
     if (this.waiting) this.dropped += 1;
     this.waiting = { picture, arrivedMs: this.around.nowMs() };
@@ -44,7 +44,7 @@ export class Painter {
       this.owesAnswer = false;
       const bitmap = await this.around.decode(picture).catch(() => null);
       if (bitmap) this.draw(bitmap);
-      // A broken picture is acknowledged as well, or the next would never come.
+      // A broken picture is acknowledged too, because otherwise the next would never come.
       if (owesAnswer) this.around.acknowledge(picture.frameId);
       if (bitmap) this.around.shown({ frame: picture.frameId, capturedMs: picture.capturedMs, arrivedMs, nonce: picture.nonce ?? 0 });
     }
@@ -56,7 +56,7 @@ export class Painter {
     const { canvas } = this;
     if (canvas.width !== bitmap.width) canvas.width = bitmap.width;
     if (canvas.height !== bitmap.height) canvas.height = bitmap.height;
-    // Asked for once: of a canvas that another thread made, Firefox gives its context only once.
+    // Requested once, because Firefox returns the context of a transferred canvas only once.
     this.context ??= canvas.getContext('2d');
     this.context?.drawImage(bitmap, 0, 0);
     if ('close' in bitmap) bitmap.close();

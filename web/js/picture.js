@@ -1,4 +1,4 @@
-// From a frame's bytes to something that a canvas draws.
+// Converts a frame's bytes to an object that a canvas can draw.
 
 /** @typedef {import('./protocol.js').Picture} Picture */
 
@@ -52,7 +52,7 @@ export function rgbToRgba({ data, width, height }) {
   return rgba;
 }
 
-/** BT.601, as USB cameras give it. @param {Picture} picture */
+/** Convert YUYV to RGBA by BT.601, like USB cameras. @param {Picture} picture */
 export function yuyvToRgba({ data, width, height }) {
   const rgba = new Uint8ClampedArray(width * height * 4).fill(255);
   for (let i = 0, to = 0; to < rgba.length; i += 2, to += 4) {

@@ -3,21 +3,18 @@
 import { pointOf } from './moves.js';
 
 /** @typedef {{steering: number, throttle: number}} Point */
-/** @typedef {{ahead: number, back: number}} Reach  the most throttle; back is 0 where there is no reverse */
+/** @typedef {{ahead: number, back: number}} Reach  the maximum throttle; back is 0 without a reverse */
 
-/** Less than this share of a stick's way is a thumb that rests. */
+/** Share of a stick's travel below which the thumb rests. */
 export const REST = 0.15;
-const ASIDE = 0.06; // so little of its way is straight on
-const BACK_DEG = 115; // well below the middle: a thumb at one side never tips over into reverse
+const ASIDE = 0.06; // share of the travel within which the stick points straight on
+const BACK_DEG = 115; // well below the middle, so that a thumb at one side never changes to reverse
 const TURNS_BEYOND = 0.2;
 
 /**
- * A stick pushed ahead or aside drives, the faster the further, and steers as far as it is aside; one that
- * is pulled back reverses, where the robot can.
- * @param {number} x  to the right, a share of its way
- * @param {number} y  ahead
- * @param {Reach} reach
- * @returns {Point | null} null at rest
+ * A stick pushed ahead or aside drives faster the further it is pushed, and steers in proportion to its
+ * sideways share. Pulled back, it reverses if the robot can. @param {number} x  to the right, as a share of
+ * the travel @param {number} y  ahead @param {Reach} reach @returns {Point | null} null at rest
  */
 export function fromStick(x, y, { ahead, back }) {
   const far = Math.hypot(x, y);
@@ -27,18 +24,18 @@ export function fromStick(x, y, { ahead, back }) {
   return { steering: beyond((x / far) * push, ASIDE), throttle: isBack ? -back * push : ahead * push };
 }
 
-/** The share of a way from its dead zone on. @param {number} way @param {number} dead */
+/** The share of the travel beyond the dead zone. @param {number} way @param {number} dead */
 export function beyond(way, dead) {
   return (Math.sign(way) * Math.max(0, Math.abs(way) - dead)) / (1 - dead);
 }
 
-/** Nobody drives faster by degrees than the robot's moves do. @param {readonly string[]} moves @returns {Reach} */
+/** The limits of throttle by degrees: the greatest throttle of the robot's moves. @param {readonly string[]} moves @returns {Reach} */
 export function reachOf(moves) {
   const most = (/** @type {number} */ way) => Math.max(0, ...moves.map((move) => way * (pointOf(move)?.throttle ?? 0)));
   return { ahead: most(1), back: most(-1) };
 }
 
-/** The move that a point counts as; mirrors `move_at` in robot/driver.py. @param {Point} point @param {readonly string[]} moves @returns {string | null} */
+/** The move nearest to a point, like `move_at` in robot/driver.py. @param {Point} point @param {readonly string[]} moves @returns {string | null} */
 export function moveOf({ steering, throttle }, moves) {
   const way = Math.sign(throttle);
   const goes = moves.filter((move) => Math.sign(pointOf(move)?.throttle ?? NaN) === way);

@@ -1,4 +1,4 @@
-// The wire, mirrored from server/protocol.py. Pure; described in docs/reference/protocol.md.
+// The messages, the counterpart of server/protocol.py. Pure; described in docs/reference/protocol.md.
 
 export const PROTOCOL_VERSION = 1;
 const FRAME_HEADER_BYTES = 24;
@@ -19,16 +19,16 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {number} width
  * @property {number} height
  * @property {Uint8Array} data
- * @property {boolean} [quiet]  need not be acknowledged: a later frame stands for it
- * @property {number} [nonce]  goes back with the next command, as proof that it was sent later
+ * @property {boolean} [quiet]  need not be acknowledged, because a later frame's acknowledgement covers it
+ * @property {number} [nonce]  returned with the next command, as proof that the command was sent later
  */
 /**
  * The fields of a command that name the frame on the screen and prove when it was seen.
  * @typedef {object} Sight
  * @property {number | null} frame  id of the frame on the screen
  * @property {number | null} [nonce]  the newest that was received
- * @property {number | null} [frameAgeMs]  how old that frame is
- * @property {number | null} [phoneMs]  how much of that it has spent on this phone
+ * @property {number | null} [frameAgeMs]  the age of the frame
+ * @property {number | null} [phoneMs]  the part of this age spent on this phone
  */
 /**
  * @typedef {object} Prediction
@@ -39,8 +39,8 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {Record<string, number>} probabilities
  * @property {number | null} node
  * @property {number} distance
- * @property {import('./points.js').Point | null} [point]  where it would steer, on a robot that takes degrees
- * @property {number | null} [spread]  standard deviation of that steering
+ * @property {import('./points.js').Point | null} [point]  the proposed steering, on a robot that accepts degrees
+ * @property {number | null} [spread]  standard deviation of this steering
  */
 /**
  * What the robot does and sees; the fields of a `state` message.
@@ -49,11 +49,11 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {Mode} mode
  * @property {'nobody' | 'pilot' | 'robot'} driven_by
  * @property {string} action
- * @property {import('./points.js').Point | null} [point]  what is driven by degrees
+ * @property {import('./points.js').Point | null} [point]  the driven point, if driven by degrees
  * @property {number} speed_scale
  * @property {string | null} stop_reason
  * @property {boolean} emergency
- * @property {string | null} [stop_held_by]  the role that stopped it, if only that role releases it
+ * @property {string | null} [stop_held_by]  the role that stopped it, if only this role can release it
  * @property {boolean} asks_pilot
  * @property {string | null} fault
  * @property {string | null} pilot
@@ -84,7 +84,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {{x_m: number, y_m: number, heading_rad: number, is_estimate?: boolean} | null} pose
  */
 
-/** A message that is none of the protocol's; `code` is one of the protocol's error codes. */
+/** A message that violates the protocol; `code` is one of the protocol's error codes. */
 export class ProtocolError extends Error {
   /** @param {string} code @param {string} message */
   constructor(code, message) {
@@ -161,7 +161,7 @@ export function parseAcknowledgement(message) {
 }
 
 /**
- * What is held now and which frame is on the screen: command and heartbeat in one.
+ * The held move and the frame on the screen: command and heartbeat in one.
  * @param {{held: string | null, seq: number, steering?: number, throttle?: number} & Sight} command
  */
 export function encodeDrive({ held, steering, throttle, frame, seq, nonce, frameAgeMs, phoneMs }) {
@@ -171,7 +171,7 @@ export function encodeDrive({ held, steering, throttle, frame, seq, nonce, frame
   });
 }
 
-/** The explicit start after any stop, or the wish to stop. @param {Mode} mode @param {number} seq @param {Sight} [sight] */
+/** An explicit start, also after a stop, or a request to stop. @param {Mode} mode @param {number} seq @param {Sight} [sight] */
 export function encodeMode(mode, seq, { frame, nonce } = { frame: null }) {
   return JSON.stringify({ type: 'mode', mode, seq, frame: frame ?? undefined, nonce: nonce ?? undefined });
 }

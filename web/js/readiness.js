@@ -1,6 +1,6 @@
-// Is the robot ready to drive alone, and what is missing? The robot tells (docs/reference/http.md);
-// here it is asked while somebody looks, and said in sentences. Asking is frugal: no pictures, and
-// only while something changes.
+// Is the robot ready to drive alone, and what is missing? The robot decides (docs/reference/http.md); this
+// module requests the readiness while the page is visible, and puts it into sentences. Requests are cheap:
+// without pictures, and only while something changes.
 
 import { setbackOf } from './advice.js';
 import { ask } from './api.js';
@@ -23,7 +23,7 @@ export function askReadiness(pictures) {
   return ask('GET', `api/teaching/readiness?pictures=${pictures}`).catch(() => null);
 }
 
-/** Keep the store's `readiness` up to date while the drive screen is in sight. @param {import('./store.js').Store} store */
+/** Keep the store's `readiness` up to date while the drive screen is visible. @param {import('./store.js').Store} store */
 export function followReadiness(store) {
   let told = '';
   /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -42,12 +42,12 @@ export function followReadiness(store) {
     clearTimeout(forget);
     forget = setTimeout(() => store.set({ setback: null }), SETBACK_MS);
   };
-  /** Once it is answered: on a slow link questions would pile up, and come back in any order. */
+  /** Continue only after the answer, because on a slow link requests would pile up, and be answered in any order. */
   const goOn = () => setTimeout(() => look().finally(goOn), ASK_MS);
   goOn();
 }
 
-/** What is missing, as a sentence. @param {Gap} gap */
+/** A gap as a sentence. @param {Gap} gap */
 export function tellGap({ kind, move, instead, have, need, distance_m: far }) {
   const sentence = t(`gap.${kind}`, {
     move: move ? t(`move.${move}`) : '', moves: move ? t(`moves.${move}`) : '',
@@ -56,7 +56,7 @@ export function tellGap({ kind, move, instead, have, need, distance_m: far }) {
   return far === null ? sentence : `${sentence} ${t('gap.far', { cm: Math.round(far * 100) })}`;
 }
 
-/** How far it has come, as a sentence. @param {Readiness} readiness */
+/** The stage as a sentence. @param {Readiness} readiness */
 export function tellStage({ stage, alone_s: alone, alone_needed_s: needed, unknown_share: unknown }) {
   return t(`ready.${stage}`, { alone: Math.floor(alone), needed, left: Math.max(1, Math.ceil(needed - alone)), unknown: percent(unknown) });
 }

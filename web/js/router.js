@@ -1,4 +1,4 @@
-// Which screen is shown: the part of the address after #. Screens are loaded when first opened.
+// Shows the screen named after # in the address. Screens are loaded when first opened.
 
 import { ask } from './api.js';
 import { h } from './dom.js';
@@ -24,13 +24,13 @@ export class Router {
     this.show();
   }
 
-  /** @param {number} [failures]  how often its file did not come */
+  /** @param {number} [failures]  number of failed loads of its file */
   async show(failures = 0) {
     const wanted = location.hash.slice(1);
     const added = partScreens()[wanted];
     const screen = added || SCREENS.includes(wanted) ? wanted : 'drive';
     const { page, drive, other } = this;
-    const turn = (this.turn += 1); // who comes back while a screen is loaded gets it once
+    const turn = (this.turn += 1); // so that a screen is shown only once if it is opened again while loading
     page.helm.releaseAll();
     page.store.set({ screen, notice: null });
     document.body.dataset.screen = screen;
@@ -47,7 +47,7 @@ export class Router {
     if (turn !== this.turn) return;
     if (!isThere) {
       other.append(alert);
-      // A robot that answers, but has not what this page asks for, was updated: it has a newer page.
+      // A robot that answers but lacks the page's file was updated, so it has a newer page.
       const renew = () => alert.isConnected && page.store.state.robot?.mode === 'stopped' && location.reload();
       if (failures) ask('GET', 'healthz').then(renew, () => {});
       setTimeout(() => turn === this.turn && this.show(failures + 1), AGAIN_MS);

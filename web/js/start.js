@@ -1,19 +1,19 @@
-// A finger's request for a mode, from the tap until the robot is in it.
+// A tap's request for a mode, until the robot is in this mode.
 //
 // A start proves that it is fresh (docs/reference/protocol.md, "Freshness"). Right after connecting, and
-// after a pause, the page may have nothing to prove it with, or only what is too old by now. Then it
-// waits for the next picture and asks with that, as long as the tap is young: nobody has to tap twice,
-// and nothing starts that the person no longer expects.
+// after a pause, the page may have no proof, or only one that is too old. Then it waits for the next picture
+// and sends the request with that picture's nonce, while the tap is young. So nobody has to tap twice, and
+// nothing starts that the person no longer expects.
 
 import { encodeMode } from './protocol.js';
 
-/** How old a tap may be when it is asked again. */
+/** Maximum age of a tap whose request is repeated. */
 export const YOUNG_MS = 1000;
 const NOT_PROVEN = ['stale', 'no_picture', 'unknown_frame'];
 
 /** @typedef {import('./protocol.js').Mode} Mode */
 
-/** Events: `failed`, when a request could not be proven while the tap was young. */
+/** Events: `failed`, if a request could not be proven while the tap was young. */
 export class Start extends EventTarget {
   /**
    * @param {{send: (text: string) => boolean, nextSeq: () => number}} connection
@@ -32,7 +32,7 @@ export class Start extends EventTarget {
   /** @param {Mode} mode */
   ask(mode) {
     this.tap = null;
-    if (mode === 'stopped') { // needs no proof, and waits for nothing
+    if (mode === 'stopped') { // needs no proof, so it is sent at once
       this.connection.send(encodeMode(mode, this.connection.nextSeq(), this.lookingAt()));
       return;
     }
@@ -40,17 +40,17 @@ export class Start extends EventTarget {
     this.go();
   }
 
-  /** Something else came between: a stop, another pilot, a lost link. */
+  /** Drop the tap after a stop, a change of pilot, or a lost link. */
   forget() {
     this.tap = null;
   }
 
-  /** Ask if there is something to prove it with: called whenever there may be. */
+  /** Send the request if there is a proof; called whenever there may be one. */
   go() {
     const { tap } = this;
     if (!tap) return;
     const isYoung = this.nowMs() - tap.tappedMs <= YOUNG_MS;
-    if (tap.seq !== null) { // under way: what became of it is seen in the state
+    if (tap.seq !== null) { // under way; the state shows its result
       if (!isYoung) this.tap = null;
       return;
     }

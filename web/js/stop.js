@@ -1,8 +1,8 @@
-// The emergency stop: it lies in the browser's top layer, above all else, and is felt wherever a
-// finger comes upon it: pressed there or slid there, captured by another element or not.
+// The emergency stop: it is in the browser's top layer, above everything else. It reacts to any finger on it,
+// whether pressed there or slid there, captured by another element or not.
 //
-// Each button keeps a place in the page's layout and is laid exactly over it. What is pressed is
-// decided by geometry, before any element gets the event, so nothing can lie in between.
+// Each button has a placeholder in the page's layout and is positioned exactly over it. A press is decided by
+// geometry, before any element gets the event, so no element can intercept it.
 
 import { h } from './dom.js';
 
@@ -17,8 +17,8 @@ let act = null;
 let pressedMs = -Infinity;
 
 /**
- * Make a stop button and its place in the layout; both belong into the page, side by side.
- * @param {() => void} press  what stops the robot
+ * Make a stop button and its placeholder in the layout; insert both into the page, side by side.
+ * @param {() => void} press  stops the robot
  * @param {string} kind  more classes, such as `small`
  * @param {...(Node | string)} label
  * @returns {[HTMLElement, HTMLElement]} place and button
@@ -33,7 +33,7 @@ export function makeStop(press, kind, ...label) {
   return [place, button];
 }
 
-/** Lay each button over its place; one whose place is not shown is not shown either. */
+/** Position each button over its placeholder; a button with a hidden placeholder is hidden too. */
 export function layStops() {
   for (const stop of stops) {
     const box = stop.place.getBoundingClientRect();
@@ -53,7 +53,7 @@ export function layStops() {
 
 /** @param {HTMLElement} button @param {boolean} isShown */
 function raise(button, isShown) {
-  if (!button.showPopover || !button.isConnected) return; // without a top layer z-index has to do
+  if (!button.showPopover || !button.isConnected) return; // without a top layer, z-index must suffice
   if (isShown !== button.matches(':popover-open')) isShown ? button.showPopover() : button.hidePopover();
 }
 
@@ -68,13 +68,13 @@ function listen() {
   const early = { capture: true, passive: true };
   addEventListener('pointerdown', feel, early);
   addEventListener('pointermove', (event) => event.buttons & 1 && feel(event), early);
-  // A finger that the browser takes for scrolling sends no more pointer events, but touches.
+  // A finger that the browser uses for scrolling sends no more pointer events, but touch events.
   for (const type of /** @type {const} */ (['touchstart', 'touchmove'])) {
     addEventListener(type, ({ changedTouches }) => [...changedTouches].forEach((touch) => isUpon(touch) && pressed()), early);
   }
 }
 
-/** Something else came into the top layer: lie above it again. @param {Event} event */
+/** Move to the top again after another element entered the top layer. @param {Event} event */
 function comeBack(event) {
   if (stops.some(({ button }) => button === event.target)) return;
   for (const { button, box } of stops) {

@@ -1,8 +1,8 @@
-// Receives, decodes, draws and acknowledges pictures away from the page's main thread, which keeps
-// its time for fingers and for the heartbeat.
+// Receives, decodes, draws and acknowledges pictures off the page's main thread, which so has time for
+// touches and for the heartbeat.
 //
-// The page posts `{canvas, originMs}` once, then `{open: url}` or `{close: true}`; it is told
-// `'ready'`, `{shown}` for each picture that was drawn, and `{closed: true}` when the socket ends.
+// The page posts `{canvas, originMs}` once, then `{open: url}` or `{close: true}`; it receives `'ready'`,
+// `{shown}` for each drawn picture, and `{closed: true}` when the socket ends.
 
 import { Painter } from './painter.js';
 import { encodeAcknowledgement, parsePicture } from './protocol.js';
@@ -12,7 +12,7 @@ const page = /** @type {any} */ (self);
 let socket = null;
 /** @type {Painter | null} */
 let painter = null;
-let aheadMs = 0; // of this thread's clock before the page's
+let aheadMs = 0; // by which this thread's clock is ahead of the page's
 
 page.onmessage = (/** @type {MessageEvent} */ { data }) => {
   if (data.canvas) {

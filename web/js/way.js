@@ -1,33 +1,33 @@
-// Why there is no link: what answers plain requests while the websockets do not open. A robot that cannot be
-// asked is never said to stand: it may be driven by somebody else.
+// Finds out why there is no link, from the answers to plain requests while the websockets do not open. The
+// page never claims that an unreachable robot stands, because somebody else may drive it.
 
-/** Connections that are cut this soon, again and again, are cut by something on the way. */
+/** Connections that repeatedly end within this time are cut by the network. */
 const CUT_MS = 20_000;
 const CUTS = 3;
-/** So are those that do not open. */
+/** Number of connections in a row that did not open, after which the network is blamed. */
 const UNOPENED = 2;
 const PICTURE_MS = 500;
 
 /**
  * @typedef {object} Way
  * @property {'checking' | 'silent' | 'offline' | 'gateway' | 'foreign' | 'full' | 'blocked' | 'cut' | 'starting' | 'refused'} kind
- * @property {'stands' | 'driven' | 'alone' | 'unknown'} robot  what it does, as it said itself by request
- * @property {string} [words]  its own, where it refuses
+ * @property {'stands' | 'driven' | 'alone' | 'unknown'} robot  the robot's activity, from its answer to a request
+ * @property {string} [words]  the robot's sentence, if it refuses
  */
 
-/** What an answer to a plain request says the robot does. @param {any} answer @returns {Way['robot']} */
+/** The robot's activity in an answer to a plain request. @param {any} answer @returns {Way['robot']} */
 export function doingOf(answer) {
   if (answer.mode === 'stopped') return 'stands';
   return answer.driven_by === 'robot' ? 'alone' : 'driven';
 }
 
-/** Whether this is an answer of a robot, and not of whatever else stands in its place. @param {any} answer */
+/** True if this is a robot's answer, not that of another server at its address. @param {any} answer */
 const isRobots = (answer) => typeof answer?.mode === 'string' && typeof answer.driven_by === 'string';
 
 /**
- * Finds the way out by asking on each lost connection.
+ * Finds the reason by a request after each lost connection.
  * @typedef {object} WayParts
- * @property {() => Promise<any>} askState  rejects with a `status` if something refused it
+ * @property {() => Promise<any>} askState  rejects with a `status` if it was refused
  * @property {() => boolean} isOnline
  * @property {() => number} nowMs
  * @property {(way: Way | null) => void} tell
@@ -39,14 +39,14 @@ export class WayFinder {
     this.isAsking = false;
     this.isOpen = false;
     this.openedMs = -Infinity;
-    /** How the connection was lost last: soon after it opened, later, or before; null once it is counted.
+    /** When the last connection was lost: soon after it opened, later, or before; null once it is counted.
      * @type {'cut' | 'ended' | 'unopened' | null} */
     this.loss = null;
-    /** How many connections in a row were cut, and did not open, while the robot answered requests. */
+    /** Numbers of connections in a row that were cut, and that did not open, while the robot answered requests. */
     this.cuts = 0;
     this.unopened = 0;
     this.era = 0;
-    /** How many requests in a row got no answer: one may be late on a busy machine. */
+    /** Number of requests in a row without an answer; one may be late on a busy machine. */
     this.silences = 0;
     /** @type {Way | null} */
     this.told = null;
@@ -65,7 +65,7 @@ export class WayFinder {
     this.tell(null);
   }
 
-  /** What was said of the robot is asked again, once a second: somebody may have started it since. */
+  /** Request the robot's activity again, once a second, because somebody may have started it since. */
   async again() {
     if (this.told?.kind === 'blocked' || this.told?.kind === 'cut') await this.look();
   }
@@ -77,7 +77,7 @@ export class WayFinder {
     await this.look();
   }
 
-  /** The robot answers requests: what of it is the network's doing shows only when it happens again. */
+  /** The robot answers requests, so count the losses: only repeated losses are blamed on the network. */
   count() {
     const { loss } = this;
     this.loss = null;
@@ -107,7 +107,7 @@ export class WayFinder {
       if (!isRobots(answer)) return { kind: 'foreign', robot: 'unknown' };
       return { kind: answer.is_full ? 'full' : this.count(), robot: doingOf(answer) };
     } catch (error) {
-      this.cuts = this.unopened = 0; // the robot itself was away, or the whole way
+      this.cuts = this.unopened = 0; // the robot or the whole network was away
       this.loss = null;
       const { status, robot, message } = /** @type {{status?: number, robot?: string, message: string}} */ (error);
       this.silences = status === undefined ? this.silences + 1 : 0;
@@ -119,7 +119,7 @@ export class WayFinder {
   }
 }
 
-/** Shows pictures one by one, by requests, as long as the image is on the page. @param {HTMLImageElement} image */
+/** Shows pictures by requests, one by one, while the image is on the page. @param {HTMLImageElement} image */
 export function watchByRequests(image) {
   const next = () => {
     if (image.isConnected) image.src = `picture.jpg?${Date.now()}`;

@@ -1,7 +1,7 @@
-// A game controller: the cross or the left stick drives, the second button (B, circle) stops. Where
-// the robot takes degrees, the stick steers by them, and the triggers, if one is pulled, are the throttle.
-// A pad whose layout the browser does not know drives once a person has shown its directions. Of several
-// pads, the one that was touched last drives.
+// A game controller: the cross or the left stick drives, the second button (B, circle) stops. If the robot
+// accepts degrees, the stick steers by degrees, and a pulled trigger sets the throttle. A pad with a layout
+// that the browser does not know drives once a person has shown its directions. Of several pads, the last
+// touched one drives.
 
 import { REST, beyond, fromStick } from '../points.js';
 import { DIRECTIONS, PULLED, PadChoice, RestedPad, valuesOf } from './pad-rest.js';
@@ -13,7 +13,7 @@ const BACK = 6;
 const CROSS = { 12: 'forward', 13: 'backward', 14: 'left', 15: 'right' };
 
 /**
- * What a controller asks for; the stick must come well back before it counts as let go.
+ * The move that a controller requests; the stick must come well back before it counts as released.
  * @param {{buttons: readonly {pressed: boolean}[], axes: readonly number[]}} pad
  * @param {string | null} before  what it asked for last
  * @returns {string | null}
@@ -30,7 +30,7 @@ export function readGamepad(pad, before) {
 }
 
 /**
- * What a controller asks for by degrees; null at rest.
+ * The point that a controller requests by degrees; null at rest.
  * @param {{buttons: readonly {pressed: boolean, value: number}[], axes: readonly number[]}} pad
  * @param {import('../points.js').Reach} reach
  */
@@ -41,21 +41,21 @@ export function readStick({ buttons, axes: [x = 0, y = 0] }, reach) {
   return throttle ? { steering: beyond(x, REST), throttle } : null;
 }
 
-/** The browser does not know where this pad's sticks and buttons lie. @param {{mapping?: string}} pad */
+/** True if the browser does not know this pad's layout. @param {{mapping?: string}} pad */
 const isUnknown = ({ mapping }) => mapping === '';
-/** How long a stick may lie off its middle from the start before the page says so, in milliseconds. */
+/** How long a stick may be off its middle from the start before the page reports it, in milliseconds. */
 export const UNRESTED_MS = 2000;
 
-/** A pad's name for people: without the numbers that browsers put before or behind it. @param {string} id */
+/** A pad's name for people, without the numbers that browsers add. @param {string} id */
 export const padName = (id = '') => id.replace(/\s*\([^()]*(?:Vendor|STANDARD)[^()]*\)|^[\da-f]{1,4}-[\da-f]{1,4}-/gi, '').trim().slice(0, 40) || 'Gamepad';
 
 /**
- * What the page does for pads: keeps choices, and speaks.
+ * The page's functions for pads: it stores choices and shows texts.
  * @typedef {object} PadDesk
  * @property {(id: string) => import('./pad-rest.js').Choice | null} choiceOf
  * @property {(id: string, choice: import('./pad-rest.js').Choice) => void} keep
- * @property {(name: string, begin: () => void) => void} offer  a pad of an unknown layout was touched
- * @property {(name: string, direction: string | undefined, skip: () => void) => void} ask  `rest`: let go of all; undefined: all are known
+ * @property {(name: string, begin: () => void) => void} offer  called when a pad of an unknown layout is touched
+ * @property {(name: string, direction: string | undefined, skip: () => void) => void} ask  `rest`: release everything; undefined: all directions are known
  * @property {(key: 'pad.used' | 'pad.unrested', name: string) => void} tell
  */
 
@@ -66,7 +66,7 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
   /** @type {Map<number, Followed>} */
   const followed = new Map();
   let polling = false;
-  /** @type {number | null} the pad that was touched last */
+  /** @type {number | null} the last touched pad */
   let inUse = null;
 
   /** @param {number} index */
@@ -93,7 +93,7 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
     return { id: pad.id, reading: new RestedPad(), move: null, isPushed: false, stop: false, sinceMs: performance.now(), first: null, choosing: null };
   };
 
-  /** Of a pad with an unknown layout only the stop counts, until its directions are known. @param {Gamepad} pad @param {Followed} state */
+  /** Until the directions of a pad with an unknown layout are known, only its stop counts. @param {Gamepad} pad @param {Followed} state */
   const findLayout = (pad, state) => {
     const values = valuesOf(pad);
     state.first ??= values;
@@ -135,7 +135,7 @@ export function listenToGamepads(helm, { stop, isDriving, desk }) {
     if (!isKnown) findLayout(pad, state);
     const { axes: ways, buttons } = isKnown ? state.reading.read(pad) : { axes: [], buttons: pad.buttons.map(({ pressed }, i) => ({ value: 0, pressed: pressed && i === 1 && !state.choosing })) };
     if (isKnown && performance.now() - state.sinceMs > UNRESTED_MS) {
-      state.sinceMs = Infinity; // said once
+      state.sinceMs = Infinity; // reported once
       if ([...state.reading.waiting].some((name) => !name.startsWith('button'))) desk.tell('pad.unrested', padName(pad.id));
     }
     const source = `gamepad ${index}`;

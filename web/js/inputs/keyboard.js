@@ -1,17 +1,18 @@
-// Arrows and WASD drive while held (by degrees: the longer a key, the further it steers), the figures 1 to 9 whatever the robot can, in its order.
+// Arrows and WASD drive while held. By degrees, a key steers further the longer it is held. The digits 1 to 9
+// drive the robot's moves in its order.
 //
-// Where it is unclear which key has come up, all are let go of.
+// If it is unclear which key was released, all keys count as released.
 
 import { isEnter } from './key-name.js';
 import { moveOfKey, Presses } from './keys.js';
 
 const STEP_MS = 40;
-/** Shares of full lock in a step: what a key steers further, and what comes back without one. */
+/** Shares of full lock per step: the change while a key is held, and the return without a key. */
 const OUT = 0.08;
 const BACK = 0.16;
 
 const RAMPED = ['forward', 'backward', 'left', 'right'];
-/** A key that repeats and is silent for twice its longest pause has come up unseen: at least, and at most. */
+/** A repeating key that is silent for twice its longest pause was released unseen; these are the limits of this time. */
 const [QUIET_MS, LONG_MS] = [1000, 2500];
 
 /** @param {EventTarget | null} target */
@@ -23,7 +24,7 @@ export class KeyRamp {
   /** @param {import('../helm.js').Helm} helm */
   constructor(helm) {
     this.helm = helm;
-    /** @type {Map<string, string>} the move of each key that is down */
+    /** @type {Map<string, string>} the move of each pressed key */
     this.keys = new Map();
     this.steering = 0;
     /** @type {ReturnType<typeof setInterval> | undefined} */
@@ -55,7 +56,7 @@ export class KeyRamp {
 
   step() {
     const { helm } = this;
-    if (!helm.holds.has('keys')) { // let go of by a stop, or by a page out of sight
+    if (!helm.holds.has('keys')) { // released by a stop, or by a hidden page
       this.letGo();
       return;
     }
@@ -69,17 +70,17 @@ export class KeyRamp {
   }
 }
 
-/** Notices that a key which repeats has come up without an event: a browser tells of none while a screenshot is taken, or by some window managers. */
+/** Detects that a repeating key was released without an event: browsers send none while a screenshot is taken, or with some window managers. */
 class Silence {
   /** @param {() => void} letGo */
   constructor(letGo) {
     this.letGo = letGo;
     this.newest = '';
     this.atMs = 0;
-    /** The longest pause between two events of a key that was held; 0: none has repeated yet. */
+    /** The longest pause between two events of a held key; 0: no key has repeated yet. */
     this.pauseMs = 0;
     this.isWrong = false;
-    /** @type {string | null} the key that was let go of */
+    /** @type {string | null} the key that was counted as released */
     this.missed = null;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;
@@ -101,13 +102,13 @@ class Silence {
   /** @param {string | null} press */
   over(press) {
     clearTimeout(this.timer);
-    if (press && press === this.missed) this.isWrong = true; // this keyboard does not always repeat
+    if (press && press === this.missed) this.isWrong = true; // this keyboard does not always repeat keys
   }
 }
 
 /**
  * @param {import('../helm.js').Helm} helm
- * @param {{isDriving: () => boolean}} page  `isDriving`: the pad is on the screen
+ * @param {{isDriving: () => boolean}} page  `isDriving` returns true if the pad is on the screen
  */
 export function listenToKeyboard(helm, { isDriving }) {
   const ramp = new KeyRamp(helm);
@@ -118,9 +119,9 @@ export function listenToKeyboard(helm, { isDriving }) {
   const silence = new Silence(letGo);
   addEventListener('keydown', (event) => silence.heard(presses.press(event), event.repeat), true);
   addEventListener('keydown', (event) => {
-    // A Mac tells of no other key that comes up while Meta is down; the others open a browser's menu.
+    // A Mac reports no other key's release while Meta is down; Alt and F10 open a browser's menu.
     if (['Meta', 'Alt', 'F10'].includes(event.key)) helm.releaseAll();
-    // A browser presses what has the focus by Enter, and not by a remote control's other names of it.
+    // Browsers click the focused element on Enter, but not on a remote control's other names for Enter.
     const { target } = event;
     if (isEnter(event) && event.key !== 'Enter' && !event.defaultPrevented && !event.repeat && target instanceof HTMLElement && target.matches('a, button')) target.click();
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
@@ -132,7 +133,7 @@ export function listenToKeyboard(helm, { isDriving }) {
     if (helm.hasStick && !isNth && RAMPED.includes(move)) ramp.press(press, move);
     else helm.press(`key ${press}`, move);
   });
-  /** Nor does a browser tell of keys while a menu is open, or something is dragged. @param {Event} event */
+  /** Browsers also report no keys while a menu is open or something is dragged. @param {Event} event */
   const turnAway = ({ defaultPrevented: isNone }) => {
     if (!isNone) letGo();
   };

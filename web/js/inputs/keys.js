@@ -1,7 +1,7 @@
-// The moves of keys, and which keys are down (key-name.js says what a key is and which ones stop).
+// The moves of keys, and the keys that are down (key-name.js identifies keys and stop keys).
 //
-// Letters and figures count by their place, so that each layout drives alike; an arrow also by what it
-// says, wherever it lies.
+// Letters and digits count by their position, so that all layouts drive alike; arrows also count by their
+// name, in any position.
 
 import { nameOf, placeOf } from './key-name.js';
 
@@ -20,10 +20,10 @@ const NUMPAD = 3;
 const LATIN = /^[a-z0-9]$/;
 
 /**
- * The move that a key asks for, if any.
+ * The move that a key requests, if any.
  * @param {Key} event
- * @param {readonly string[]} moves  the robot's, in its order
- * @returns {{move: string | undefined, isNth: boolean}} `isNth`: by its number in that order
+ * @param {readonly string[]} moves  the robot's moves, in its order
+ * @returns {{move: string | undefined, isNth: boolean}} `isNth`: requested by its number in this order
  */
 export function moveOfKey(event, moves) {
   const [place, name] = [placeOf(event), nameOf(event)];
@@ -33,32 +33,32 @@ export function moveOfKey(event, moves) {
   return { move: move ?? moves[nth - 1], isNth: !move };
 }
 
-/** Where a key without a place lies, by what is written on it, or in Latin letters beside it. @param {string} name @param {boolean} isOnPad */
+/** The position of a key without a `code`, from its label, or from the Latin letter on the same key. @param {string} name @param {boolean} isOnPad */
 function positionOf(name, isOnPad) {
   if (name.length !== 1) return '';
   return isOnPad ? `Numpad${name}` : `${name >= 'a' ? 'Key' : 'Digit'}${name.toUpperCase()}`;
 }
 
 /**
- * The keys that are down. Which of them comes up is clear by its place. Without one it is clear by its
- * name only while no letter or figure is down: they change with the layout, with Shift and with Num Lock.
- * Otherwise any of them may have come up.
+ * The keys that are down. A released key is identified by its position. Without a position, its name
+ * identifies it only while no letter or digit is down, because their names change with the layout, Shift and
+ * Num Lock. Otherwise any key may have been released.
  */
 export class Presses {
   /** @type {{place: string, name: string, location: number, id: string}[]} */
   down = [];
 
-  /** @param {Key} event @returns {string} one and the same until the key comes up */
+  /** @param {Key} event @returns {string} an id that stays the same until the key is released */
   press(event) {
     const [place, name, location] = [placeOf(event), nameOf(event), event.location ?? 0];
     const known = this.find(event);
     if (known || (!place && !name)) return known?.id ?? '';
     const id = place || `${name} ${location}`;
-    if (!event.repeat) this.down.push({ place, name, location, id }); // else its name has changed since it went down
+    if (!event.repeat) this.down.push({ place, name, location, id }); // otherwise its name has changed since it was pressed
     return id;
   }
 
-  /** @param {Key} event @returns {string | null} what `press` returned; null: it may be any of them */
+  /** @param {Key} event @returns {string | null} the id from `press`; null: it may be any key */
   release(event) {
     const known = this.find(event);
     if (!known) return null;

@@ -1,4 +1,4 @@
-// What the page says about game pads, and keeps: the directions of a pad whose layout the browser does not know.
+// The page's texts about game pads, and its store of the directions of pads with an unknown layout.
 
 import { t } from '../i18n.js';
 

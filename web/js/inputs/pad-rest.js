@@ -1,41 +1,41 @@
-// What of a game pad counts. An axis, a trigger or a button is used once it was seen at rest: a pedal
-// that rests at one end, a worn stick or a throttle that nobody touches moves nothing. Pure.
+// Decides which inputs of a game pad count. An axis, a trigger or a button counts once it was seen at rest,
+// so a pedal that rests at one end, a worn stick or an untouched throttle moves nothing. Pure.
 
 import { REST } from '../points.js';
 
-/** Within this share of its way an input is at rest: nothing drives by less of it. */
+/** An input within this share of its travel is at rest. */
 const NEAR_AXIS = REST / Math.SQRT2;
 export const PULLED = 0.05;
 const STOP = 1;
-/** What a pad of an unknown layout is asked for, in this order. */
+/** The directions that a person shows for a pad of an unknown layout, in this order. */
 export const DIRECTIONS = ['left', 'right', 'forward', 'backward'];
-/** A push that counts in a choice: more than half of an axis' way from its middle. */
+/** The least push that counts in a choice: half of an axis' travel from its middle. */
 const PUSHED = 0.5;
 const STILL = 0.05;
-/** How long an input that was let go of must keep still to count as at rest, in milliseconds. */
+/** How long a released input must be still to count as at rest, in milliseconds. */
 export const STILL_MS = 250;
-/** How long a whole pad must keep still before it is asked for its directions, in milliseconds. */
+/** How long a whole pad must be still before the page asks for its directions, in milliseconds. */
 export const LET_GO_MS = 600;
 
-/** @typedef {{kind: 'axes' | 'buttons', index: number, rest: number, full: number}} Input  where it rests, and where it is pushed to */
+/** @typedef {{kind: 'axes' | 'buttons', index: number, rest: number, full: number}} Input  its values at rest and when pushed */
 /** @typedef {Record<string, Input>} Choice  the input of each direction */
 /** @typedef {{axes: readonly number[], buttons: readonly {pressed: boolean, value?: number}[], mapping?: string, id?: string}} Pad */
 
 /** @param {{pressed: boolean, value?: number} | undefined} button */
 const valueOf = (button) => button?.value ?? Number(button?.pressed ?? false);
-/** Where all of a pad's axes, and then its buttons, are. @param {Pad} pad */
+/** The values of all of a pad's axes, and then of its buttons. @param {Pad} pad */
 export const valuesOf = (pad) => [...pad.axes, ...pad.buttons.map(valueOf)];
 /** @param {Pad} pad @param {Input} input */
 const wayOf = (pad, { kind, index, rest, full }) => ((kind === 'axes' ? pad.axes[index] ?? rest : valueOf(pad.buttons[index])) - rest) / (full - rest);
 
-/** One pad, from its connection on: as a pad of the standard layout on which nothing is pushed that was never seen at rest. */
+/** One pad since its connection, read as a pad of the standard layout; inputs that were never seen at rest count as not pushed. */
 export class RestedPad {
   /** @param {Choice | null} [choice]  null: the pad has the standard layout */
   constructor(choice = null) {
     this.choice = choice;
     /** @type {Set<string>} inputs that were seen at rest */
     this.rested = new Set();
-    /** @type {Set<string>} and those that were not, yet */
+    /** @type {Set<string>} inputs that were not yet seen at rest */
     this.waiting = new Set();
   }
 
@@ -69,22 +69,22 @@ export class RestedPad {
 }
 
 /**
- * Finds out which input of a pad is which direction: a person pushes each and lets go of it. Where an
- * input comes to lie then is its rest; what a browser said before its first report is not believed.
+ * Finds the input of each direction: a person pushes and releases each. An input's value after the release is
+ * its rest; the browser's values before the first report are ignored.
  */
 export class PadChoice {
-  /** @type {number | null} the input that moves, by its place among the values */
+  /** @type {number | null} the moving input, by its index among the values */
   moving = null;
   full = 0;
   before = 0;
   stillMs = 0;
 
-  /** @param {readonly string[]} directions  those to ask for */
+  /** @param {readonly string[]} directions  the directions to ask for */
   constructor(directions) {
     this.open = [...directions];
     /** @type {Choice} */
     this.choice = {};
-    /** Nothing is asked before the pad was let go of: where it lies then is its rest. @type {number[] | null} */
+    /** Nothing is asked before the pad was released; its values then are its rest. @type {number[] | null} */
     this.lying = null;
     this.lyingMs = 0;
     this.isReady = false;
@@ -110,12 +110,12 @@ export class PadChoice {
     this.stillMs = 0;
   }
 
-  /** The direction that is asked for; `rest`: to let go of all; undefined once all are known. */
+  /** The direction to push now; `rest`: release everything; undefined once all directions are known. */
   get asked() {
     return this.isReady || !this.open.length ? this.open[0] : 'rest';
   }
 
-  /** This pad has no such direction. */
+  /** Skip a direction that this pad does not have. */
   skip() {
     this.open.shift();
     this.begin();
@@ -148,7 +148,7 @@ export class PadChoice {
     if (nowMs - this.stillMs >= STILL_MS) this.take(at < pad.axes.length ? 'axes' : 'buttons', at < pad.axes.length ? at : at - pad.axes.length, now);
   }
 
-  /** An input was pushed, and lies still again. @param {'axes' | 'buttons'} kind @param {number} index @param {number} rest */
+  /** Note an input that was pushed and released. @param {'axes' | 'buttons'} kind @param {number} index @param {number} rest */
   take(kind, index, rest) {
     const { full, choice } = this;
     const isTaken = Object.values(choice).some((one) => one.kind === kind && one.index === index && (one.full - one.rest) * (full - rest) > 0);

@@ -1,5 +1,5 @@
-// The keys that stop a robot that may move, wherever the focus is: before any button, list or dialog
-// gets them. In a text field beside no picture, space writes.
+// The keys that stop a robot that may be moving, wherever the focus is: before any button, list or dialog
+// gets the key. In a text field on a screen without the picture, space writes.
 
 import { stopOf } from './key-name.js';
 
@@ -11,11 +11,11 @@ const isText = (target) => target?.isContentEditable || target?.matches?.('texta
 /**
  * @param {object} page
  * @param {() => void} page.stop
- * @param {() => boolean} page.mayMove  in doubt, true
- * @param {() => boolean} [page.isDriving]  the picture is on the screen, so that nobody writes
+ * @param {() => boolean} page.mayMove  true in case of doubt
+ * @param {() => boolean} [page.isDriving]  true if the picture is on the screen, so that nobody writes
  */
 export function listenForStop({ stop, mayMove, isDriving = () => false }) {
-  /** A key has stopped it and is still down. */
+  /** True while a key that stopped the robot is still down. */
   let isFelt = false;
   const feel = (/** @type {KeyboardEvent} */ event) => {
     const how = stopOf(event);
@@ -27,10 +27,10 @@ export function listenForStop({ stop, mayMove, isDriving = () => false }) {
     isFelt = true;
   };
   addEventListener('keydown', (event) => !isEscape(event) && feel(event), true);
-  addEventListener('keydown', (event) => isEscape(event) && feel(event)); // what it closes, if anything, comes first
+  addEventListener('keydown', (event) => isEscape(event) && feel(event)); // after the handlers of anything that Escape closes
   addEventListener('keyup', (event) => {
     const isSpace = stopOf(event) === 'space' && mayMove() && !isText(event.target);
-    if (isFelt || isSpace) event.preventDefault(); // or a browser presses the button that has the focus
+    if (isFelt || isSpace) event.preventDefault(); // otherwise a browser clicks the focused button
     isFelt = false;
   }, true);
   addEventListener('blur', () => (isFelt = false));

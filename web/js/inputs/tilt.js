@@ -1,23 +1,23 @@
-// Tilting the phone drives while a thumb rests on the pad. Upright is however it was held when the
-// thumb went down. Browsers give the sensor to secure pages only.
+// Tilting the phone drives while a thumb rests on the pad. The phone's position when the thumb was pressed
+// counts as upright. Browsers allow the sensor only on secure pages.
 
 import { fromStick } from '../points.js';
 
 const ON_DEG = 14;
 const OFF_DEG = 9;
-/** By degrees, so far is a stick pushed to its end. */
+/** The tilt that counts as a fully pushed stick, in degrees. */
 const FULL_DEG = 30;
-/** A sensor that is silent for so long says nothing about the phone any more. */
+/** Time after which a silent sensor's last value is ignored. */
 export const SILENT_MS = 400;
 
-/** @typedef {{beta: number, gamma: number}} Lean  degrees, as the browser gives them */
+/** @typedef {{beta: number, gamma: number}} Lean  in degrees, from the browser */
 
 /**
- * Which way the phone leans from where it was.
+ * The move for the phone's tilt from its initial position.
  * @param {Lean} now
  * @param {Lean} zero
  * @param {number} screenAngle  0, 90, 180 or 270 degrees
- * @param {string | null} before  what it asked for last
+ * @param {string | null} before  the last requested move
  * @returns {string | null}
  */
 export function readTilt(now, zero, screenAngle, before) {
@@ -28,7 +28,7 @@ export function readTilt(now, zero, screenAngle, before) {
   return lean > (move === before ? OFF_DEG : ON_DEG) ? move : null;
 }
 
-/** The same as a stick's way to the right and ahead. @param {Lean} now @param {Lean} zero @param {number} screenAngle @param {import('../points.js').Reach} reach */
+/** The same as a stick's point, to the right and ahead. @param {Lean} now @param {Lean} zero @param {number} screenAngle @param {import('../points.js').Reach} reach */
 export function readTiltStick(now, zero, screenAngle, reach) {
   const [pitch, roll] = leaning(now, zero, screenAngle);
   return fromStick(roll / FULL_DEG, -pitch / FULL_DEG, reach);
@@ -44,9 +44,9 @@ function leaning(now, zero, angle) {
 }
 
 /**
- * From one lean to another. Each lean has two names, and where a phone stands upright or hangs over a
- * head the browser leaps from one to the other: the nearest counts.
- * @param {Lean} now @param {Lean} zero @returns {[number, number]}
+ * The change between two positions. Each position has two pairs of angles. If a phone is upright or overhead,
+ * the browser jumps between the two pairs, so the nearest pair counts. @param {Lean} now @param {Lean} zero
+ * @returns {[number, number]}
  */
 function between({ beta, gamma }, zero) {
   const turn = (/** @type {number} */ deg) => deg - 360 * Math.round(deg / 360);
@@ -70,7 +70,7 @@ export class Tilt {
     this.follow = this.follow.bind(this);
   }
 
-  /** Ask the person where the browser wants that; false if it may not be. */
+  /** Ask the person if the browser requires it; false if it is denied. */
   static async allow() {
     if (!hasTilt()) return false;
     const sensor = /** @type {any} */ (DeviceOrientationEvent);
@@ -85,7 +85,7 @@ export class Tilt {
   }
 
   letGo() {
-    // An iPhone asks anew on each visit, and only as a finger comes up.
+    // An iPhone asks again on each visit, and only when a finger is lifted.
     if (!this.zero) Tilt.allow();
     this.move = null;
     clearTimeout(this.silence);
@@ -100,7 +100,7 @@ export class Tilt {
     const { helm } = this;
     this.silence = setTimeout(() => (helm.takesPoints ? helm.steer('tilt', null) : helm.release('tilt')), SILENT_MS);
     this.zero ??= { beta, gamma };
-    // Safari before 16.4 has the angle by its older name alone, from -90 to 180.
+    // Safari before 16.4 has the angle only under its older name, from -90 to 180.
     const angle = screen.orientation?.angle ?? ((globalThis.orientation ?? 0) + 360) % 360;
     if (helm.takesPoints) {
       helm.steer('tilt', readTiltStick({ beta, gamma }, this.zero, angle, helm.reach));

@@ -1,10 +1,10 @@
-// The session of a study leads the pilot through its parts.
+// A study's session, which leads the pilot through its parts.
 
 import { fetchWords } from '../i18n.js';
 import { register } from '../parts.js';
 import { followSession } from './session.js';
 
-/** Few pages are in a study: its sentences come when they are needed. */
+/** Few pages are part of a study, so its sentences are loaded when needed. */
 const speakOf = () => fetchWords((code) => import(`./session/messages/${code}.js`));
 
 register({

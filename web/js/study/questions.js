@@ -1,5 +1,5 @@
-// The questions after a part of a study: native radios, sliders and fields, so that keyboard and
-// screen reader work as everywhere. Each answer is sent at once; a reload loses none.
+// The questions after a part of a study. They use native radios, sliders and fields, so that keyboards and
+// screen readers work. Each answer is sent at once, so a reload loses none.
 
 import { ask } from '../api.js';
 import { h, say } from '../dom.js';
@@ -10,20 +10,20 @@ import { language, t } from '../i18n.js';
 
 const MOST_RADIOS = 11;
 
-/** A text in the page's language, else in English, else in any. @param {Words} words */
+/** A text in the page's language, else in English, else in any language. @param {Words} words */
 export const inWords = (words) => words[language] ?? words.en ?? Object.values(words)[0] ?? '';
 
 /**
  * @param {Question[]} questions
- * @param {Record<string, string>} answers  given so far
- * @param {(send: () => Promise<any>) => Promise<any>} attempt  runs what may be refused
- * @param {(answer: any) => void} done  called with what the last one came to when all are answered
+ * @param {Record<string, string>} answers  the answers so far
+ * @param {(send: () => Promise<any>) => Promise<any>} attempt  runs a request that may be refused
+ * @param {(answer: any) => void} done  called with the last request's result when all are answered
  */
 export function questionForm(questions, answers, attempt, done) {
   /** @type {Record<string, number | string>} */
   const given = {};
   for (const { name, kind } of questions) if (name in answers) given[name] = kind === 'text' ? answers[name] : Number(answers[name]);
-  /** @type {Promise<any>} one after the other: the last answer to a question must arrive last */
+  /** @type {Promise<any>} one request after the other, because the last answer to a question must arrive last */
   let sending = Promise.resolve();
   const post = (/** @type {any} */ body) => (sending = sending.then(() => attempt(() => ask('POST', 'api/session/answers', body))));
   const parts = questions.map((question) => {
@@ -73,7 +73,7 @@ function chosen(question, given, take) {
     ...(question.kind === 'choice' ? radios : [h('div', { class: 'points' }, ...radios), ends(question)]));
 }
 
-/** Nothing is chosen until it is touched. @param {Question} question @param {HTMLElement} legend @param {Record<string, any>} given @param {(value: number) => void} take */
+/** A slider without a value until it is touched. @param {Question} question @param {HTMLElement} legend @param {Record<string, any>} given @param {(value: number) => void} take */
 function slider(question, legend, given, take) {
   const { name, least, most, step } = question;
   const shown = h('output');
@@ -89,7 +89,7 @@ function slider(question, legend, given, take) {
     show();
   };
   range.addEventListener('input', set);
-  // The middle can be meant, too: a press or a key that moves nothing chooses it.
+  // The middle is a valid answer too: a press or a key without a movement chooses it.
   range.addEventListener('pointerup', () => (set(), take(Number(range.value))));
   range.addEventListener('keydown', (event) => [' ', 'Enter'].includes(event.key) && (event.preventDefault(), event.stopPropagation(), set(), take(Number(range.value))));
   range.addEventListener('change', () => take(Number(range.value)));

@@ -1,4 +1,4 @@
-// How alike pilot and robot drove: a figure, a chart for each move, and the way from above.
+// The similarity of pilot and robot: a number, a chart for each move, and the path from above.
 
 import { drawRecordings } from '../components/from-above.js';
 import { text } from '../components/teaching-screen.js';
@@ -17,9 +17,9 @@ const WHO = /** @type {const} */ (['pilot', 'robot']);
 /** @param {Outcome} outcome @returns {HTMLElement[]} */
 export function drawOutcome(outcome) {
   const { ssd } = outcome;
-  // It comes late, so it is last.
+  // The map loads last, so it is at the end.
   const map = h('figure', { class: 'panel chart map' });
-  drawRecordings(map, outcome.recordings).catch(() => {}); // without its recordings there is no way to draw
+  drawRecordings(map, outcome.recordings).catch(() => {}); // without recordings there is no path to draw
   return [
     h('p', { class: 'lead' }, ssd === null ? t('study.no_profile') : t('study.ssd', { ssd: ssd.toFixed(2) })),
     h('div', { class: 'profiles' }, ...outcome.moves.map((move) => profile(outcome, move))),
@@ -29,7 +29,7 @@ export function drawOutcome(outcome) {
   ];
 }
 
-/** One move's curves: how often it was made nearer than each distance. @param {Outcome} outcome @param {string} move */
+/** One move's curves: the share of its ticks nearer than each distance. @param {Outcome} outcome @param {string} move */
 function profile(outcome, move) {
   const x = (/** @type {number} */ m) => 40 + (m / FAR_M) * (WIDTH - 56);
   const y = (/** @type {number} */ share) => 12 + (1 - share) * (HEIGHT - 44);

@@ -1,11 +1,11 @@
-// The session that is on, as the page knows it: its `lead` (web/js/store.js).
+// The current session on the page: its `lead` (web/js/store.js).
 
 import { ask, inOrder } from '../api.js';
 
 const EVERY_MS = 1000;
 
 /**
- * A session; who may drive gets more of it: docs/reference/http.md.
+ * A session; a pilot gets further fields: docs/reference/http.md.
  * @typedef {{step: string, position: number, of: number, kind: string | null, mode: string | null, left_s: number}} Session
  */
 
@@ -32,7 +32,7 @@ let timer;
 /** @type {() => Promise<void>} */
 let speak = async () => {};
 
-/** @param {import('../page.js').Page} page @param {() => Promise<void>} speakOf  fetches the sentences about a session */
+/** @param {import('../page.js').Page} page @param {() => Promise<void>} speakOf  loads the sentences about a session */
 export function followSession(page, speakOf) {
   speak = speakOf;
   page.connection.addEventListener('words', (event) => {
@@ -41,17 +41,17 @@ export function followSession(page, speakOf) {
   });
 }
 
-/** Fetch the session; while something is to be driven in it, again every second. @param {import('../page.js').Page} page */
+/** Load the session; during a phase that is driven, again every second. @param {import('../page.js').Page} page */
 export async function refreshSession(page) {
   clearTimeout(timer);
   const session = await learnSession(page, ask('GET', 'api/session'));
   if (session?.mode) timer = setTimeout(() => refreshSession(page), EVERY_MS);
 }
 
-/** Take in where the session stands. @param {import('../page.js').Page} page @param {Promise<any>} question  whose answer tells it */
+/** Apply the session's state. @param {import('../page.js').Page} page @param {Promise<any>} question  a request whose answer contains the state */
 export async function learnSession(page, question) {
   const answer = await newest(question);
-  if (answer?.session && !page.store.state.lead) await speak().catch(() => {}); // it is tried again with the next answer
+  if (answer?.session && !page.store.state.lead) await speak().catch(() => {}); // retried with the next answer
   if (answer) page.store.set({ lead: leadOf(answer.session) });
   return page.store.state.lead?.own;
 }

@@ -1,5 +1,5 @@
-// <study-screen>: a guided trial of one person, and studies with participants. Without a session it is
-// the researcher's; with one, it leads a participant through it.
+// <study-screen>: a guided trial of one person, and studies with participants. Without a session the screen
+// is for the researcher; during a session it leads the participant.
 
 import { ask } from '../api.js';
 import { minutes } from '../components/teach-panel.js';
@@ -15,15 +15,15 @@ const OWN = 'plan';
 export class StudyScreen extends Screen {
   body = h('div', { class: 'stack' });
   refusal = h('p', { class: 'panel refusal', role: 'alert', hidden: true });
-  /** @type {string | null} the study that is shown */
+  /** @type {string | null} the name of the shown study */
   chosen = null;
   drawn = '';
-  /** How often studies were listed: of two lists that are under way only the newer is shown. */
+  /** Number of list requests; of two requests under way, only the newer one is shown. */
   listing = 0;
 
   async build() {
     append(this, [this.refusal, this.body]);
-    if (this.page) await refreshSession(this.page); // a page that was just loaded does not know of it yet
+    if (this.page) await refreshSession(this.page); // a page that was just loaded does not know the session yet
     if (!this.isConnected) return undefined;
     /** @type {Promise<void> | undefined} */
     let shown;
@@ -40,7 +40,7 @@ export class StudyScreen extends Screen {
     }
     const isNew = stamp !== this.drawn;
     this.drawn = stamp;
-    if (!session?.phases) { // a viewer is told no more than where it stands
+    if (!session?.phases) { // a viewer gets only the session's state
       await this.list();
       return;
     }
@@ -51,7 +51,7 @@ export class StudyScreen extends Screen {
     if (isNew) document.querySelector('main#other')?.scrollTo(0, 0);
   }
 
-  /** What the robot refuses stays to be read. @param {string} sentence */
+  /** Show a refusal until it has been read. @param {string} sentence */
   refuse(sentence) {
     this.refusal.hidden = !sentence;
     this.refusal.textContent = sentence;
@@ -70,10 +70,10 @@ export class StudyScreen extends Screen {
     }
   }
 
-  /** Do something to the session, and show it. @param {string} method @param {string} path @param {any} [body] */
+  /** Change the session, and show it. @param {string} method @param {string} path @param {any} [body] */
   async step(method, path, body) {
     const answer = await this.act(() => ask(method, path, body));
-    if (answer && this.page) await learnSession(this.page, Promise.resolve(answer)); // which shows it
+    if (answer && this.page) await learnSession(this.page, Promise.resolve(answer)); // this also shows it
     return answer;
   }
 
@@ -118,7 +118,7 @@ export class StudyScreen extends Screen {
 
   /** @param {string} study @param {string} code */
   async showResult(study, code) {
-    const place = h('div', { class: 'stack' }); // whatever is shown when the answer comes, it goes where it was asked for
+    const place = h('div', { class: 'stack' }); // the answer is shown at the place of its request
     this.body.append(place);
     const answer = await this.act(() => ask('GET', `api/studies/${encodeURIComponent(study)}/sessions/${code}`));
     if (answer) append(place, answer.conditions.flatMap(drawOutcome));
