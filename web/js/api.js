@@ -43,7 +43,7 @@ export async function ask(method, path, body, patienceMs = method === 'GET' ? AN
     const answer = await fetch(path, {
       method,
       signal: patience.signal,
-      redirect: 'manual', // the robot never redirects: it is a network's sign-in page
+      redirect: 'manual', // the robot never redirects: it is the sign-in page of a network
       headers: body === undefined || isFile ? {} : { 'content-type': 'application/json' },
       body: body === undefined || isFile ? /** @type {Blob | undefined} */ (body) : JSON.stringify(body),
     });

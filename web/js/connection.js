@@ -9,7 +9,7 @@ import {
 } from './protocol.js';
 
 const SILENCE_MS = 1500; // states arrive ten times a second, so this much silence means a dead link
-const PICTURE_MS = 5000; // states of newer pictures arrive without the pictures: the video's socket is dead without an error
+const PICTURE_MS = 5000; // states of newer pictures arrive without the pictures: the video socket is dead without an error
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
 const PING_EVERY_MS = 1000;

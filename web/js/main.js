@@ -53,7 +53,7 @@ async function start() {
   if (store.state.hasKeys) await persist(() => listen(page));
   const way = new WayFinder({
     askState: () => ask('GET', 'api/state', undefined, WHY_MS),
-    isOnline: () => store.state.isLocal || navigator.onLine !== false, // a page on the robot's computer needs no network
+    isOnline: () => store.state.isLocal || navigator.onLine !== false, // a page on the computer of the robot needs no network
     nowMs: () => performance.now(),
     tell: (found) => store.set({ way: found }),
   });

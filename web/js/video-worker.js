@@ -12,7 +12,7 @@ const page = /** @type {any} */ (self);
 let socket = null;
 /** @type {Painter | null} */
 let painter = null;
-let aheadMs = 0; // by which this thread's clock is ahead of the page's
+let aheadMs = 0; // by which the clock of this thread is ahead of the clock of the page
 
 page.onmessage = (/** @type {MessageEvent} */ { data }) => {
   if (data.canvas) {

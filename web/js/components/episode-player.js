@@ -65,7 +65,7 @@ export async function openPlayer(home, path, place, teach, at = 0, ordered = inO
         : null,
       episode.redoable ? button(t('mend.redo'), () => change(() => ask('POST', `${path}/edits/redo`)), icon('redo')) : null),
     h('button', { type: 'button', class: 'primary', onclick: teach }, t('again.begin')));
-  settle(place); // now the whole recording is selected, so a second tap on "Delete" must not count
+  settle(place); // now the whole recording is selected, so a second tap on *Delete* must not count
 }
 
 class Player {

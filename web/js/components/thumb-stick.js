@@ -9,7 +9,7 @@ import { fromStick } from '../points.js';
 /** In radii from the middle: the area in which a thumb may press, and the area in which it still holds. */
 const NEAR = 1.2;
 const OFF = 2;
-const WAY = 26; // the knob's travel; from the middle to the edge are 50
+const WAY = 26; // travel of the knob; from the middle to the edge are 50
 const ARROWS = 'M43 11l7-6 7 6M11 43l-6 7 6 7M89 43l6 7-6 7';
 
 /** @param {import('../page.js').Page} page @param {string} side  the side of the thumb */

@@ -40,7 +40,7 @@ export class StudyScreen extends Screen {
     }
     const isNew = stamp !== this.drawn;
     this.drawn = stamp;
-    if (!session?.phases) { // a viewer gets only the session's state
+    if (!session?.phases) { // a viewer gets only the state of the session
       await this.list();
       return;
     }
