@@ -16,7 +16,7 @@
  * @property {import('./way.js').Way | null} way  why there is no link, if known
  * @property {boolean} isWatching  pictures come by plain requests
  * @property {string} robotName
- * @property {'pilot' | 'viewer'} role  the greatest role of this browser
+ * @property {'pilot' | 'viewer'} role  the role that this browser can have
  * @property {string[]} moves
  * @property {boolean} takesPoints  the robot can be steered by degrees
  * @property {boolean} hasStick  and the pilot wants a thumb stick instead of the arrows

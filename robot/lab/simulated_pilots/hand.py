@@ -92,7 +92,7 @@ class HumanDelayModel:
         return self._slip if slips else self._held
 
     def _begin_by_chance(self, now_s: float, dt_s: float) -> None:
-        """Begin a tremor or a lapse at random; every call draws equally many random numbers."""
+        """Begin a tremor or a lapse at random; the number of random numbers per call is fixed."""
         config = self.config
         tremor, lapse = self._chance.random(), self._chance.random()
         other = self._chance.choice(self._buttons)
