@@ -288,7 +288,7 @@ def test_a_proxy_that_refuses_connect_is_named_and_pictures_come_by_requests(
     still = "document.querySelector('img.still')?.naturalWidth"
     wait_until(lambda: page.evaluate(still) > 0, "a picture by request")
     with scene.somebody_drives(page):
-        notice.filter(has_text="Somebody is driving the robot.").wait_for()
+        notice.filter(has_text="Somebody is driving.").wait_for()
         page.wait_for_timeout(500)
     scene.judge.hear(page)
     scene.become("gateway", proxy)
