@@ -202,9 +202,17 @@ class _Joiner:
             exports["default" if kind == "default" else name] = name or "$default"
             return "const $default = " if kind == "default" else f"{kind} {name}"
 
+        def load(found: re.Match[str]) -> str:
+            quote, path = found[1][0], found[1][1:-1]
+            if quote not in "'`" or not path.startswith("."):
+                raise JoinError(f"{module}: cannot join {found[0]!r}")
+            target = _resolve(module, path)
+            if "${" not in path:
+                self._source(target)  # refuses a path that is spelt wrong
+            return f"$load({quote}{target}{quote})"
+
         source = _EXPORT.sub(give, _IMPORT.sub(take, source))
-        here = posixpath.dirname(module)
-        source = _DYNAMIC.sub(rf"$load('{here}/' + (\1).slice(2))", source)
+        source = _DYNAMIC.sub(load, source)
         source = _WORKER.sub(lambda found: f"new Worker('{self._worker(found[1])}')", source)
         if left := re.search(r"^(?:import|export) .*", source, re.M):
             raise JoinError(f"{module}: cannot join {left[0]!r}")

@@ -85,13 +85,27 @@ def test_a_language_is_one_file_with_the_sentences_of_the_extensions(web: Path) 
 
 
 @pytest.mark.parametrize(
-    "line", ["await later();\n", "export let changes = 1;\n", "import './misspelt.js';\n"]
+    "line",
+    [
+        "await later();\n",
+        "export let changes = 1;\n",
+        "import './misspelt.js';\n",
+        "export const later = () => import('../js/misspelt.js');\n",
+    ],
 )
 def test_what_cannot_be_joined_is_refused_by_name(web: Path, line: str) -> None:
     path = web / "js" / "store.js"
     path.write_text(line + path.read_text())
     with pytest.raises(JoinError, match=r"store\.js|misspelt\.js"):
         joined(web)
+
+
+def test_each_module_that_is_fetched_later_is_found() -> None:
+    page = joined_page()
+    told = "".join(data.decode() for name, data in files(page).items() if name.endswith(".js"))
+    fetched = set(re.findall(r"\$load\('([^']+)'\)", told))
+    [table] = re.findall(r"\$files = (\{.*?\})[,;]", told)
+    assert "js/inputs/tilt.js" in fetched and fetched <= json.loads(table).keys()
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ export class DrivePad extends HTMLElement {
   build(moves, hasStick) {
     const page = /** @type {import('../page.js').Page} */ (this.page);
     const useTilt = page.preferences.tilt;
-    if (useTilt) import('../inputs/tilt.js').then(({ Tilt }) => { this.tilt ??= new Tilt(page.helm); }, () => {});
+    if (useTilt) import('../inputs/tilt.js').then(({ Tilt }) => this.useTilt(new Tilt(page.helm)), () => {});
     if (hasStick && !this.sticks.length) this.sticks = ['left', 'right'].map((side) => makeStick(page, side));
     const controls = hasStick ? this.sticks : moves.map((move) => this.makeButton(move));
     fill(/** @type {Element} */ (this.moves), ...controls,
@@ -131,6 +131,13 @@ export class DrivePad extends HTMLElement {
     helm.addEventListener('freed', liftAll);
     addEventListener('resize', liftAll);
     this.addEventListener('contextmenu', (event) => event.preventDefault());
+  }
+
+  /** Take the tilt that has loaded; a finger may be on its button already. @param {import('../inputs/tilt.js').Tilt} tilt */
+  useTilt(tilt) {
+    if (this.tilt) return;
+    this.tilt = tilt;
+    if (this.tilting !== null) tilt.hold();
   }
 
   /** @param {number} pointerId @param {string} move */
