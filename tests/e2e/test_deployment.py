@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import posixpath
 import re
 import shlex
 import shutil
@@ -81,7 +82,8 @@ def image_script(asked: list[str]) -> str:
         elif word == "COPY" and not rest.startswith("--from"):
             *sources, target = shlex.split(rest)
             taken = " ".join(f"/clone/{source}" for source in sources)
-            script.append(f"mkdir -p $ROOT/src; inside cp -r {taken} {target}")
+            above = posixpath.dirname(target)
+            script.append(f"mkdir -p $ROOT{above}; inside cp -r {taken} {target}")
         elif word == "ENV":
             environment += shlex.split(rest)
         elif word == "USER":
