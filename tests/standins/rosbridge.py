@@ -123,9 +123,12 @@ class RosBridgeServer:
         try:
             async for data in socket:
                 asked = json.loads(data)
-                for text in self.answers(asked):
-                    await socket.send(text)
-                await self._obey(socket, asked)
+                # Who has left hears no answer, and what it had sent is obeyed all the same.
+                with contextlib.suppress(websockets.ConnectionClosed):
+                    for text in self.answers(asked):
+                        await socket.send(text)
+                with contextlib.suppress(websockets.ConnectionClosed):
+                    await self._obey(socket, asked)
         except websockets.ConnectionClosed:
             pass
         finally:
