@@ -84,18 +84,18 @@ class Cluster:
             path = [str(self._other_numpy()), *path]
         threads = dict.fromkeys(_ONE_THREAD, "2") if kind == "blas" else _ONE_THREAD
         environment = {**os.environ, **threads, "PYTHONPATH": os.pathsep.join(path)}
-        log = (self._folder / f"{kind}-{len(self._processes)}.log").open("wb")
         command = [python, *flags, "-m", f"distributed.cli.{module}", *args]
-        process = Process(
-            subprocess.Popen(
-                command,
-                cwd=self._folder,
-                env=environment,
-                stdout=log,
-                stderr=log,
-                start_new_session=True,
+        with (self._folder / f"{kind}-{len(self._processes)}.log").open("wb") as log:
+            process = Process(
+                subprocess.Popen(
+                    command,
+                    cwd=self._folder,
+                    env=environment,
+                    stdout=log,
+                    stderr=log,
+                    start_new_session=True,
+                )
             )
-        )
         self._processes.append(process)
         return process
 
@@ -175,14 +175,15 @@ def run_client(
     guard = threading.Timer(_MOST_S, client.kill)
     guard.start()
     ended = Ended(None)
-    for line in client.stdout:
-        now_s = time.monotonic()
-        ended.silent_s = max(ended.silent_s, now_s - heard_s)
-        heard_s = now_s
-        ended.lines.append(line.rstrip())
-        if line.startswith("done") and after_first is not None:
-            after_first()
-            after_first = None
+    with client.stdout:
+        for line in client.stdout:
+            now_s = time.monotonic()
+            ended.silent_s = max(ended.silent_s, now_s - heard_s)
+            heard_s = now_s
+            ended.lines.append(line.rstrip())
+            if line.startswith("done") and after_first is not None:
+                after_first()
+                after_first = None
     client.wait()
     ended.code = None if not guard.is_alive() else client.returncode
     guard.cancel()
