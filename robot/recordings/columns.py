@@ -156,7 +156,8 @@ class FrameTable(Mapping[int, FrameEntry]):
 @cache
 def _size(channel: MessageChannel) -> tuple[int, int]:
     size = dict(channel.metadata)
-    return int(size.get("width", "0")), int(size.get("height", "0"))
+    with told_as(RecordingError, "the size of the pictures is damaged", ValueError):
+        return int(size.get("width", "0")), int(size.get("height", "0"))
 
 
 class LessonTable(Sequence[tuple[float, HistoryEvent]]):

@@ -17,6 +17,7 @@ import httpx
 import pytest
 
 from robot.coaching.gallery import images
+from robot.recordings.store import EpisodeStore
 from robot.store.folder import Storage
 from robot.types import Example, Mode
 from server.access.pairing import Pairing, cookie_name
@@ -209,23 +210,23 @@ def test_nothing_answered_as_kept_is_gone(folder: Path, tmp_path: Path, write: s
 
 
 COMMANDS = {
-    "title": ["title", "last", "a title"],
-    "protect": ["protect", "last"],
-    "trim": ["trim", "last", "--from", "0.1", "--to", "0.5"],
-    "relabel": ["relabel", "last", "left", "--from", "0.1", "--to", "0.5"],
-    "delete a range": ["delete", "last", "--from", "0.1", "--to", "0.3"],
-    "undo": ["undo", "last"],
-    "compact": ["compact", "last"],
-    "delete": ["delete", "last"],
+    "title": ["title", "{episode}", "a title"],
+    "protect": ["protect", "{episode}"],
+    "trim": ["trim", "{episode}", "--from", "0.1", "--to", "0.5"],
+    "relabel": ["relabel", "{episode}", "--label", "left", "--from", "0.1", "--to", "0.5"],
+    "delete a range": ["delete", "{episode}", "--from", "0.1", "--to", "0.3"],
+    "undo": ["undo", "{episode}"],
+    "compact": ["compact", "{episode}"],
+    "delete": ["delete", "{episode}"],
     "restore": ["restore"],
     "empty the trash": ["empty-trash"],
     "import": ["import", "{source}"],
-    "learn": ["learn", "last"],
+    "learn": ["learn", "{episode}"],
 }
 BEFORE = {
-    "undo": ["trim", "last", "--from", "0.1", "--to", "0.5"],
-    "compact": ["trim", "last", "--from", "0.1", "--to", "0.5"],
-    "restore": ["delete", "last"],
+    "undo": ["trim", "{episode}", "--from", "0.1", "--to", "0.5"],
+    "compact": ["trim", "{episode}", "--from", "0.1", "--to", "0.5"],
+    "restore": ["delete", "{episode}"],
 }
 """What is done before, on a disk that is sound."""
 
@@ -235,9 +236,11 @@ def test_a_command_that_says_it_is_done_has_done_it(
     folder: Path, tmp_path: Path, command: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     source = tmp_path / "tub"
+    store = EpisodeStore(Storage(folder))
+    [episode] = [one.id for one in store.summaries() if one.frames]
 
     def run(words: list[str], root: Path) -> tuple[int, str]:
-        given = [word.format(source=source) for word in words]
+        given = [word.format(source=source, episode=episode) for word in words]
         verb = given if given[0] == "learn" else ["episodes", *given]
         status = run_command([*verb, "--data", str(root)])
         return status, capsys.readouterr().err
@@ -255,7 +258,7 @@ def test_a_command_that_says_it_is_done_has_done_it(
         return status, said, holds(root), disk.calls
 
     if command == "import":
-        assert run(["export", "last", "--as", "tub", str(source)], folder)[0] == 0
+        assert run(["export", "{episode}", "--as", "tub", "--out", str(source)], folder)[0] == 0
     before = holds(folder) if command not in BEFORE else None
     status, said, wanted, calls = make(0, for_ever=False)
     assert status == 0, said
