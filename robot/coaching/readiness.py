@@ -27,8 +27,8 @@ the pilot's last six changes of move, and knew nine of ten views of the last ten
 STARTS = 3
 """Number of times that each move in use must be begun before a first trial, to exclude chance."""
 RARE_SHARE = 0.02
-"""A move with a smaller share of the examples must have been begun twice as often. If a pilot
-drives straight for minutes, the few examples of the turn at a wall have little weight."""
+"""A move with a smaller share of the examples is rare, and must be begun `2 * STARTS` times. If a
+pilot drives straight for minutes, the few examples of the turn at a wall have little weight."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
 """A press shorter than the first time, in seconds, counts as a slip of the finger. A rare move is
 in use as soon as it was held for the second time in total, without slips. Otherwise the robot would

@@ -157,7 +157,7 @@ class ControlLoop:
 
     @property
     def wait_s(self) -> float:
-        """The longest time until the next tick, so that it comes before the pilot counts as
+        """The longest time until the next tick, which must come before the pilot counts as
         blind."""
         longest_s = self.config.longest_wait_s
         if self._gate.mode is Mode.STOPPED:
@@ -324,7 +324,7 @@ class ControlLoop:
             return None
         may_move = self._gate.mode is not Mode.STOPPED
         if may_move:
-            self._fault = None  # clear an earlier picture's fault, not a stop's
+            self._fault = None  # of an earlier picture; the fault of a stop stays
         is_moving = may_move and not self._camera.world_waits
         if not self.is_resting:
             times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)

@@ -66,8 +66,8 @@ class Form:
         time: The source of the time.
         find: Returns the drives at a path, or None if the path does not have this format. It must
             be quick; damage is reported when a drive is read.
-        is_whole: True if the format describes a complete folder. Other formats only get the files
-            that no such format recognises.
+        is_whole: True if the format describes a complete folder. Other formats are tried only
+            if no complete format recognises the folder or a file in it.
     """
 
     name: str

@@ -202,7 +202,7 @@ class LerobotDataset:
         own = self.folder.resolve()
         roots = own, own.parent.parent / "blobs"  # "blobs": Hugging Face's cache
         if not path.is_file() or not any(map(path.resolve().is_relative_to, roots)):
-            raise RecordingError(f"the film of episode {episode} is lost, or leads out")
+            raise RecordingError(f"the film of episode {episode} is missing or outside the folder")
         film = FilmReader(path, self._info.fps)
 
         def picture_of(record: Record) -> Callable[[], Picture]:

@@ -69,7 +69,7 @@ def make_teacher(name: str, moves: tuple[Action, ...]) -> Teacher:
         return made  # type: ignore[no-any-return]
     if name not in _TEACHERS:
         known = ", ".join(_TEACHERS)
-        raise ConfigurationError(f"unknown teacher {name!r}; there are: {known}, or path.py:Name")
+        raise ConfigurationError(f"unknown teacher {name!r}; choose {known}, or path.py:Name")
     return _TEACHERS[name](tuple(move for move in moves if move is not Action.FORWARD))
 
 

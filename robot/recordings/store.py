@@ -242,7 +242,7 @@ class EpisodeStore:
         path = self.path(episode_id)
         if path.name in being_read(path.parent):
             raise ConfigurationError(
-                "this recording is being downloaded, exported or taught again; wait for its end"
+                "this recording is being downloaded, exported or taught again; wait until that ends"
             )
         if self._is_recorder or has_end(path):
             return path

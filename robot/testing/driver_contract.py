@@ -485,8 +485,8 @@ def _check_same(now: Point, wanted: Point, what: str) -> None:
 
 
 def _moves_within(case: DriverCase, seconds: float, move: Action, step_s: float) -> bool:
-    """Send a move at each step, and check at the end of the step whether the body moves. A busy
-    machine may check too late once."""
+    """Send a move at each step, and check at the end of the step whether the body moves. One
+    check may come too late on a busy machine."""
     return _sets_going(case, partial(_ask, case, move, step_s), round(seconds / step_s))
 
 

@@ -21,7 +21,7 @@ from server.board.transport import RobotAddress, UnreachableError, within
 AT_ONCE = 32
 """Maximum number of robots asked at the same time; the transport has threads for more."""
 FORGOTTEN_S = 180.0
-"""Time after which an unannounced robot is forgotten, in s; the network is queried each minute."""
+"""A robot that was not announced for this time is forgotten. The network is queried each minute."""
 _MOST, _SHOWN = 4096, 30
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 2.0, 300.0
 

@@ -71,7 +71,7 @@ class VideoWindow:
     def sent(self, frame_id: int, n_bytes: int, now_s: float, *, is_frequent: bool = True) -> bool:
         """Record a frame as in flight; True if the frame is quiet.
 
-        Infrequent frames are never quiet.
+        A frame that follows after a long pause (`is_frequent` is False) is never quiet.
         """
         is_quiet = (
             self.is_easy

@@ -54,7 +54,7 @@ class ChassisOptions(Options):
     def check(self) -> None:
         if self.left_port == self.right_port:
             raise ConfigurationError(
-                f"--left-port and --right-port are both {self.left_port}; name the motor of each"
+                f"--left-port and --right-port are both {self.left_port}; each motor needs its own"
             )
 
     @property
@@ -138,7 +138,7 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
 
     @abstractmethod
     def _open(self) -> ChassisBody:
-        """Return the body without opening it."""
+        """Return the body, not yet opened; `_begin` opens it."""
 
     def _begin(self) -> None:
         left_dps, right_dps = self._connected().open()
