@@ -49,8 +49,8 @@ test-windows: $(VENV)/.dev ## Test it on Windows' Python under Wine, and teach a
 
 # What may differ there: routes and models of requests, sockets, the start, arrays and pictures. What
 # runs in virtual time past the framework is the same code as in `make test`, and runs there alone.
-OLD_TESTS := $(addprefix tests/server/,access board cli exchange hosting recordings simulator coaching \
-  test_drive.py bodies/test_eye.py test_hostile_values.py test_identity.py test_models.py \
+OLD_TESTS := $(addprefix tests/server/,access board cli coaching exchange hosting library recordings simulator \
+  test_drive.py bodies/test_eye.py test_hostile_values.py test_identity.py \
   test_protocol.py test_real_server.py study/test_interrupted_sessions.py \
   study/test_study_folder.py study/test_study_sessions.py test_teaching_routes.py) \
   tests/contract/test_cameras.py \

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.typesys import Stores, get_typestore
 
 from robot.bodies.ros.camera import RosCamera, RosCameraOptions, read_pixels
 from robot.bodies.ros.driver import RosDriver, RosOptions
@@ -33,6 +32,9 @@ from tests.robot.bodies.sending import send_until
 from tests.standins.firmware import ROOT
 
 pytest.importorskip("cyclonedds", reason="has no wheel for this Python or processor")
+pytest.importorskip("rosbags", reason="decodes what is sent")
+from rosbags.typesys import Stores, get_typestore
+
 from robot.bodies.ros import dds
 from robot.bodies.ros.messages import TYPES, dds_topic, from_dds, ros_topic, ros_type, to_dds
 from tests.standins.dds_robot import BASE, IMAGES, DdsRobot, own_domain
