@@ -1,9 +1,9 @@
 """Joins the page's modules and styles when a wheel is built: a first visit then takes few requests.
 
-From a clone the modules are served as they are written. The modules
-of the drive screen become one file, those of the other screens a second, and each further folder
-and each worker gets its own. Each file's name begins with a hash of its content, so a browser may
-cache it indefinitely. Comments and indentation are removed.
+From a clone the modules are served as they are written. The modules of the drive screen become one
+file, those of the other screens a second, and each further folder and each worker gets its own.
+Each file's name begins with a hash of its content, so a browser may cache it indefinitely. Comments
+and indentation are removed.
 
 Modules may use only a few forms, and any other is refused by name: imports by `{names}` or of a
 default, exports at the declaration, no `await` outside functions, no `export let`.
@@ -106,8 +106,8 @@ class _Joiner:
     def _sentences(self, path: Path, languages: dict[str, str]) -> str:
         """Return the address of the file that has these sentences.
 
-        Those of a folder within an extension's have a file of their own: it fetches them when
-        they are needed.
+        Sentences in a subfolder of an extension have a separate file, which the extension fetches
+        when it needs them.
         """
         parts = path.relative_to(self._folder / "js").parts
         if len(parts) <= 3:  # the core's, or an extension's
@@ -129,7 +129,7 @@ class _Joiner:
                 name = "screens" if room.name == "components" else f"apart-{room.name}"
                 text = "const { modules: $m, load: $load } = globalThis.joined;\n"
                 own = _beside(self.add(f"js/{name}.js", text + self._text(modules)))
-                # Those before it that have what its modules import, and it.
+                # The earlier files that contain modules it imports, then its own file.
                 wanted = [homes[m] for m in self._closure(modules) if m in homes]
                 needed = [*dict.fromkeys(each for home in wanted for each in home), own]
                 addresses |= dict.fromkeys(modules, needed)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from fastapi import APIRouter, Request
 
@@ -18,11 +18,12 @@ from robot.devices.raw_value import RawValue, must_be, number
 from robot.types import StopReason
 from server.adjustments.file import CorrectionOptions, CorrectionsFile
 from server.cli.parser import declare
-from server.routes.answers import Route
+from server.routes.answers import Route, answer
 from server.routes.bodies import FREE_MODEL, do
 from server.services import Extension, Services, services_of
 
 router = APIRouter(prefix="/api/corrections", route_class=Route)
+_T = TypeVar("_T", bound="CorrectionsAnswer")
 
 
 class AdjustmentsExtension(Extension):
@@ -110,15 +111,16 @@ class CorrectionsChanged(CorrectionsAnswer):
     kept: bool
 
 
-def _answer(services: Services) -> dict[str, object]:
-    possible = services.extension(AdjustmentsExtension).file.possible
-    return {**services.robot.corrections.described(), "possible": list(possible)}
+def _answer(kind: type[_T], services: Services, **more: object) -> _T:
+    possible = list(services.extension(AdjustmentsExtension).file.possible)
+    now = services.robot.corrections.described()
+    return answer(kind, None, **now, possible=possible, **more)
 
 
 @router.get("")
 def show_corrections(request: Request) -> CorrectionsAnswer:
     """Return the corrections of body and camera, and which ones apply."""
-    return CorrectionsAnswer(**_answer(services_of(request)))  # type: ignore[arg-type]
+    return _answer(CorrectionsAnswer, services_of(request))
 
 
 @router.put("", dependencies=[FREE_MODEL])
@@ -132,4 +134,4 @@ async def change_corrections(request: Request, body: CorrectionsChange) -> Corre
         is_kept = await do(corrections.file.save)
     except OSError:
         is_kept = False
-    return CorrectionsChanged(**_answer(services), kept=is_kept)  # type: ignore[arg-type]
+    return _answer(CorrectionsChanged, services, kept=is_kept)

@@ -30,8 +30,8 @@ class CorrectionOptions(Options):
     swap_sides: bool = option(False, "the motors are plugged in at each other's side")
     trim: float = option(
         0.0,
-        "steers so much to the right (negative: left) where it should drive straight, as a share "
-        "of full lock: a robot that pulls to the left needs a positive trim",
+        "steering to the right (negative: left) that is added where the robot should drive "
+        "straight, as a share of full lock: a robot that pulls to the left needs a positive trim",
         range=(-MOST_TRIM, MOST_TRIM),
     )
     turn_picture: int = option(

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from enum import StrEnum
 from typing import Any
@@ -88,7 +88,7 @@ class ClassModels:
         last = self._done[-1] if self._done else None
         return {
             "order": last and last.order.value,
-            "robots": [_described(one) for one in last.outcomes] if last else [],
+            "robots": [asdict(one) for one in last.outcomes] if last else [],
         }
 
     async def give(self, order: ClassOrder, data: bytes = b"", name: str = "") -> dict[str, Any]:
@@ -101,7 +101,7 @@ class ClassModels:
             done.outcomes = list(await asyncio.gather(*each))
             if any(done.steps.values()):
                 self._done = [*self._done, done][-_MOST_UNDONE:]
-            return {"order": order.value, "robots": [_described(one) for one in done.outcomes]}
+            return {"order": order.value, "robots": [asdict(one) for one in done.outcomes]}
 
     async def undo(self) -> dict[str, Any]:
         """Undo the last order; it can be repeated for robots that did not answer."""
@@ -114,7 +114,7 @@ class ClassModels:
             outcomes = list(await asyncio.gather(*tried))
             if not any(last.steps.values()):
                 self._done.pop()
-            return {"order": "undo", "robots": [_described(one) for one in outcomes]}
+            return {"order": "undo", "robots": [asdict(one) for one in outcomes]}
 
     async def _try(
         self,
@@ -216,7 +216,3 @@ async def _lessons(robot: RobotLink, name: str) -> int | None:
         if isinstance(model, dict) and model.get("name") == name:
             return int(model["lessons"]) if isinstance(model.get("lessons"), int) else None
     return None
-
-
-def _described(outcome: RobotOutcome) -> dict[str, Any]:
-    return {name: getattr(outcome, name) for name in ("number", "name", "did", "model", "detail")}

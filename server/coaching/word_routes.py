@@ -11,7 +11,7 @@ from fastapi import APIRouter, HTTPException, Request
 
 from robot.devices.raw_value import RawValue
 from robot.policy.history import TrainingHistory
-from server.routes.answers import Route
+from server.routes.answers import Route, answer
 from server.services import services_of
 
 router = APIRouter(prefix="/api", route_class=Route)
@@ -69,7 +69,7 @@ async def set_alike(request: Request, body: AlikeWord) -> AlikeChanged:
         )
     except ValueError as error:
         raise HTTPException(409, str(error)) from error
-    return AlikeChanged(**vars(await show_alike(request)), kept=is_kept)
+    return answer(AlikeChanged, await show_alike(request), kept=is_kept)
 
 
 def _alike(history: TrainingHistory) -> AlikeAnswer:

@@ -52,12 +52,12 @@ async def mjpeg(request: Request) -> StreamingResponse:
         is_due = next(sent) % _KEY_EVERY == 0
         return not (is_due and isinstance(gateway.session_by_address(request.scope), Refusal))
 
-    form = _for_browsers if _is_browser(request) else _for_players
     headers = {"x-accel-buffering": "no"}  # a buffering proxy would keep old frames
     if isinstance(gateway.session_by_address(request.scope), Session):
-        headers |= {"cross-origin-resource-policy": "cross-origin"}
-        headers |= {"access-control-allow-origin": "*"}
-    parts = form(hub.video.stream(has_room), is_allowed)
+        headers["cross-origin-resource-policy"] = "cross-origin"
+        headers["access-control-allow-origin"] = "*"
+    stream = hub.video.stream(has_room)
+    parts = _parts(stream, is_allowed, for_browser=_is_browser(request))
     hub.show_newest()
     return StreamingResponse(parts, media_type=_MEDIA_TYPE, headers=headers)
 
@@ -68,32 +68,23 @@ def _is_browser(request: Request) -> bool:
     return "sec-fetch-mode" in request.headers or "image/" in accept or "text/html" in accept
 
 
-async def _for_browsers(
-    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
+async def _parts(
+    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool], *, for_browser: bool
 ) -> AsyncIterator[bytes]:
-    """Yield frames, each followed by the next part's header.
+    """Yield the parts of the answer, each as soon as its client can show it.
 
-    Browsers show a part only when the next part's header has arrived. Sending this header with the
-    frame saves one frame's time.
+    Browsers show a part only when the next part's header has arrived, so that header is sent with
+    the frame. Players based on FFmpeg wait for the headers of the next two parts, unless a part
+    says its length.
     """
-    yield _BOUNDARY + _END_OF_HEADER
+    if for_browser:
+        yield _BOUNDARY + _END_OF_HEADER
     async with contextlib.aclosing(stream) as frames:
         async for jpeg in frames:
-            yield jpeg + b"\r\n" + _BOUNDARY + _END_OF_HEADER
-            if not is_allowed():
-                return
-
-
-async def _for_players(
-    stream: AsyncGenerator[bytes, None], is_allowed: Callable[[], bool]
-) -> AsyncIterator[bytes]:
-    """Yield frames, each with its length, so that players show a frame as soon as it is complete.
-
-    Without the length, players based on FFmpeg wait for the headers of the next two parts.
-    """
-    async with contextlib.aclosing(stream) as frames:
-        async for jpeg in frames:
-            length = b"Content-Length: %d\r\n" % len(jpeg)
-            yield _BOUNDARY + length + _END_OF_HEADER + jpeg + b"\r\n"
+            if for_browser:
+                yield jpeg + b"\r\n" + _BOUNDARY + _END_OF_HEADER
+            else:
+                length = b"Content-Length: %d\r\n" % len(jpeg)
+                yield _BOUNDARY + length + _END_OF_HEADER + jpeg + b"\r\n"
             if not is_allowed():
                 return

@@ -92,7 +92,7 @@ def _read(grey: bytes) -> int:
     return sum(int(row[int((bit + 0.5) * WIDTH / BITS)] > 127) << bit for bit in range(BITS))
 
 
-def players(folder: Path) -> dict[str, list[str]]:
+def players() -> dict[str, list[str]]:
     """Return each player that this machine has, with the command that writes grey pixels."""
     raw = ["-f", "rawvideo", "-pix_fmt", "gray", "-"]
     quick = ["-fflags", "nobuffer", "-probesize", "32", "-analyzeduration", "0"]
@@ -147,7 +147,7 @@ def measure(folder: Path) -> Iterator[str]:
         url = f"{server.address}/video.mjpg?key={PlayerKey(folder).replace()}"
         ways: dict[str, Callable[[], list[tuple[int, float]]]] = {
             name: lambda words=words: _by_program(words, url)  # type: ignore[misc]
-            for name, words in players(folder).items()
+            for name, words in players().items()
         }
         ways["Chromium, <img> of another site"] = lambda: _by_chromium(url)
         for name, watch in ways.items():

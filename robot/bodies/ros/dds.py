@@ -447,10 +447,16 @@ def neighbours_of(
     """
     shared = Participant.join(domain, configuration(hosts, interface))
     try:
-        neighbours = Neighbours(shared.entity, clock)
-        clock.sleep(seconds)
-        neighbours.look()
-        return neighbours.endpoints
+        return _look_around(shared.entity, clock, seconds)
     finally:
-        del neighbours
         shared.leave()
+
+
+def _look_around(
+    participant: DomainParticipant, clock: Clock, seconds: float
+) -> tuple[Endpoint, ...]:
+    """Search for some seconds; the readers end with this call, before their participant."""
+    neighbours = Neighbours(participant, clock)
+    clock.sleep(seconds)
+    neighbours.look()
+    return neighbours.endpoints
