@@ -44,6 +44,7 @@ class BrokenWay:
         self._fault = ""
         self._writers: set[Any] = set()
         self._transports: list[Any] = []
+        self._calls: set[asyncio.Task[None]] = set()
         self._full: list[socket.socket] = []
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
@@ -67,7 +68,7 @@ class BrokenWay:
     async def _listen(self) -> None:
         is_inspected = self._fault == "TLS inspected"
         self._server = await asyncio.start_server(
-            self._serve,
+            self._accept,
             "127.0.0.1",
             self.port,
             ssl=self.inspecting if is_inspected else None,
@@ -77,9 +78,7 @@ class BrokenWay:
 
     async def _become(self, fault: str) -> None:
         self._fault = fault
-        if self._server is not None:
-            self._server.close()
-            self._server = None
+        await self._stop_listening()
         for one in self._full:
             one.close()
         self._full = []
@@ -90,6 +89,16 @@ class BrokenWay:
             writer.transport.abort()
         if fault != "refused":
             await self._listen()
+
+    async def _stop_listening(self) -> None:
+        """Close the server once asyncio has attached what it accepted: else that stays open."""
+        server, self._server = self._server, None
+        if server is None:
+            return
+        for listener in server.sockets:
+            self._loop.remove_reader(listener.fileno())
+        await asyncio.sleep(0)
+        server.close()
 
     async def _fill_up(self) -> None:
         """Listen with a full queue: Linux drops all further calls."""
@@ -105,9 +114,13 @@ class BrokenWay:
                 caller.connect(("127.0.0.1", self.port))
             self._full.append(caller)
 
+    def _accept(self, reader: Any, writer: Any) -> None:
+        self._transports.append(writer.transport)
+        self._calls.add(call := asyncio.create_task(self._serve(reader, writer)))
+        call.add_done_callback(self._calls.discard)
+
     async def _serve(self, reader: Any, writer: Any) -> None:
         self._writers.add(writer)
-        self._transports.append(writer.transport)
         try:
             await self._talk(reader, writer)
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
@@ -119,9 +132,9 @@ class BrokenWay:
             writer.transport.abort() if self._fault == "refused" else writer.close()
 
     async def _talk(self, reader: Any, writer: Any) -> None:
-        if self._fault in ANSWERS:
+        if (answer := ANSWERS.get(self._fault)) is not None:
             await reader.readuntil(b"\r\n\r\n")
-            writer.write(ANSWERS[self._fault])
+            writer.write(answer)
             await writer.drain()
             return
         if self._fault == "asleep":
@@ -176,14 +189,15 @@ class BrokenWay:
 
     async def _end(self) -> None:
         await self._become("refused")
-        await asyncio.sleep(0.05)  # a call that was just taken begins: only then it can be ended
-        others = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in others:
-            task.cancel()
-        await asyncio.gather(*others, return_exceptions=True)
+        while others := asyncio.all_tasks() - {asyncio.current_task()}:
+            for transport in self._transports:
+                transport.abort()
+            for call in self._calls:
+                call.cancel()
+            await asyncio.wait(others, timeout=0.05)
         for transport in self._transports:
             transport.abort()
-        await asyncio.sleep(0.05)  # transports close a little later
+        await asyncio.sleep(0)  # what was aborted is closed in the next round
 
     def close(self) -> None:
         self._do(self._end())
