@@ -122,22 +122,8 @@ SCHEMAS: dict[Topic, Fields] = {
         frames={"type": "array", "items": _COUNT},
     ),
     Topic.RESULT: _schema("drivelesson.Result", {"of": _TEXT}),
-    Topic.POSE: _schema(
-        "foxglove.PoseInFrame",
-        {
-            "timestamp": _object(_all(_NUMBER, "sec", "nsec")),
-            "frame_id": _TEXT,
-            "pose": _object(
-                {
-                    "position": _object(_all(_NUMBER, "x", "y", "z")),
-                    "orientation": _object(_all(_NUMBER, "x", "y", "z", "w")),
-                }
-            ),
-        },
-    ),
 }
-"""JSON schema by topic. The schemas of /camera and /pose are Foxglove's; see
-robot/recordings/images.py."""
+"""JSON schema by topic. The messages of /camera and /pose are protobuf; see foxglove.py."""
 
 
 @cache
@@ -189,18 +175,4 @@ def describe_sensors(sensors: Sensors) -> Fields:
             **({"is_estimate": True} if pose.is_estimate else {}),
         },
         **({} if sensors.game is None else {"game": asdict(sensors.game)}),
-    }
-
-
-def pose_in_frame(pose: Fields, stamp_ns: int) -> Fields:
-    """Return a pose from the sensors as the message that Foxglove draws."""
-    seconds, nanoseconds = divmod(stamp_ns, 10**9)
-    half_rad = pose["heading_rad"] / 2
-    return {
-        "timestamp": {"sec": seconds, "nsec": nanoseconds},
-        "frame_id": "floor",
-        "pose": {
-            "position": {"x": pose["x_m"], "y": pose["y_m"], "z": 0.0},
-            "orientation": {"x": 0.0, "y": 0.0, "z": math.sin(half_rad), "w": math.cos(half_rad)},
-        },
     }

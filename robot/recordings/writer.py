@@ -23,9 +23,9 @@ from robot.recordings.messages import (
     Fields,
     Topic,
     json_channel,
-    pose_in_frame,
 )
 from robot.recordings.moves import to_text
+from robot.recordings.poses import encode_pose, pose_channel
 from robot.recordings.reader import (
     Attachment,
     Message,
@@ -138,8 +138,7 @@ class EpisodeWriter:
         stamp_ns = self._to_ns(now_s)
         self._add(json_channel(topic), stamp_ns, to_json(fields))
         if topic == Topic.SENSORS and fields["pose"]:
-            drawn = to_json(pose_in_frame(fields["pose"], stamp_ns))
-            self._add(json_channel(Topic.POSE), stamp_ns, drawn)
+            self._add(pose_channel(), stamp_ns, encode_pose(fields["pose"], stamp_ns))
 
     def write_copy(self, record: Message | Metadata | Attachment) -> None:
         """Add a record of another recording, byte for byte."""

@@ -6,11 +6,13 @@ import csv
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
 from robot.devkit.pictures import Picture
@@ -246,18 +248,25 @@ def test_a_tub_counts_its_lines_as_donkeycar_reads_them(episode: Episode, tmp_pa
     assert {"pilot/angle", "pilot/throttle"} < {*inputs} and {-1.0, 0.0} <= {*proposed}
 
 
-def test_poses_are_drawn_by_foxglove(episode: Episode) -> None:
+def test_poses_are_drawn_by_foxglove_and_rerun(episode: Episode) -> None:
     with episode.path.open("rb") as file:
         found = list(make_reader(file).iter_messages(topics=["/pose"]))
-    [(schema, _, message), *_] = found
+    [(schema, channel, message), *_] = found
     assert len(found) == len(episode.frames) and schema is not None
-    assert (schema.name, schema.encoding) == ("foxglove.PoseInFrame", "jsonschema")
-    drawn = json.loads(message.data)
-    turn = drawn["pose"]["orientation"]
-    assert set(drawn) == {"timestamp", "frame_id", "pose"}
-    assert turn["z"] ** 2 + turn["w"] ** 2 == pytest.approx(1.0)
-    stamp = drawn["timestamp"]
-    assert stamp["sec"] * 10**9 + stamp["nsec"] == message.log_time
+    assert schema.name == "foxglove.PoseInFrame"
+    assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
+    drawn = read_message(schema.name, schema.data, message.data)
+    turn = drawn.pose.orientation
+    assert turn.z**2 + turn.w**2 == pytest.approx(1.0)
+    assert (drawn.frame_id, drawn.timestamp.ToNanoseconds()) == ("floor", message.log_time)
+
+
+def read_message(name: str, schema: bytes, data: bytes) -> Any:
+    """Read a message by the schema in its file, as viewers do."""
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(name)).FromString(data)
 
 
 def test_what_was_measured_stays_with_every_copy_and_export(tmp_path: Path) -> None:
