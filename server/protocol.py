@@ -44,6 +44,7 @@ class ErrorCode(StrEnum):
     STALE = "stale"
     NO_PICTURE = "no_picture"
     STOP_HELD = "stop_held"
+    NEWER_STOP = "newer_stop"
 
 
 class ProtocolError(ValueError):
@@ -105,13 +106,18 @@ class Ping:
     client_ms: float = _checked(float, -MAX_COUNT, MAX_COUNT)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReleaseMessage:
+    """Release the emergency stop with this number, which the sender knows from the state."""
+
+    stop_number: int = _checked(int, 1, MAX_COUNT)
+
+
 class BareMessage(StrEnum):
     """A message that contains only its type."""
 
     STOP = "stop"
     """Emergency stop."""
-    RELEASE = "release"
-    """Release the emergency stop."""
     TAKE = "take"
     """Request the wheel."""
     YIELD = "yield"
@@ -122,7 +128,7 @@ class BareMessage(StrEnum):
     """This page shows the picture again and needs ten states a second."""
 
 
-ClientMessage = DriveMessage | ModeMessage | BareMessage | Ping
+ClientMessage = DriveMessage | ModeMessage | ReleaseMessage | BareMessage | Ping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,9 +174,11 @@ def parse_message(
         return ModeMessage(mode=Mode(mode), **_read(_MODE, message, seq))
     if kind == "ping":
         return Ping(**_read(_PING, message, seq))
+    if kind == "release":
+        return ReleaseMessage(**_read(_RELEASE, message, seq))
     if kind in _BARE:
         return BareMessage(kind)
-    known = ", ".join(["drive", "mode", "ping", *BareMessage])
+    known = ", ".join(["drive", "mode", "ping", "release", *BareMessage])
     raise ProtocolError(ErrorCode.UNKNOWN_TYPE, f"unknown message type; known types: {known}", seq)
 
 
@@ -211,6 +219,7 @@ def _numbers_of(kind: type[Any]) -> list[_Check]:
 
 
 _DRIVE, _MODE, _PING = _numbers_of(DriveMessage), _numbers_of(ModeMessage), _numbers_of(Ping)
+_RELEASE = _numbers_of(ReleaseMessage)
 _MODES, _BARE = [*Mode], [*BareMessage]
 
 

@@ -231,7 +231,8 @@ async def _hear(websocket: WebSocket, board: Board, onlooker: BoardViewer) -> No
             if kind == "stop":
                 board.stop(message.get("robot"))
             elif kind == "release":
-                board.release(message.get("robot"))
+                stops = message["stops"]
+                board.release({int(number): str(stops[number]) for number in stops})
             elif kind == "watch":
                 board.watch(onlooker, map(int, message["robots"]))
             elif kind == "drawn":

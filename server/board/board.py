@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
@@ -118,11 +118,13 @@ class Board:
         for robot in robots:
             robot.stop.press()
 
-    def release(self, number: object = None) -> None:
-        """Release the stop of one robot, or of all robots that the board has stopped."""
-        for robot in self._chosen(number):
-            if number is not None or robot.state.get("stop_held_by"):
-                robot.stop.release()
+    def release(self, stops: Mapping[int, str]) -> None:
+        """Release robots: each number with the `stop_id` that the teacher has seen.
+
+        A robot that was stopped again since stays stopped. NotFoundError for an unknown number.
+        """
+        for robot, stop in [(self.robot(number), stop) for number, stop in stops.items()]:
+            robot.stop.release(stop)
 
     # Pages -------------------------------------------------------------------------------------
 

@@ -21,7 +21,13 @@ from server.board.classroom import TEACHER
 from server.board.stopping import RobotStop
 from server.board.teacher_session import RefusedError, Status, TeacherSession, WrongClassError
 from server.board.transport import UnreachableError, within
-from server.protocol import ProtocolError, encode_acknowledgement, parse_object, parse_picture
+from server.protocol import (
+    ErrorCode,
+    ProtocolError,
+    encode_acknowledgement,
+    parse_object,
+    parse_picture,
+)
 from server.routes.sockets import first_of
 
 log = logging.getLogger(__name__)
@@ -86,6 +92,8 @@ class RobotLink:
             "status": self.status.value,
             "detail": self.detail,
             "stop": self.stop.stage.value if self.stop.stage is not None else None,
+            "stop_id": self.stop.id,
+            "release_refused": self.stop.is_release_refused,
             "delay_ms": self.delay_ms,
             "invitations": self.invitations,
             "colour": self.about.get("colour"),
@@ -184,10 +192,14 @@ class RobotLink:
                 self.delay_ms = round(self._clock.now_s() * 1000 - float(message["client_ms"]), 1)
             elif kind == "event":
                 self._note_event(message)
+            elif kind == "error" and message.get("code") == ErrorCode.NEWER_STOP:
+                self.stop.refuse_release()
 
     def _note_state(self, state: dict[str, Any]) -> None:
         is_ours = state.get("stop_held_by") == TEACHER.value  # pupils' stops are not ours
-        self.stop.note_state(is_stopped=is_ours and state.get("emergency") is True)
+        is_stopped = is_ours and state.get("emergency") is True
+        number = state.get("stop_number")
+        self.stop.note_state(number if type(number) is int else None, is_stopped=is_stopped)
         self.state = {name: state.get(name) for name in _FIELDS}
         self._on_news(self)
 

@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import secrets
 from collections.abc import Callable, Coroutine
 from enum import StrEnum
 from typing import Any
@@ -21,7 +22,7 @@ log = logging.getLogger(__name__)
 
 CONFIRM_S = 0.3
 """Timeout of a stop's confirmation, in seconds; after it, the stop is sent another way."""
-_STOP, _RELEASE = json.dumps({"type": "stop"}), json.dumps({"type": "release"})
+_STOP = json.dumps({"type": "stop"})
 
 
 class Stopping(StrEnum):
@@ -38,6 +39,8 @@ class RobotStop:
     Attributes:
         stage: The current stage; None if no stop was requested, or the stop was released.
         channel: The open connection to the robot; None while there is none.
+        number: The number of the newest STOP that the robot has reported; None if there is none.
+        is_release_refused: The last release was for an older STOP than the newest.
     """
 
     def __init__(
@@ -45,10 +48,13 @@ class RobotStop:
     ) -> None:
         self.stage: Stopping | None = None
         self.channel: Any = None
+        self.number: int | None = None
+        self.is_release_refused = False
+        self._press = ""
+        self._number_before: int | None = None
+        """The newest STOP that the robot had reported before this stop was pressed."""
         self._is_shown = False
         """True if the connection has reported this stop; earlier states precede the stop."""
-        self._is_behind = False
-        """True if the connection may still report a stop that has since been released."""
         self._session, self._clock = session, clock
         self._on_change = on_change
         self._pressing: asyncio.Task[None] | None = None
@@ -59,39 +65,61 @@ class RobotStop:
         """True if the robot has not confirmed the stop."""
         return self.stage in (Stopping.ASKED, Stopping.NOT_REACHED)
 
+    @property
+    def id(self) -> str:
+        """Identifies the newest STOP, of this board and of the robot; a release names it."""
+        return f"{self._press}.{self.number}"
+
     def press(self) -> None:
         """Stop the robot now, or as soon as the robot can be reached."""
+        self._press, self.is_release_refused = secrets.token_hex(4), False
         if self.channel is not None:
             self._start(self.send(self.channel))
         if not self.is_under_way:
             self.stage, self._is_shown = Stopping.ASKED, False
+            self._number_before = self.number
             if self._pressing is not None:
                 self._pressing.cancel()
             self._pressing = self._start(self._see_to_it())
         self._on_change()
 
-    def release(self) -> None:
-        """Let pupils start the robot again; a robot that is away stays stopped."""
+    def release(self, stop: str) -> None:
+        """Let pupils start the robot again; a robot that is away stays stopped.
+
+        `stop` is the `id` that the teacher has seen; a release of an older STOP is refused.
+        """
         if self.channel is None:
+            return
+        if stop != self.id:
+            self.refuse_release()
             return
         if self._pressing is not None:  # its request would arrive after the release
             self._pressing.cancel()
-        self.stage, self._is_behind = None, True
-        self._start(self.send(self.channel, _RELEASE))
+        self.stage, self.is_release_refused = None, False
+        words = json.dumps({"type": "release", "stop_number": self.number})
+        self._start(self.send(self.channel, words))
         self._on_change()
 
-    def note_state(self, *, is_stopped: bool) -> None:
+    def refuse_release(self) -> None:
+        """Report that a release came after a newer STOP, so the robot is still stopped."""
+        self.is_release_refused = True
+        if self.stage is None:  # the robot refused it
+            self.stage, self._is_shown = Stopping.STOPPED, True
+        self._on_change()
+
+    def note_state(self, number: int | None, *, is_stopped: bool) -> None:
         """Note a state from the robot, which may be older than the last command."""
+        self.number = max(self.number or 0, number or 0) or None
         if not is_stopped:
-            self._is_behind = False
+            self.is_release_refused = False
             if self.stage is Stopping.STOPPED and self._is_shown:
                 self.stage = None  # released
-        elif self.stage is not None and not self._is_behind:
+        elif self.stage is not None and (number is None or number != self._number_before):
             self.stage, self._is_shown = Stopping.STOPPED, True
 
     async def send_again(self, channel: Any) -> None:
         """On a new connection, send a stop that was not released, before anything else."""
-        self._is_shown = self._is_behind = False
+        self._is_shown, self.number = False, None  # it may have been started anew
         if self.stage is not None:
             await self.send(channel)
 
@@ -117,8 +145,10 @@ class RobotStop:
                 async with within():
                     # The open connection may be dead without an error, so use a separate one.
                     answer = await self._session.send("POST", "/api/stop")
-                if answer.json().get("emergency") is True and self.stage is not None:
+                stopped = answer.json()
+                if stopped.get("emergency") is True and self.stage is not None:
                     self.stage = Stopping.STOPPED
+                    self.number = stopped.get("stop_number", self.number)
                     self._on_change()
             await self._clock.pause(1.0)
 

@@ -10,6 +10,8 @@ import asyncio
 import contextlib
 import itertools
 import logging
+import math
+import secrets
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -36,6 +38,12 @@ from server.gateway.roles import Role
 from server.protocol import BareMessage, ErrorCode, ProtocolError, encode_message
 
 log = logging.getLogger(__name__)
+_RECENT_S = 2.0
+"""How long a start must prove that it was sent after the newest STOP, in seconds. Pages repeat an
+unproven start for one second, so a later one cannot have been asked for before that STOP."""
+_FIRST_STOP = 2**31
+"""The number of a server's first STOP is drawn below this, so no message to an earlier server names
+it."""
 _UNWATCHED_S = 0.5
 """Interval of the timer in seconds while no client is connected."""
 LASTING = ("set_aside", "nothing_kept", "check_battery")
@@ -61,6 +69,9 @@ class Hub:
         self.nonces = NonceLedger()
         self.stop_held_by: Role | None = None
         """The role that stopped the robot, if only that role may release it."""
+        self.stop_number = 1 + secrets.randbelow(_FIRST_STOP)
+        """The number of the newest STOP; it grows by one with each, also while one is latched."""
+        self._stopped_s = -math.inf
         self.refused: Counter[ErrorCode] = Counter()
         self.clients: dict[str, Client] = {}
         self._limit_s = robot.loop.config.gate.command_timeout_s
@@ -181,8 +192,8 @@ class Hub:
         elif message is BareMessage.STOP:
             client.is_answer_due = True  # even if the robot stands already
             self.latch_emergency(client.id, client.role)
-        elif message is BareMessage.RELEASE:
-            self._release_emergency(client)
+        elif isinstance(message, protocol.ReleaseMessage):
+            self._release_emergency(client, message.stop_number)
         elif message is BareMessage.TAKE:
             self._handle_take(client, now_s)
         elif message in (BareMessage.IDLE, BareMessage.WATCH):
@@ -191,15 +202,27 @@ class Hub:
         elif self.lease.give_up(client.id, now_s):
             self._pilot_changed()
 
-    def latch_emergency(self, source: str, role: Role) -> None:
-        """Stop the robot for any client; a role may reserve the release for itself."""
+    def latch_emergency(self, source: str, role: Role) -> int:
+        """Stop the robot for any client; a role may reserve the release for itself.
+
+        Return the number of this STOP.
+        """
         if role.holds_stop:
             self.stop_held_by = role
+        self.stop_number += 1
+        self._stopped_s = self.clock.now_s()
         self.robot.loop.latch_emergency()
         log.warning("emergency client=%s", source)
+        return self.stop_number
 
-    def _release_emergency(self, client: Client) -> None:
-        """Allow modes to be chosen again; the robot stays stopped until a mode is chosen."""
+    def _release_emergency(self, client: Client, stop_number: int) -> None:
+        """Allow modes to be chosen again; the robot stays stopped until a mode is chosen.
+
+        A release may be late, so it only counts for the STOP that its sender has seen.
+        """
+        if stop_number != self.stop_number:
+            sentence = "STOP was pressed again after this release; look, then release that one"
+            raise ProtocolError(ErrorCode.NEWER_STOP, sentence)
         holder = self.stop_held_by
         if holder is not None and client.role is not holder:
             raise ProtocolError(ErrorCode.STOP_HELD, f"only the {holder.value} releases this")
@@ -217,9 +240,11 @@ class Hub:
             self._require_known_frame(message.frame, message.seq)
             if message.frame is None:
                 raise why_refused(None, message.seq, self._limit_s)
-        asked = self.robot.loop.set_mode(
-            message.mode, proven_s=self.nonces.issued_s(message.nonce), frame_id=message.frame
-        )
+        proven_s = self.nonces.issued_s(message.nonce)
+        if message.mode is not Mode.STOPPED and proven_s < self._stopped_s >= now_s - _RECENT_S:
+            sentence = "STOP was pressed after this was sent; look, then choose the mode again"
+            raise ProtocolError(ErrorCode.NEWER_STOP, sentence, message.seq)
+        asked = self.robot.loop.set_mode(message.mode, proven_s=proven_s, frame_id=message.frame)
 
         def note(asked: Future[bool]) -> None:  # on the control loop's thread
             is_refused = not asked.cancelled() and asked.exception() is None and not asked.result()
@@ -322,6 +347,7 @@ class Hub:
             "pilot": owner,
             "wheel_asked": self.lease.is_asked,
             "stop_held_by": self.stop_held_by and self.stop_held_by.value,
+            "stop_number": self.stop_number,
             "viewers": len(self.clients) - (owner in self.clients),
         }
         texts: dict[bool, str] = {}  # each text is encoded once for all clients
@@ -342,6 +368,7 @@ class Hub:
             *(decision.mode, decision.driven_by, decision.stop_reason, decision.asks_pilot),
             *(state.link.level, state.emergency, state.fault),
             self.stop_held_by,
+            self.stop_number,
         )
 
     def _tell_refused(self, refused: Sequence[PilotCommand]) -> None:

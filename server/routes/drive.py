@@ -17,11 +17,18 @@ from server.services import services_of
 router = APIRouter(route_class=Route)
 
 
+@dataclass
+class StopAnswer:
+    """The robot stands. `stop_number` is the number of this STOP, by which it is released."""
+
+    stop_number: int
+    emergency: bool = True
+
+
 @router.post(STOP_PATH)
-async def stop(request: Request) -> dict[str, bool]:
+async def stop(request: Request) -> StopAnswer:
     """Latch the emergency stop, for a page without a websocket. Any admitted client may."""
-    services_of(request).hub.latch_emergency("http", role_of(request))
-    return {"emergency": True}
+    return StopAnswer(services_of(request).hub.latch_emergency("http", role_of(request)))
 
 
 @dataclass

@@ -397,7 +397,7 @@ class Life:
     def release(self) -> None:
         page = self._page()
         if page is not None:
-            page.pilot.send(type="release")
+            page.pilot.release()
             self.server.forward(0.05)
 
     def pair(self) -> None:

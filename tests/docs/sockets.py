@@ -17,6 +17,7 @@ from server.protocol import (
     ErrorCode,
     ModeMessage,
     Ping,
+    ReleaseMessage,
     _numbers_of,
 )
 
@@ -63,11 +64,13 @@ def upward() -> dict[str, Schema]:
     drive, needed = numbers_of(DriveMessage)
     mode, mode_needs = numbers_of(ModeMessage)
     ping, ping_needs = numbers_of(Ping)
+    release, release_needs = numbers_of(ReleaseMessage)
     return {
         "drive": message("drive", {"held": maybe(_MOVE), **drive}, needed)
         | {"anyOf": by_degrees()},
         "mode": message("mode", {"mode": one_of(Mode), **mode}, ["mode", *mode_needs]),
         "ping": message("ping", ping, ping_needs),
+        "release": message("release", release, release_needs),
         **{kind.value: message(kind.value, {}) for kind in BareMessage},
     }
 
@@ -116,6 +119,7 @@ def downward() -> dict[str, Schema]:
         "stop_reason": maybe(one_of(StopReason)),
         "emergency": _TRUTH,
         "stop_held_by": maybe(_TEXT),
+        "stop_number": _COUNT,
         "asks_pilot": _TRUTH,
         "fault": maybe(_TEXT),
         "pilot": maybe(_TEXT),

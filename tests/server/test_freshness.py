@@ -131,6 +131,8 @@ class Page:
             fields |= _hold(self.world, self.held) if kind == "drive" else {"mode": mode}
         elif kind == "ping":
             fields = {"client_ms": 1.0}
+        elif kind == "release":
+            fields = {"stop_number": self.state["stop_number"]}
         self.sent.append(Sent(self.world.clock.now_s(), kind, fields.get("seq")))
         self._up(self.drive, json.dumps({"type": kind, **fields}))
 

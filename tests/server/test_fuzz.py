@@ -48,6 +48,7 @@ KNOWN = {
     "mode": ("stopped", "train", "autonomous"),
     "seq": (1, 7, 1000),
     "client_ms": (),
+    "stop_number": (),
 }
 """The fields of a message, and what is right in them."""
 EDGES = (None, True, False, 0, 1, -1, 2**31, 2**32, 2**53, 2**64, -(10**30), 1e308, 0.5, "", [])

@@ -213,6 +213,10 @@ class Pilot:
         self.seq += 1
         self.send(type="mode", mode=mode, seq=self.seq, **self.sight())
 
+    def release(self) -> None:
+        """Release the STOP that the newest state shows."""
+        self.send(type="release", stop_number=self.state["stop_number"])
+
     def sight(self) -> dict[str, int | None]:
         """Return what a command must carry: the picture on the screen, the newest nonce."""
         return {"frame": self.picture or self.state.get("frame"), "nonce": self.nonce}

@@ -44,6 +44,9 @@ class VirtualPilot:
     def mode(self, mode: str) -> None:
         self._do(self.page.mode, mode)
 
+    def release(self) -> None:
+        self._do(self.page.release)
+
     def send(self, **message: Any) -> None:
         self._do(self.page.send, **message)
 

@@ -54,7 +54,7 @@ test('what the robot refuses comes with its sentence, or with what there is', as
 test('a stop is asked for, one request at a time, until the robot hears it, refuses it, or it is owed no more', async () => {
   const silent = ({ signal }) => silence(signal);
   const away = async () => { throw new TypeError('away'); };
-  const says = (status) => async () => ({ ok: status < 300, status, json: async () => ({}) });
+  const says = (status) => async () => ({ ok: status < 300, status, json: async () => ({ emergency: true, stop_number: 7 }) });
   /** How it ends at a robot that answers one after the other of `answers`, while `owed` requests are owed; and how many were sent. */
   const end = async (answers, owed = Infinity) => {
     let [sent, open, most] = [0, 0, 0];
@@ -64,7 +64,7 @@ test('a stop is asked for, one request at a time, until the robot hears it, refu
       return answers[sent++ % answers.length](about).finally(() => (open -= 1));
     };
     let said;
-    askToStop(() => sent < owed).then((isHeard) => (said = isHeard));
+    askToStop(() => sent < owed).then((number) => (said = number));
     for (let ms = 0; ms < 60_000 && said === undefined; ms += 50) {
       await new Promise(setImmediate);
       mock.timers.tick(50);
@@ -72,13 +72,13 @@ test('a stop is asked for, one request at a time, until the robot hears it, refu
     assert.equal(most, 1);
     return [said, sent];
   };
-  assert.deepEqual(await end([says(200)]), [true, 1]);
-  assert.deepEqual(await end([away, silent, says(502), says(503), says(200)]), [true, 5]);
-  assert.deepEqual(await end([away, says(403), says(200)]), [false, 2], 'a page that is not paired');
-  assert.deepEqual(await end([away, silent], 3), [false, 3]);
+  assert.deepEqual(await end([says(200)]), [7, 1]);
+  assert.deepEqual(await end([away, silent, says(502), says(503), says(200)]), [7, 5]);
+  assert.deepEqual(await end([away, says(403), says(200)]), [null, 2], 'a page that is not paired');
+  assert.deepEqual(await end([away, silent], 3), [null, 3]);
   const [earlier, later] = [askToStop(() => true), end([away, silent, says(200)])];
-  assert.deepEqual(await later, [true, 3]);
-  assert.equal(await earlier, false, 'it was asked for anew');
+  assert.deepEqual(await later, [7, 3]);
+  assert.equal(await earlier, null, 'it was asked for anew');
 });
 
 test('an answer that comes after the answer to a newer question is dropped, and a question that fails takes none away', async () => {

@@ -14,7 +14,7 @@ const { learnSession, refreshSession } = await import('../../web/js/study/sessio
 
 const STATE = {
   mode: 'stopped', you_are_pilot: true, pilot: 'c1', emergency: false, taught: { forward: 9, left: 3, right: 3 },
-  lessons: 300, agreement: null, nonce: 7,
+  lessons: 300, agreement: null, nonce: 7, stop_number: 41,
 };
 const OK = { ok: true, json: async () => ({}) };
 
@@ -110,6 +110,32 @@ for (const [what, become] of Object.entries({
     assert.deepEqual([words(), asked.length], [['release'], before]);
   });
 }
+
+for (const [what, own, named] of [['a request of its own', 42, 42], ['another person', 43, 41]]) {
+  test(`a release names the STOP that was shown, also if ${what} has stopped the robot since`, async () => {
+    speak(en);
+    lose();
+    let reach;
+    answer = () => new Promise((resolve) => { reach = resolve; });
+    page.stop();
+    page.connection.isOpen = true;
+    follow({ emergency: true });
+    page.release();
+    reach({ ok: true, json: async () => ({ emergency: true, stop_number: own }) });
+    await pass(500);
+    assert.deepEqual(said.filter(({ type }) => type === 'release'), [{ type: 'release', stop_number: named }]);
+    page.hearers.error({ type: 'error', code: 'newer_stop', message: '' });
+    assert.equal(page.store.state.toast.text, en.newer_stop);
+  });
+}
+
+test('a start that was tapped before a STOP is not repeated, though no state showed that STOP', () => {
+  page.choose('train');
+  follow({ stop_number: 42 });
+  page.hearers.error({ type: 'error', code: 'stale', message: '', seq: page.connection.seq });
+  page.look({ frame: 13, capturedMs: 0, arrivedMs: performance.now(), nonce: 8 });
+  assert.deepEqual(words(), ['train']);
+});
 
 test('a STOP by who may not is asked for once', async () => {
   lose();

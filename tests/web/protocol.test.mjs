@@ -49,6 +49,7 @@ function encode(word) {
   if (word.type === 'drive') return protocol.encodeDrive({ ...word, frameAgeMs: word.frame_age_ms, phoneMs: word.phone_ms });
   if (word.type === 'mode') return protocol.encodeMode(word.mode, word.seq, word);
   if (word.type === 'ping') return protocol.encodePing(word.client_ms);
+  if (word.type === 'release') return protocol.encodeRelease(word.stop_number);
   return protocol.encodeWord(word.type);
 }
 

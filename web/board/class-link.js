@@ -15,6 +15,8 @@ const ALL = 'all';
  * @property {'connecting' | 'there' | 'away' | 'not_ours' | 'no_class'} status
  * @property {string} detail  why, in English
  * @property {'asked' | 'stopped' | 'not_reached' | null} stop
+ * @property {string} stop_id  names the newest STOP; a release names it
+ * @property {boolean} release_refused  the last release was for an older STOP than the newest
  * @property {number | null} delay_ms
  * @property {number} invitations  grows with each new QR code
  * @property {string | null} colour
@@ -162,7 +164,8 @@ export class ClassLink extends EventTarget {
   /** Let the pupils start a robot again, or all robots that were stopped here. @param {number} [robot] */
   release(robot) {
     for (const stops of [this.owed, this.said]) for (const address of robot === undefined ? stops : this.meant(robot)) stops.delete(address);
-    this.say({ type: 'release', ...(robot === undefined ? {} : { robot }) });
+    const released = [...this.robots.values()].filter(({ number, stop_held_by: isHeld }) => (robot === undefined ? isHeld : number === robot));
+    this.say({ type: 'release', stops: Object.fromEntries(released.map(({ number, stop_id: stop }) => [number, stop])) });
   }
 
   /** The addresses of a robot, or of all. @param {number} [robot] */

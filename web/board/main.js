@@ -126,6 +126,8 @@ function summarize() {
   const lines = [];
   if (!link.isOpen && robots.length) lines.push(t('board.board_away'));
   if (missed.length) lines.push(t('board.missed', { names: missed.join(', ') }));
+  const again = robots.filter(({ release_refused: isRefused }) => isRefused).map(({ name }) => name);
+  if (again.length) lines.push(t('board.newer_stop', { names: again.join(', ') }));
   const loud = find('loud');
   if (loud.textContent !== lines.join('')) fill(loud, ...lines.map((line) => h('p', {}, line)));
   layStops();

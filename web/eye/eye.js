@@ -139,7 +139,7 @@ setInterval(() => {
 /** Stop also by requests, until the robot confirms one: the connection may be dead without an error, or replaced by another phone's. */
 async function stopRobot() {
   link.stop();
-  if (await askToStop(() => link.owesStop)) link.owesStop = false;
+  if ((await askToStop(() => link.owesStop)) !== null) link.owesStop = false;
 }
 stop.addEventListener('pointerdown', stopRobot);
 listenForStop({ stop: stopRobot, mayMove: () => document.body.dataset.mode !== 'stopped' });

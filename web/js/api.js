@@ -70,20 +70,19 @@ let stopsAsked = 0;
 /**
  * Stop the robot by requests, one after the other, until the robot confirms one or refuses it (a page that is not admitted), or until the stop is no longer needed or is requested again.
  * @param {() => boolean} isOwed
- * @returns {Promise<boolean>} whether the robot confirmed it
+ * @returns {Promise<number | null>} the number of the STOP; null if the robot did not confirm it
  */
 export async function askToStop(isOwed) {
   const own = (stopsAsked += 1);
   while (own === stopsAsked && isOwed()) {
     try {
-      await ask('POST', 'api/stop', undefined, STOPPING_MS);
-      return true;
+      return (await ask('POST', 'api/stop', undefined, STOPPING_MS)).stop_number;
     } catch (refused) {
-      if (/** @type {any} */ (refused).status < 500) return false;
+      if (/** @type {any} */ (refused).status < 500) return null;
       await new Promise((again) => setTimeout(again, STOP_MS));
     }
   }
-  return false;
+  return null;
 }
 
 /** Timeout of questions about a lost link, so that no STOP by request waits behind them. */

@@ -5,6 +5,7 @@ import { Helm } from './helm.js';
 import { hintNow } from './hints.js';
 import { t } from './i18n.js';
 import { declare } from './moves.js';
+import { encodeRelease } from './protocol.js';
 
 const AGREEMENT_EVERY = 5; // lessons between two points of the curve
 const CURVE_POINTS = 160;
@@ -58,7 +59,7 @@ export class Page {
     this.shownMs = -Infinity;
     const { helm } = this;
     /** @type {Record<string, (words: any) => void>} */
-    this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w), error: (w) => helm.start.refuse(w) };
+    this.hearers = { hello: (w) => this.greet(w), state: (w) => this.follow(w), event: (w) => this.note(w), error: (w) => this.hearRefusal(w) };
     this.listen();
   }
 
@@ -274,16 +275,27 @@ export class Page {
   stopElsewhere() {
     clearTimeout(this.stopTimer);
     this.stopTimer = undefined;
-    this.stopping = askToStop(() => this.isStopping).then((isHeard) => isHeard && this.endStop());
+    this.stopping = askToStop(() => this.isStopping).then((number) => {
+      if (number !== null) this.endStop();
+      return number;
+    });
   }
 
-  /** Release the emergency stop once no request of ours can latch it again, unless STOP was pressed meanwhile. */
+  /** Release the emergency stop that is shown, once no request of ours can latch it again, unless STOP was pressed meanwhile. */
   async release() {
+    const shown = this.store.state.robot?.stop_number ?? 0;
     this.endStop();
     this.isReleasing = true;
-    await this.stopping;
-    if (this.isReleasing) this.connection.say('release');
+    const own = await this.stopping;
+    // A request of ours, which repeats the STOP that is shown, may have counted as the next one.
+    if (this.isReleasing) this.connection.send(encodeRelease(own === shown + 1 ? own : shown));
     this.isReleasing = false;
+  }
+
+  /** The robot refused a message. @param {{code: string, seq?: number}} error */
+  hearRefusal(error) {
+    this.helm.start.refuse(error);
+    if (error.code === 'newer_stop') this.toast(t('newer_stop'));
   }
 
   /** Take the step that a notice offers. @param {string} step */

@@ -54,6 +54,7 @@ const ENCODINGS = ['jpeg', 'yuyv', 'rgb'];
  * @property {string | null} stop_reason
  * @property {boolean} emergency
  * @property {string | null} [stop_held_by]  the role that stopped it, if only this role can release it
+ * @property {number} stop_number  the number of the newest STOP, by which it is released
  * @property {boolean} asks_pilot
  * @property {string | null} fault
  * @property {string | null} pilot
@@ -176,7 +177,12 @@ export function encodeMode(mode, seq, { frame, nonce } = { frame: null }) {
   return JSON.stringify({ type: 'mode', mode, seq, frame: frame ?? undefined, nonce: nonce ?? undefined });
 }
 
-/** @typedef {'stop' | 'release' | 'take' | 'yield' | 'idle' | 'watch'} Word */
+/** The release of the emergency stop with this number, which is in the state. @param {number} stopNumber */
+export function encodeRelease(stopNumber) {
+  return JSON.stringify({ type: 'release', stop_number: stopNumber });
+}
+
+/** @typedef {'stop' | 'take' | 'yield' | 'idle' | 'watch'} Word */
 /** @param {Word} type */
 export function encodeWord(type) {
   return JSON.stringify({ type });

@@ -25,6 +25,8 @@ export class Start extends EventTarget {
     this.connection = connection;
     this.lookingAt = lookingAt;
     this.nowMs = nowMs;
+    /** @type {number | undefined} */
+    this.stopNumber = undefined;
     /** @type {{mode: Mode, tappedMs: number, seq: number | null, nonce: number | null} | null} */
     this.tap = null;
   }
@@ -76,9 +78,11 @@ export class Start extends EventTarget {
     }
   }
 
-  /** Apply a state message. @param {{mode: Mode, you_are_pilot: boolean, emergency: boolean}} robot */
+  /** Apply a state message; a STOP since the last state, even one that was released, ends the tap. @param {{mode: Mode, you_are_pilot: boolean, emergency: boolean, stop_number?: number}} robot */
   follow(robot) {
-    if (robot.mode === this.tap?.mode || robot.emergency || !robot.you_are_pilot) this.tap = null;
+    const isNewStop = this.stopNumber !== undefined && this.stopNumber !== robot.stop_number;
+    this.stopNumber = robot.stop_number;
+    if (robot.mode === this.tap?.mode || robot.emergency || isNewStop || !robot.you_are_pilot) this.tap = null;
     else this.go();
   }
 }

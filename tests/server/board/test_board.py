@@ -154,29 +154,30 @@ def test_a_pupil_s_own_stop_confirms_none_of_the_teacher() -> None:
 
 def test_what_the_line_tells_late_neither_clears_nor_confirms_a_stop() -> None:
     """The stop is confirmed by a request of its own while the line still tells what was before."""
-    free = {"emergency": False, "stop_held_by": None}
-    held = {"emergency": True, "stop_held_by": "teacher"}
 
     async def scenario(world: ClassWorld) -> None:
         one, *_ = world.pupils.values()
         await world.until_there([one])
         link = world.link(one)
         hear, link._note_state = link._note_state, lambda _: None  # the line is slow
+        free = {"emergency": False, "stop_held_by": None, "stop_number": one.hub.stop_number}
         world.board.stop()
         await world.until(lambda: link.stop.stage is Stopping.STOPPED, 2.0, "by a request")
         assert any("/api/stop" in path for _, path in world.network.requests)
+        number = one.hub.stop_number
+        held = {"emergency": True, "stop_held_by": "teacher", "stop_number": number}
         for late in (free, free, held):
             hear(late)
             assert link.stop.stage is Stopping.STOPPED, "that was before the stop"
         hear(free)
         assert link.stop.stage is None, "that was after it"
         hear(held)
-        world.board.release(link.number)
+        world.board.release({link.number: link.stop.id})
         world.board.stop()
         hear(held)
         assert link.stop.stage is Stopping.ASKED, "that was the stop before"
-        hear(free)
-        hear(held)
+        hear(free | {"stop_number": number})
+        hear(held | {"stop_number": number + 1})
         assert link.stop.stage is Stopping.STOPPED
 
     in_class(scenario)
@@ -198,7 +199,7 @@ def test_what_a_stop_has_asked_for_late_does_not_stop_what_was_released() -> Non
         await world.until(lambda: link.stop.stage is Stopping.NOT_REACHED, 1.0, "a request is sent")
         hear(told[-1])
         assert link.stop.stage is Stopping.STOPPED
-        world.board.release()
+        world.board.release({link.number: link.stop.id})
         await world.clock.pause(5.0)
         assert not one.loop.state.emergency
 
@@ -276,13 +277,13 @@ def test_only_the_board_releases_what_the_board_stopped(seed: int) -> None:
                 phone.send(type="stop")
                 latched = True
             elif step == "pupil releases":
-                phone.send(type="release")
+                phone.release()
                 latched, refused = latched and held, refused + held
             elif step == "board stops":
                 world.board.stop(link.number)
                 latched = held = True
             else:
-                world.board.release(link.number)
+                world.board.release({link.number: link.stop.id})
                 latched = held = False
             await world.clock.pause(1.5)
             assert one.loop.state.emergency is latched, step

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import re
 from collections import Counter
@@ -43,6 +44,8 @@ WORDS = (
     *("", "{", "[]", "3", "[" * 5000, '{"type": "dance"}', '{"type": "stop", "robot": 99}'),
     *('{"type": "watch"}', '{"type": "watch", "robots": ["x"]}', '{"type": "watch", "robots": 1}'),
     '{"type": "watch", "robots": [1e999]}',
+    *('{"type": "release"}', '{"type": "release", "stops": [1]}'),
+    *('{"type": "release", "stops": {"x": "a"}}', '{"type": "release", "stops": {"99": "a"}}'),
 )
 
 
@@ -105,12 +108,12 @@ def test_a_release_that_a_line_keeps_waiting_holds_no_stop_up() -> None:
             await world.clock.pause(10.0)
 
         world.link(gone).stop.channel.send = hang
-        world.link(gone).state["stop_held_by"] = "teacher"
         app = create_board_app(Config(port=8080, web=WEB), world.board, world.clock)
         network = VirtualNetwork({8080: _Served(app, 8080, gone.link)}, random.Random(1))
         place = ServerPlace(RobotAddress("127.0.0.1", 8080), "")
         async with network.connect(place, "/ws/board", {}) as page:
-            await page.send('{"type": "release"}')
+            stops = {link.number: link.stop.id for link in world.board.robots.values()}
+            await page.send(json.dumps({"type": "release", "stops": stops}))
             await page.send('{"type": "stop"}')
             driven = [pupil.driver for pupil in others]
             return await world.until(

@@ -10,6 +10,7 @@ export default {
   'board.release': 'Release',
   'board.release_one': 'Release {name}',
   'board.release_all': 'Release all',
+  'board.newer_stop': '{names}: STOP was pressed again, so it was not released. Look, then release it again.',
   'board.stopping': 'Stopping …',
   'board.not_reached': 'NOT STOPPED',
   'board.strangers': 'On the network, but not in this class: {n}',

@@ -10,6 +10,7 @@ export default {
   'board.release': 'Liberar',
   'board.release_one': 'Liberar {name}',
   'board.release_all': 'Liberar todos',
+  'board.newer_stop': '{names}: se ha pulsado PARAR otra vez, así que no se ha liberado. Mira y libera de nuevo.',
   'board.stopping': 'Parando…',
   'board.not_reached': 'SIN PARAR',
   'board.strangers': 'En la red, pero no de esta clase: {n}',

@@ -10,6 +10,7 @@ export default {
   'board.release': '解除',
   'board.release_one': '解除 {name}',
   'board.release_all': '全部解除',
+  'board.newer_stop': '{names}：急停又被按下，因此没有解除。请先看一看，再解除一次。',
   'board.stopping': '正在停止……',
   'board.not_reached': '未停止',
   'board.strangers': '在网络上、但不属于本班：{n}',

@@ -84,6 +84,7 @@ export default {
   'setback.unknown_view': 'A lot here is new to me, so I need longer.',
   choose_first: 'Tap Teach first, then hold a direction.',
   start_stale: 'Not started: no new picture arrived in time. Tap again.',
+  newer_stop: 'STOP was pressed again. Look at the robot, then tap again.',
   out_of_reach: 'No answer. The robot stops when it no longer hears its driver. I keep looking for it.',
   'way.offline': 'This device has no network: switch Wi-Fi on. The robot stops when it no longer hears its driver.',
   'way.gateway': 'The proxy answers, and the robot behind it does not. I keep looking for it.',

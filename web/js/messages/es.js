@@ -83,6 +83,7 @@ export default {
   'setback.unknown_view': 'Veo muchas cosas nuevas: necesito más tiempo.',
   choose_first: 'Toca primero Enseñar y luego mantén una dirección.',
   start_stale: 'No ha arrancado: no llegó a tiempo una imagen nueva. Toca otra vez.',
+  newer_stop: 'Se ha pulsado ALTO otra vez. Mira el robot y toca de nuevo.',
   out_of_reach: 'Sin respuesta. El robot se para cuando ya no oye a quien conduce. Lo sigo buscando.',
   'way.offline': 'Este dispositivo no tiene red: activa el wifi. El robot se para cuando ya no oye a quien conduce.',
   'way.gateway': 'El proxy responde, pero el robot que está detrás no. Lo sigo buscando.',

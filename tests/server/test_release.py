@@ -1,0 +1,158 @@
+"""A release or a start that is late does not undo a STOP that its sender had not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from robot.testing import LinkConditions
+from robot.types import Mode
+from server.bodies.eye_routes import EYE
+from server.gateway.roles import Role
+from tests.kit.sizes import size
+
+from .virtual import Pilot, ServedWorld, virtually
+
+SLOW = LinkConditions(delay_s=0.4)
+Stop = Callable[[ServedWorld], Awaitable[None]]
+
+
+async def _by_http(world: ServedWorld) -> None:
+    world.hub.latch_emergency("http", Role.VIEWER)
+
+
+async def _by_eye(world: ServedWorld) -> None:
+    world.hub.latch_emergency("eye", EYE)
+
+
+async def _by_another_page(world: ServedWorld) -> None:
+    before, world.link.conditions = world.link.conditions, LinkConditions()
+    other = await world.pilot()
+    other.send(type="stop")
+    await world.until(lambda: world.hub.stop_number > other.hello.get("stop_number", 0))
+    world.link.conditions = before
+
+
+async def _twice(world: ServedWorld) -> None:
+    await _by_http(world)
+    await _by_eye(world)
+
+
+STOPS = {"http": _by_http, "eye": _by_eye, "page": _by_another_page, "twice": _twice}
+
+
+async def _stopped(world: ServedWorld) -> Pilot:
+    """Return a page that sees a STOP of its own, on a link that is slow from now on."""
+    pilot = await world.pilot(sees=True)
+    pilot.send(type="stop")
+    await pilot.wait_for_state(emergency=True)
+    world.link.conditions = SLOW
+    return pilot
+
+
+@pytest.mark.parametrize("newer", STOPS)
+def test_a_release_that_is_under_way_does_not_undo_a_newer_stop(newer: str) -> None:
+    async def scenario(world: ServedWorld) -> None:
+        pilot = await _stopped(world)
+        pilot.release()
+        await STOPS[newer](world)
+        await world.forward(1.5)
+        assert world.loop.state.emergency
+        refusal = await pilot.wait_for(lambda message: message["type"] == "error")
+        assert refusal["code"] == "newer_stop" and "STOP was pressed again" in refusal["message"]
+        pilot.release()
+        await world.until(lambda: not world.loop.state.emergency, 1.5, "the newer one was seen")
+
+    virtually(scenario)
+
+
+def test_a_release_after_a_reconnection_names_the_stop_of_the_new_state() -> None:
+    async def scenario(world: ServedWorld) -> None:
+        before = await _stopped(world)
+        before.release()
+        before.vanish()
+        await _by_http(world)
+        await world.forward(1.5)
+        assert world.loop.state.emergency, "what is said on the old connection is late"
+        after = await world.pilot(sees=True)
+        after.send(type="release", stop_number=before.state["stop_number"])
+        await after.wait_for(lambda message: message.get("code") == "newer_stop")
+        after.release()
+        await world.until(lambda: not world.loop.state.emergency, 1.5)
+
+    virtually(scenario)
+
+
+def test_no_message_to_an_earlier_server_names_a_stop_of_this_one() -> None:
+    async def number(world: ServedWorld) -> int:
+        return world.hub.stop_number
+
+    assert virtually(number) != virtually(number)
+
+
+@pytest.mark.parametrize("fields", [{}, {"stop_number": None}, {"stop_number": True}])
+def test_a_release_that_names_no_stop_releases_none(fields: dict[str, object]) -> None:
+    async def scenario(world: ServedWorld) -> None:
+        pilot = await world.pilot()
+        pilot.send(type="stop")
+        await pilot.wait_for_state(emergency=True)
+        pilot.send(type="release", **fields)
+        refusal = await pilot.wait_for(lambda message: message["type"] == "error")
+        assert "'stop_number' must be" in refusal["message"]
+        assert world.loop.state.emergency
+
+    virtually(scenario)
+
+
+@pytest.mark.parametrize("nonce", ["fresh", "unknown"])
+def test_a_start_that_was_asked_for_before_a_stop_does_not_start_what_was_released(
+    nonce: str,
+) -> None:
+    """A pilot taps a mode; another stops and releases the robot before that message arrives."""
+
+    async def scenario(world: ServedWorld) -> None:
+        pilot = await world.pilot(sees=True)
+        await world.forward(0.2)
+        world.link.conditions = LinkConditions(delay_s=0.2)
+        if nonce == "unknown":
+            pilot.nonce = 1
+        pilot.mode("autonomous")
+        world.link.conditions = LinkConditions()
+        await _by_http(world)
+        await world.forward(0.05)
+        world.loop.release_emergency()
+        await world.forward(0.3)
+        assert world.mode is Mode.STOPPED
+        assert pilot.errors() == ["newer_stop"], "a page repeats no such start"
+        pilot.mode("autonomous")
+        await world.until(lambda: world.mode is Mode.AUTONOMOUS, 1.0, "asked for after it")
+
+    virtually(scenario)
+
+
+@pytest.mark.parametrize("seed", range(size("RELEASES", 3, 60)))
+def test_no_stop_is_undone_unseen_whatever_is_pressed_on_links_of_any_delay(seed: int) -> None:
+    async def scenario(world: ServedWorld) -> None:
+        dice, seen = world.dice, {world.hub.stop_number}
+        pages = [await world.pilot(sees=True) for _ in range(2)]
+        for _ in range(40):
+            page = dice.choice(pages)
+            step = dice.choice(["stop", "http", "eye", "release", "take", "mode", "pass", "pass"])
+            if step in STOPS:
+                await STOPS[step](world)
+            elif step == "release":
+                seen.add(page.state["stop_number"])
+                page.release()
+            elif step == "mode":
+                page.mode(dice.choice(["train", "autonomous"]))
+            elif step == "pass":
+                world.link.conditions = LinkConditions(delay_s=dice.choice([0.0, 0.05, 0.3, 1.0]))
+                await world.forward(dice.choice([0.0, 0.05, 0.5, 2.0]))
+            else:
+                page.send(type=step)
+            await world.until(
+                lambda: world.loop.state.emergency or world.hub.stop_number in seen, 0.06, step
+            )
+
+    virtually(scenario, seed=seed)
