@@ -21,7 +21,7 @@ class LateDriver(ConnectedDriver[VirtualClock]):
     """Its orders arrive later; a method of its own has a name that anybody would take."""
 
     name, default_camera, is_remote, takes_points = "late", "phone", True, True
-    ends_moves, is_cut = True, False
+    ends_moves, is_cut, ramp_s = True, False, 0.0
 
     def __init__(self, clock: VirtualClock) -> None:
         super().__init__(clock=clock)
@@ -53,6 +53,34 @@ class LateDriver(ConnectedDriver[VirtualClock]):
         return order[0] <= self._clock.now_s()
 
 
+class OneWheelAfterTheOther(LateDriver):
+    """Each order is two messages, one for each wheel."""
+
+    def _send(self, point: Point) -> None:  # type: ignore[override,unused-ignore]
+        had = self.orders[-1][1] if self.orders else STANDS
+        left, right = point.throttle + point.steering, had.throttle - had.steering
+        super()._send(Point((left - right) / 2, (left + right) / 2))
+        super()._send(point)
+        came_s = self.orders[-1][0]
+        self.orders[-1] = came_s + 0.008, point
+
+
+class SlowRamp(LateDriver):
+    """Speeds up for longer than one order lasts; it brakes at once."""
+
+    ramp_s = 1.5 * ACTION_TIMEOUT_S
+
+    def drives(self) -> Point:
+        wanted = super().drives()
+        same_s = self._clock.now_s()
+        for came_s, point in reversed([order for order in self.orders if self._has_come(order)]):
+            if point != wanted:
+                break
+            same_s = came_s
+        share = min(1.0, (self._clock.now_s() - same_s) / self.ramp_s)
+        return Point(wanted.steering * share, wanted.throttle * share)
+
+
 class NeverEnds(LateDriver):
     ends_moves = False
 
@@ -82,10 +110,12 @@ def run(check: Any, kind: type[LateDriver]) -> None:
             now_s=clock.now_s,
             mend_link=restore,
             drives=driver.drives,
+            ramp_s=driver.ramp_s,
         ),
     )
 
 
+@pytest.mark.parametrize("kind", [LateDriver, OneWheelAfterTheOther, SlowRamp])
 @pytest.mark.parametrize(
     "check",
     [
@@ -94,8 +124,8 @@ def run(check: Any, kind: type[LateDriver]) -> None:
         if name.startswith("test_") and "declares" not in name and "leaves_nothing" not in name
     ],
 )
-def test_a_body_that_is_late_keeps_the_contract(check: Any) -> None:
-    run(check, LateDriver)
+def test_a_body_that_is_late_keeps_the_contract(check: Any, kind: type[LateDriver]) -> None:
+    run(check, kind)
 
 
 @pytest.mark.parametrize(
