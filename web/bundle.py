@@ -37,7 +37,7 @@ _WORKER = re.compile(r"new Worker\('([^']+)', \{ type: 'module' \}\)")
 _CSS_COMMENT = re.compile(r"/\*.*?\*/", re.S)
 _HTML_COMMENT = re.compile(r"<!--.*?-->\n?", re.S)
 _CSS_SPACE = re.compile(r"\s*([{};])\s*|(?<=[:,]) ")
-_SENTENCE = re.compile(r"^  \S+: '(?:[^'\\]|\\.)*',\n", re.M)
+_SENTENCE = re.compile(r"^  (\S+): '(?:[^'\\]|\\.)*',\n", re.M)
 
 
 class JoinError(ValueError):
@@ -92,35 +92,35 @@ class _Joiner:
         return address
 
     def messages(self, name: str) -> str:
-        """Return a language's sentences: the core's, and those of the extensions."""
-        texts = [
-            (self._folder / "js/messages" / name).read_text("utf-8"),
-            *(
-                path.read_text("utf-8")
-                for path in sorted((self._folder / "js").glob(f"*/messages/{name}"))
-            ),
-        ]
-        sentences = "".join(line for text in texts for line in _SENTENCE.findall(text))
-        return shrink(f"export default {{\n{sentences}}};\n")
+        """Return a language's sentences, the core's and those of the extensions.
 
-    def _sentences(self, path: Path, languages: dict[str, str]) -> str:
-        """Return the address of the file that has these sentences.
-
-        Sentences in a subfolder of an extension have a separate file, which the extension fetches
-        when it needs them.
+        Sentences that the language lacks are in English, so the page needs only this file.
         """
-        parts = path.relative_to(self._folder / "js").parts
-        if len(parts) <= 3:  # the core's, or an extension's
-            return languages[path.stem]
-        return self.add(f"js/{_APART[1:]}{parts[0]}-{path.name}", shrink(path.read_text("utf-8")))
+        return self._sentences(name, "messages", "*/messages")
+
+    def _later_messages(self, name: str) -> str:
+        """Return the sentences in subfolders, which are fetched after the first picture."""
+        return self._sentences(name, "*/*/messages")
+
+    def _sentences(self, name: str, *folders: str) -> str:
+        sentences = dict[str, str]()
+        for each in dict.fromkeys(("en.js", name)):
+            for folder in folders:
+                for path in sorted((self._folder / "js").glob(f"{folder}/{each}")):
+                    found = _SENTENCE.finditer(path.read_text("utf-8"))
+                    sentences |= {sentence[1]: sentence[0] for sentence in found}
+        return shrink(f"export default {{\n{''.join(sentences.values())}}};\n")
 
     def entry(self, languages: dict[str, str]) -> str:
         """Join all modules; return the address of the first file."""
         known = self._closure([ENTRY])
-        addresses = {
-            path.relative_to(self._folder).as_posix(): [_beside(self._sentences(path, languages))]
-            for path in sorted((self._folder / "js").rglob("messages/*.js"))
-        }
+        addresses = dict[str, list[str]]()
+        for code, first in languages.items():
+            name = f"{code}.js"
+            later = self.add(f"js/later-{name}", self._later_messages(name))
+            for path in sorted((self._folder / "js").rglob(f"messages/{name}")):
+                module = path.relative_to(self._folder).as_posix()
+                addresses[module] = [_beside(first if module.count("/") < 4 else later)]
         start, homes = self._text(known), dict[str, list[str]]()
         for room in sorted(path for path in (self._folder / "js").iterdir() if path.is_dir()):
             below = [f"js/{room.name}/{path.name}" for path in sorted(room.glob("*.js"))]
@@ -135,8 +135,10 @@ class _Joiner:
                 addresses |= dict.fromkeys(modules, needed)
                 homes |= dict.fromkeys(modules, needed)
                 known += modules
-        urls = [*dict.fromkeys(url for each in addresses.values() for url in each)]
-        places = {module: [*map(urls.index, each)] for module, each in addresses.items()}
+        fetched = re.compile("|".join(map(_pattern, self._fetched())))
+        asked = {path: each for path, each in addresses.items() if fetched.fullmatch(path)}
+        urls = [*dict.fromkeys(url for each in asked.values() for url in each)]
+        places = {module: [*map(urls.index, each)] for module, each in asked.items()}
         loading = (
             f"const $urls = {json.dumps(urls)}, $files = {json.dumps(places)};\n"
             "if (globalThis.joined) throw new Error('the page is there already');\n"
@@ -149,6 +151,15 @@ class _Joiner:
             "globalThis.joined = { modules: $m, load: $load };\n"
         )
         return self.add("js/drive.js", loading + start)
+
+    def _fetched(self) -> set[str]:
+        """Return what modules import when they need it; `${name}` stands for any name."""
+        return {
+            _resolve(module, path[1:-1])
+            for file in (self._folder / "js").rglob("*.js")
+            for module in [file.relative_to(self._folder).as_posix()]
+            for path in _DYNAMIC.findall(self._source(module))
+        }
 
     def _worker(self, module: str) -> str:
         text = self._text(self._closure([module]))
@@ -218,6 +229,11 @@ class _Joiner:
             raise JoinError(f"{module}: cannot join {left[0]!r}")
         given = ", ".join(f"{name}: {own}" for name, own in exports.items())
         return f"{{\n{source}$m['{module}'] = {{ {given} }};\n}}\n"
+
+
+def _pattern(path: str) -> str:
+    """Return the regular expression of the modules that an import by this path may mean."""
+    return r"[\w-]+".join(map(re.escape, re.split(r"\$\{\w+\}", path)))
 
 
 def _beside(address: str) -> str:

@@ -37,6 +37,9 @@ WEB = {
     "board": ("board", "js/board"),
     "bodies": ("eye",),
     "challenge": ("js/challenge",),
+    "library": ("js/library",),
+    "recordings": ("js/recordings",),
+    "simulator": ("js/simulator",),
     "study": ("js/study",),
 }
 """The folders of an extension in `web`."""

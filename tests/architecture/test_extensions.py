@@ -219,6 +219,9 @@ PAGE_WORDS = {
     "board": r"teacher|classroom|pupil|\bboard\b|\b(a|the) class\b(?! [A-Z])|class's",
     "bodies": r"\beyes?\b",
     "challenge": r"challenge",
+    "library": r"api/models",
+    "recordings": r"api/episode|recorder|retraining",
+    "simulator": r"simulated|--robot sim",
     "study": r"\bstud(y|ies)\b|\bsession\b|participant",
 }
 """What only an extension's part of the page, and its documents, speak of."""

@@ -42,7 +42,7 @@ def speak_longer(context: Any) -> None:
         text = re.sub(r"(: ')((?:[^'\\]|\\.)*)(',)", _longer, response.text())
         route.fulfill(response=response, body=text)
 
-    context.route(re.compile(r"/messages/en\.js|/js/[0-9a-f]{10}-en\.js"), answer)
+    context.route(re.compile(r"/messages/en\.js|/js/[0-9a-f]{10}-(?:later-)?en\.js"), answer)
 
 
 def _longer(match: re.Match[str]) -> str:

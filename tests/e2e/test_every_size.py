@@ -82,7 +82,7 @@ def test_nothing_is_cut_and_nothing_overlaps(chromium: Any, taught: World, langu
 
 
 _SAY_IN_TURN = """async (language) => {
-  const rooms = ['', 'study/session/', 'challenge/tries/'];
+  const rooms = ['', 'components/screens/', 'study/session/', 'challenge/tries/'];
   const files = rooms.map((room) => import(`/js/${room}messages/${language}.js`));
   const words = Object.assign({}, ...(await Promise.all(files)).map((file) => file.default));
   const moves = Object.keys(words).filter((key) => key.startsWith('moves.'));

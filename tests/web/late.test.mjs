@@ -18,7 +18,7 @@ Object.assign(globalThis, {
 });
 class FakeSign extends FakeElement { setAttribute() {} addEventListener() {} }
 
-const load = (name) => import(`../../web/js/components/${name}.js`);
+const load = (name, folder = 'components') => import(`../../web/js/${folder}/${name}.js`);
 const soon = () => new Promise(setImmediate);
 /** @type {{path: string, words: any, fail: () => void, answer: (said: object) => void}[]} */
 let asked;
@@ -54,7 +54,7 @@ test('the gallery shows an edit, though an earlier look is answered after it', a
 });
 
 test('the models are those of the last answer but one that is late', async () => {
-  const { HomeScreen } = await load('home-screen');
+  const { HomeScreen } = await load('home-screen', 'library');
   const home = Object.assign(new HomeScreen(), { draw() {} });
   await twice(() => home.refresh(), (_, age) => ({ models: [age] }));
   assert.deepEqual(home.known, ['new']);
@@ -101,7 +101,7 @@ test('what is forgotten is what was shown, though more was chosen and is not ans
 });
 
 test('a model that was dropped stays dropped, though a look at it is answered late', async () => {
-  const { showTeaching } = await load('teach-again');
+  const { showTeaching } = await load('teach-again', 'recordings');
   const home = { again: new FakeElement(), isConnected: true };
   home.again.append('progress');
   showTeaching(home);

@@ -1,4 +1,7 @@
 // The extensions' parts of the page, one line each, like entry points in Python.
 import './board/extension.js';
 import './challenge/extension.js';
+import './library/extension.js';
+import './recordings/extension.js';
+import './simulator/extension.js';
 import './study/extension.js';

@@ -17,10 +17,14 @@ export const language = pickLanguage(globalThis.navigator?.languages ?? [], memo
 
 /** @typedef {(code: string) => Promise<{default: Record<string, string>}>} Load  a message file */
 
-/** @param {Load[]} [more]  of extensions; an extension without the language uses English @param {Load} [load] */
+/**
+ * Load the language. A sentence, or an extension, that lacks it is in English; in a joined page each language's
+ * file is whole, so that English need not be fetched too.
+ * @param {Load[]} [more]  of extensions @param {Load} [load]
+ */
 export async function loadLanguage(more = [], load = (code) => import(`./messages/${code}.js`)) {
-  const files = [load, ...more].map((each) => each('en'));
-  if (language !== 'en') files.push(load(language), ...more.map((each) => each(language).catch(() => ({ default: {} }))));
+  const codes = language === 'en' || 'joined' in globalThis ? [language] : ['en', language];
+  const files = codes.flatMap((code) => [load(code), ...more.map((each) => each(code).catch(() => ({ default: {} })))]);
   messages = Object.assign({}, ...(await Promise.all(files)).map((file) => file.default));
   document.documentElement.lang = language;
 }

@@ -11,7 +11,7 @@ import { listenForStop } from './inputs/stop-keys.js';
 import { Page } from './page.js';
 import { parts } from './parts.js';
 import { followReadiness } from './readiness.js';
-import { Router } from './router.js';
+import { Router, fetchScreenWords } from './router.js';
 import { Store } from './store.js';
 import { WayFinder } from './way.js';
 
@@ -89,7 +89,7 @@ async function listen(page) {
 /** @param {Page} page */
 async function addTheRest(page) {
   if (!page.store.state.hasKeys) await persist(() => listen(page));
-  await persist(() => import('./components/drive-map.js'));
+  await persist(() => Promise.all([import('./components/drive-map.js'), fetchScreenWords()]));
   /** @type {any} */ (document.querySelector('drive-map')).start(page);
   for (const part of parts) part.startLater?.(page);
   try {

@@ -7,8 +7,11 @@
  * @property {(state: import('./store.js').PageState) => boolean} isOffered  whether the menu shows it
  * @property {{title: string, hint: string}} [settings]  keys of the texts of its link in the settings
  *
+ * @typedef {() => Promise<(screen: any) => Promise<HTMLElement | null>>} Section  loads what makes a part of a screen
+ *
  * @typedef {object} Part
  * @property {Record<string, PartScreen>} [screens]  by name, which follows # in the address
+ * @property {Record<string, Section>} [sections]  by the name of the screen that shows it
  * @property {import('./i18n.js').Load} [words]  its sentences
  * @property {(page: import('./page.js').Page) => void} [start]  called before the page connects
  * @property {(page: import('./page.js').Page) => void} [startLater]  called after the first picture
@@ -22,3 +25,9 @@ export const register = (part) => parts.push(part);
 
 /** @returns {Record<string, PartScreen>} */
 export const partScreens = () => Object.assign({}, ...parts.map(({ screens }) => screens));
+
+/** Load the extensions' sections of a screen. @param {string} screen */
+export const loadSections = (screen) => Promise.all(parts.flatMap(({ sections }) => sections?.[screen]?.() ?? []));
+
+/** Make the extensions' sections of a screen. @param {string} name @param {import('./components/screen.js').Screen} screen */
+export const sectionsOf = async (name, screen) => Promise.all((await loadSections(name)).map((make) => make(screen)));

@@ -2,13 +2,16 @@
 
 import { ask } from './api.js';
 import { h } from './dom.js';
-import { t } from './i18n.js';
-import { partScreens } from './parts.js';
+import { fetchWords, t } from './i18n.js';
+import { loadSections, partScreens } from './parts.js';
 
 /** The core's screens besides the drive screen. */
-const SCREENS = ['gallery', 'why', 'teaching', 'undo', 'home', 'settings'];
+const SCREENS = ['gallery', 'why', 'teaching', 'undo', 'settings'];
 
 const AGAIN_MS = 3000;
+
+/** Fetch the sentences of the core's other screens. */
+export const fetchScreenWords = () => fetchWords((code) => import(`./components/screens/messages/${code}.js`));
 
 export class Router {
   /** @param {import('./page.js').Page} page */
@@ -42,7 +45,7 @@ export class Router {
     const alert = h('p', { class: 'panel', role: 'alert' }, t('unreachable'));
     const late = setTimeout(() => turn === this.turn && other.append(alert), AGAIN_MS);
     const load = added?.load ?? (() => import(`./components/${screen}-screen.js`));
-    const isThere = await load().then(() => true, () => false);
+    const isThere = await Promise.all([load(), fetchScreenWords(), loadSections(screen)]).then(() => true, () => false);
     clearTimeout(late);
     if (turn !== this.turn) return;
     if (!isThere) {

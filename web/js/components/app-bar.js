@@ -9,7 +9,6 @@ import { partScreens } from '../parts.js';
 import { sentence } from './teach-panel.js';
 
 const SCREENS = ['drive', 'gallery', 'teaching'];
-const LAST_SCREENS = ['home', 'settings'];
 const LOW_BATTERY = 0.2;
 /** @type {Record<string, string>} */
 const MOUTHS = { listening: 'M57 49h10', sure: 'M50 46q12 9 24 0', unsure: 'M49 50q6-8 12 0t13 0', proud: 'M46 43q16 21 32 0z' };
@@ -41,7 +40,7 @@ export class AppBar extends HTMLElement {
   }
 
   makeMenu() {
-    this.links = [...SCREENS, ...Object.keys(partScreens()), ...LAST_SCREENS].map((screen) =>
+    this.links = [...SCREENS, ...Object.keys(partScreens()), 'settings'].map((screen) =>
       h('a', { href: `#${screen}`, onclick: () => this.toggle(false) }, t(`screen.${screen}`)));
     return h('nav', { id: 'menu', hidden: true, 'aria-label': t('menu') }, ...this.links, this.figures);
   }

@@ -1,8 +1,8 @@
 // The world from above: the room, the robot's path in amber (the pilot drove) and blue (the robot drove), and
-// the places where it asked, pushed and was corrected. A simulated robot's path is exact; a real robot's path
-// is an estimate from its wheels' counts, and labelled as an estimate.
+// the places where it asked, pushed and was corrected. A path is exact if the robot knows its place; otherwise it
+// is an estimate from the wheels' counts, and labelled as an estimate.
 
-import { ask, askLong } from '../api.js';
+import { ask } from '../api.js';
 import { fill, h, svg } from '../dom.js';
 import { t } from '../i18n.js';
 
@@ -16,7 +16,7 @@ const MARGIN_M = 0.1;
 /** @type {[keyof Path, string][]} */
 const MARKS = [['asks_pilot', 'asked'], ['bumped', 'pushed'], ['intervention', 'corrected']];
 
-/** The current simulated world; null for a real robot. @returns {Promise<World | null>} */
+/** The world around the robot; null if nobody knows it. @returns {Promise<World | null>} */
 export async function fetchWorld() {
   return (await ask('GET', 'api/world').catch(() => ({ world: null }))).world;
 }
@@ -49,19 +49,6 @@ export async function drawFromAbove(place, path, isEstimate = false) {
   const stand = (/** @type {number} */ index) => standAt(robot, poses[index]);
   place.addEventListener('moment', (event) => stand(/** @type {CustomEvent} */ (event).detail));
   stand(poses.findIndex(Boolean));
-}
-
-/** Draw the paths of some recordings, one after the other; deleted recordings are left out. @param {HTMLElement} place @param {string[]} ids */
-export async function drawRecordings(place, ids) {
-  const kept = new Set((await askLong('api/episodes').catch(() => ({ episodes: [] }))).episodes.map((/** @type {{id: string}} */ { id }) => id));
-  const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => askLong(`api/episodes/${id}/timeline?count=2000`)));
-  /** @type {Path} */
-  const path = { pose: [], driven_by: [], asks_pilot: [], intervention: [], bumped: [] };
-  for (const { columns } of parts) {
-    for (const [name, list] of /** @type {[keyof Path, any[]][]} */ (Object.entries(path))) list.push(...columns[name], null);
-  }
-  await drawFromAbove(place, path, parts.some((part) => part.is_estimate));
-  place.dispatchEvent(new CustomEvent('moment', { detail: path.pose.length - 2 }));
 }
 
 /** The robot's symbol, which points in its viewing direction. */

@@ -1,11 +1,10 @@
 // <settings-screen>: only the settings that a person would change.
 
 import { ask, askLong } from '../api.js';
-import { append, fill, h, say, svg } from '../dom.js';
-import { LANGUAGES, chooseLanguage, has, language, percent, t } from '../i18n.js';
+import { append, fill, h, say } from '../dom.js';
+import { LANGUAGES, chooseLanguage, language, percent, t } from '../i18n.js';
 import { Tilt, hasTilt } from '../inputs/tilt.js';
-import { bounds, room } from './from-above.js';
-import { partScreens } from '../parts.js';
+import { partScreens, sectionsOf } from '../parts.js';
 import { Screen, segments } from './screen.js';
 import { byPlace, declare } from '../moves.js';
 
@@ -29,16 +28,16 @@ export class SettingsScreen extends Screen {
   async refresh() {
     const answers = await this.inOrder(this.attempt(() => Promise.all([
       askLong('api/settings'),
-      ask('GET', 'api/world').catch(() => ({ world: null })), // these belong to extensions, which may be missing
-      ask('GET', 'api/corrections').catch(() => ({ possible: [] })),
+      sectionsOf('settings', this),
+      ask('GET', 'api/corrections').catch(() => ({ possible: [] })), // an extension's, which may be missing
     ])));
     if (answers) this.renderRobot(answers[0], answers[1], answers[2]);
   }
 
-  /** @param {any} settings @param {any} places @param {Corrections} corrections */
-  renderRobot(settings, places, corrections) {
+  /** @param {any} settings @param {(HTMLElement | null)[]} sections @param {Corrections} corrections */
+  renderRobot(settings, sections, corrections) {
     declare(settings.declared_moves);
-    fill(/** @type {Element} */ (this.robot), this.identity(settings), this.place(places), this.steering(settings), this.size(settings), this.speed(settings), this.moves(settings), this.camera(settings.camera, corrections), this.body(corrections));
+    fill(/** @type {Element} */ (this.robot), this.identity(settings), ...sections, this.steering(settings), this.size(settings), this.speed(settings), this.moves(settings), this.camera(settings.camera, corrections), this.body(corrections));
   }
 
   /** @param {any} settings */
@@ -48,17 +47,6 @@ export class SettingsScreen extends Screen {
     const choice = h('select', { 'aria-label': t('settings.colour'), onchange: () => change({ colour: choice.value }) },
       ...colours.map((/** @type {string} */ c) => h('option', { value: c, selected: c === colour }, t(`colour.${c}`))));
     return group(t('settings.robot'), '', h('div', { class: 'row' }, field, choice));
-  }
-
-  /** The place to which a simulated robot can be carried. @param {{world: import('./from-above.js').World & {name: string} | null, worlds: string[]}} places */
-  place({ world, worlds }) {
-    if (!world || worlds.length < 2) return null;
-    const name = (/** @type {string} */ place) => (has(`world.${place}`) ? t(`world.${place}`) : place);
-    const choice = h('select', { 'aria-label': t('settings.world'), onchange: () => this.put('api/world', { name: choice.value }).then(() => this.refresh()) },
-      ...worlds.map((place) => h('option', { value: place, selected: place === world.name }, name(place))));
-    const [left, bottom, right, top] = bounds([], world);
-    const map = svg('svg', { viewBox: `${left} ${-top} ${right - left} ${top - bottom}`, class: 'above', 'aria-hidden': 'true' }, svg('g', { transform: 'scale(1 -1)' }, ...room(world)));
-    return group(t('settings.world'), t('settings.world_hint'), choice, /** @type {any} */ (map));
   }
 
   /** @param {any} settings */
@@ -205,7 +193,7 @@ export class SettingsScreen extends Screen {
 }
 
 /** @param {string} title @param {string} hint @param {...(Node | null)} parts */
-function group(title, hint, ...parts) {
+export function group(title, hint, ...parts) {
   return h('fieldset', { class: 'panel' }, h('legend', {}, title), hint ? h('p', { class: 'hint' }, hint) : null, ...parts);
 }
 

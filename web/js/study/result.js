@@ -1,6 +1,7 @@
 // The similarity of pilot and robot: a number, a chart for each move, and the path from above.
 
-import { drawRecordings } from '../components/from-above.js';
+import { askLong } from '../api.js';
+import { drawFromAbove } from '../components/from-above.js';
 import { text } from '../components/teaching-screen.js';
 import { h, icon, svg } from '../dom.js';
 import { count, t } from '../i18n.js';
@@ -27,6 +28,19 @@ export function drawOutcome(outcome) {
     h('p', {}, t('study.facts', { n: count(outcome.examples), i: count(outcome.interventions) })),
     map,
   ];
+}
+
+/** Draw the paths of some recordings, one after the other; deleted recordings are left out. @param {HTMLElement} place @param {string[]} ids */
+async function drawRecordings(place, ids) {
+  const kept = new Set((await askLong('api/episodes').catch(() => ({ episodes: [] }))).episodes.map((/** @type {{id: string}} */ { id }) => id));
+  const parts = await Promise.all(ids.filter((id) => kept.has(id)).map((id) => askLong(`api/episodes/${id}/timeline?count=2000`)));
+  /** @type {import('../components/from-above.js').Path} */
+  const path = { pose: [], driven_by: [], asks_pilot: [], intervention: [], bumped: [] };
+  for (const { columns } of parts) {
+    for (const [name, list] of /** @type {[keyof import('../components/from-above.js').Path, any[]][]} */ (Object.entries(path))) list.push(...columns[name], null);
+  }
+  await drawFromAbove(place, path, parts.some((part) => part.is_estimate));
+  place.dispatchEvent(new CustomEvent('moment', { detail: path.pose.length - 2 }));
 }
 
 /** One move's curves: the share of its ticks nearer than each distance. @param {Outcome} outcome @param {string} move */

@@ -4,35 +4,35 @@ import { ask } from '../api.js';
 import { fill, h, icon } from '../dom.js';
 import { count, percent, t } from '../i18n.js';
 
-/** @typedef {import('./home-screen.js').HomeScreen} Home */
+/** @typedef {import('./recordings.js').Recordings} Recordings */
 /** @typedef {{episode_id: string, frame_id: number, label: string, before: string | null, after: string | null}} Difference */
 
 const POLL_MS = 400;
 
-/** @param {Home} home @param {string[]} episodes */
-export async function teachAgain(home, episodes) {
-  const begun = await home.attempt(() => ask('POST', 'api/retraining', { episodes }));
+/** @param {Recordings} recordings @param {string[]} episodes */
+export async function teachAgain(recordings, episodes) {
+  const begun = await recordings.attempt(() => ask('POST', 'api/retraining', { episodes }));
   if (!begun) return;
-  draw(home, begun);
-  home.again?.scrollIntoView({ block: 'nearest' });
-  home.again?.querySelector('button')?.focus();
+  draw(recordings, begun);
+  recordings.again?.scrollIntoView({ block: 'nearest' });
+  recordings.again?.querySelector('button')?.focus();
 }
 
-/** Show the state of a training run, if there is one. @param {Home} home */
-export async function showTeaching(home) {
-  const shown = home.again.firstChild;
+/** Show the state of a training run, if there is one. @param {Recordings} recordings */
+export async function showTeaching(recordings) {
+  const shown = recordings.again.firstChild;
   const state = await ask('GET', 'api/retraining').catch(() => null);
-  if (!home.isConnected || home.again.firstChild !== shown) return; // begun, kept or dropped meanwhile
-  if (state) draw(home, state);
-  else if (home.again.querySelector('progress')) lookAgain(home);
+  if (!recordings.isConnected || recordings.again.firstChild !== shown) return; // begun, kept or dropped meanwhile
+  if (state) draw(recordings, state);
+  else if (recordings.again.querySelector('progress')) lookAgain(recordings);
 }
 
-/** @param {Home} home */
-const lookAgain = (home) => setTimeout(() => home.isConnected && showTeaching(home), POLL_MS);
+/** @param {Recordings} recordings */
+const lookAgain = (recordings) => setTimeout(() => recordings.isConnected && showTeaching(recordings), POLL_MS);
 
-/** @param {Home} home @param {any} state */
-function draw(home, state) {
-  const place = /** @type {HTMLElement} */ (home.again);
+/** @param {Recordings} recordings @param {any} state */
+function draw(recordings, state) {
+  const place = /** @type {HTMLElement} */ (recordings.again);
   if (state.state === 'idle') {
     fill(place);
     return;
@@ -41,32 +41,32 @@ function draw(home, state) {
     if (!place.querySelector('progress')) {
       fill(place, h('div', { class: 'panel stack' }, h('h3', {}, t('again.running')),
         h('progress', { max: 1, 'aria-label': t('again.running') }),
-        h('button', { type: 'button', onclick: () => drop(home) }, t('again.drop'))));
+        h('button', { type: 'button', onclick: () => drop(recordings) }, t('again.drop'))));
     }
     const bar = place.querySelector('progress');
     if (bar) bar.value = state.share;
-    lookAgain(home);
+    lookAgain(recordings);
     return;
   }
-  fill(place, state.state === 'failed' ? failure(home, state) : outcome(home, state));
+  fill(place, state.state === 'failed' ? failure(recordings, state) : outcome(recordings, state));
 }
 
-/** @param {Home} home @param {any} state */
-function failure(home, state) {
+/** @param {Recordings} recordings @param {any} state */
+function failure(recordings, state) {
   return h('div', { class: 'panel stack', role: 'status' }, h('p', {}, state.error),
-    h('button', { type: 'button', onclick: () => drop(home) }, t('close')));
+    h('button', { type: 'button', onclick: () => drop(recordings) }, t('close')));
 }
 
-/** @param {Home} home @param {any} state */
-function outcome(home, { comparison, taught, missing_frames: missing }) {
+/** @param {Recordings} recordings @param {any} state */
+function outcome(recordings, { comparison, taught, missing_frames: missing }) {
   const n = Object.values(taught).reduce((a, b) => a + b, 0);
   return h('div', { class: 'panel stack' },
     h('h3', {}, t('again.done', { n: count(n) })),
     missing ? h('p', { class: 'hint' }, t('again.missing', { n: count(missing) })) : null,
     ...(comparison ? sides(comparison) : [h('p', { class: 'hint' }, t('again.too_little'))]),
     h('div', { class: 'row' },
-      h('button', { type: 'button', class: 'primary', onclick: () => keep(home) }, t('again.keep')),
-      h('button', { type: 'button', onclick: () => drop(home) }, t('again.drop'))));
+      h('button', { type: 'button', class: 'primary', onclick: () => keep(recordings) }, t('again.keep')),
+      h('button', { type: 'button', onclick: () => drop(recordings) }, t('again.drop'))));
 }
 
 /** @param {{frames: number, before: number, after: number, mended: Difference[], broken: Difference[]}} comparison */
@@ -91,16 +91,16 @@ function strip(title, differences) {
       h('span', { class: 'under' }, icon('pilot'), name(d.label)))))];
 }
 
-/** @param {Home} home */
-async function keep(home) {
-  const kept = await home.act(() => ask('POST', 'api/retraining/keep', {}));
+/** @param {Recordings} recordings */
+async function keep(recordings) {
+  const kept = await recordings.home.act(() => ask('POST', 'api/retraining/keep', {}));
   if (!kept) return;
-  fill(/** @type {Element} */ (home.again));
-  home.page?.toast(t('again.kept', { name: kept.name }));
+  fill(/** @type {Element} */ (recordings.again));
+  recordings.page?.toast(t('again.kept', { name: kept.name }));
 }
 
-/** @param {Home} home */
-async function drop(home) {
-  const dropped = await home.attempt(() => ask('DELETE', 'api/retraining'));
-  if (dropped) fill(/** @type {Element} */ (home.again));
+/** @param {Recordings} recordings */
+async function drop(recordings) {
+  const dropped = await recordings.attempt(() => ask('DELETE', 'api/retraining'));
+  if (dropped) fill(/** @type {Element} */ (recordings.again));
 }

@@ -1,9 +1,10 @@
-// <home-screen>: the models saved on this robot, and the recordings of its drives.
+// <home-screen>: the models saved on this robot, and what other extensions add about its past.
 
 import { ask } from '../api.js';
 import { append, fill, h, icon } from '../dom.js';
 import { count, language, t } from '../i18n.js';
-import { Screen, contentOf } from './screen.js';
+import { Screen, contentOf } from '../components/screen.js';
+import { sectionsOf } from '../parts.js';
 
 /**
  * @typedef {{name: string, current: boolean, bytes: number, readable: boolean, place: string,
@@ -12,26 +13,12 @@ import { Screen, contentOf } from './screen.js';
  */
 
 export class HomeScreen extends Screen {
-  again = h('div', { class: 'stack' });
-  finder = h('input', { type: 'search', 'aria-label': t('episodes.find'), placeholder: t('episodes.find') });
-  chosen = h('div', { class: 'row' });
-  offer = h('div', { class: 'stack' }, this.finder, this.chosen);
-  /** @type {{episode: any, card: HTMLElement, isOn: boolean}[]} the recordings with their cards; `isOn` is true for the recording in progress */
-  shelf = [];
-  /** Number of list requests; of two requests under way, only the newer one is shown. */
-  listing = 0;
-  /** @type {Set<string>} recordings to fetch, delete or teach again from */
-  ticked = new Set();
-
   build() {
     /** @type {string | null} */
     this.open = null;
-    /** @type {string | null} */
-    this.openEpisode = null;
     /** @type {Model[]} */
     this.known = [];
     this.models = h('div', { class: 'stack', role: 'list' });
-    this.episodes = h('div', { class: 'stack' });
     const file = h('input', { type: 'file', accept: '.npz', hidden: true,
       onchange: () => {
         const [chosen] = file.files ?? [];
@@ -43,13 +30,8 @@ export class HomeScreen extends Screen {
       h('div', { class: 'row' },
         h('button', { type: 'button', onclick: () => this.begin() }, t('home.begin')),
         h('button', { type: 'button', onclick: () => file.click() }, t('home.upload')), file),
-      this.again, this.episodes,
     ]);
-    return Promise.all([this.refresh(), this.listEpisodes(), import('./teach-again.js').then(({ showTeaching }) => showTeaching(this))]);
-  }
-
-  async listEpisodes() {
-    await (await import('./episode-list.js')).listEpisodes(this);
+    return Promise.all([this.refresh(), sectionsOf('home', this).then((sections) => append(this, sections))]);
   }
 
   async refresh() {

@@ -4,9 +4,10 @@
 import { ask, askLong, inOrder } from '../api.js';
 import { append, fill, h, icon, say, settle, svg } from '../dom.js';
 import { count, t } from '../i18n.js';
-import { drawFromAbove } from './from-above.js';
+import { drawFromAbove } from '../components/from-above.js';
+import { listEpisodes } from './episode-list.js';
 
-/** @typedef {import('./home-screen.js').HomeScreen} Home */
+/** @typedef {import('./recordings.js').Recordings} Recordings */
 /**
  * @typedef {{frame: number[], at_s: number[], label: (string | null)[], predicted: (string | null)[], deleted: boolean[],
  *   driven_by: (string | null)[], asks_pilot: boolean[], intervention: boolean[], bumped: boolean[],
@@ -25,9 +26,9 @@ const [MOST_FRAMES, FEW_FRAMES] = [10_000, 500]; // a longer recording is shown 
 export const timelineOf = (path, frames, between = []) =>
   `${path}/timeline?count=${frames > MOST_FRAMES ? FEW_FRAMES : MOST_FRAMES}${between.length ? `&first=${between[0]}&last=${between[1]}` : ''}`;
 
-/** @param {Home} home @param {string} path  of the episode @param {Element} place  filled with the tools @param {() => void} teach @param {number[]} between  the first and the last picture; empty: the whole recording */
-export async function openPlayer(home, path, place, teach, at = 0, ordered = inOrder(), between = []) {
-  const shown = await ordered(home.attempt(async () => {
+/** @param {Recordings} recordings @param {string} path  of the episode @param {Element} place  filled with the tools @param {() => void} teach @param {number[]} between  the first and the last picture; empty: the whole recording */
+export async function openPlayer(recordings, path, place, teach, at = 0, ordered = inOrder(), between = []) {
+  const shown = await ordered(recordings.attempt(async () => {
     const episode = await askLong(path);
     const asked = between.length ? between[1] - between[0] + 1 : episode.frames;
     const { columns, is_estimate: isEstimate } = await askLong(timelineOf(path, asked, between));
@@ -35,21 +36,21 @@ export async function openPlayer(home, path, place, teach, at = 0, ordered = inO
     await drawFromAbove(player.map, columns, isEstimate);
     return { episode, player };
   }));
-  if (!shown || !home.isConnected) return;
+  if (!shown || !recordings.isConnected) return;
   const { episode, player } = /** @type {{episode: any, player: Player}} */ (shown);
   const { columns, last, range } = player;
   if (last < 1) return;
   const change = (/** @type {() => Promise<unknown>} */ act) =>
-    home.attempt(act).then(() => { player.stop(); openPlayer(home, path, place, teach, player.now, ordered, between); });
+    recordings.attempt(act).then(() => { player.stop(); openPlayer(recordings, path, place, teach, player.now, ordered, between); });
   const edit = (/** @type {string} */ verb, /** @type {string} */ label = '') => change(() =>
     ask('POST', `${path}/edits`, { verb, first: columns.frame[range[0]], last: columns.frame[range[1]], label }));
   const button = (/** @type {string} */ text, /** @type {() => unknown} */ act, /** @type {Node | null} */ sign = null) =>
     h('button', { type: 'button', onclick: act }, sign, text);
   const split = async () => {
-    await home.attempt(() => ask('POST', `${path}/split`, { frame: columns.frame[player.now] }));
-    await home.listEpisodes();
+    await recordings.attempt(() => ask('POST', `${path}/split`, { frame: columns.frame[player.now] }));
+    await listEpisodes(recordings);
   };
-  const look = (/** @type {number[]} */ part) => { player.stop(); openPlayer(home, path, place, teach, 0, ordered, part); };
+  const look = (/** @type {number[]} */ part) => { player.stop(); openPlayer(recordings, path, place, teach, 0, ordered, part); };
   const view = player.build();
   player.show(Math.min(at, last));
   fill(place, view,
