@@ -34,6 +34,7 @@ from robot.exchange.steering import FULL_MPS, FULL_TURN_RAD_S
 from robot.exchange.table import ENDINGS, names_pictures, read_table
 from robot.exchange.tub import read_tub
 from robot.exchange.tub_records import is_tub
+from robot.recordings.parts import is_part
 
 Read = Callable[[Reading, ImportReport], Drive]
 _NO_TIME = "none: 20 pictures a second are assumed, and reported"
@@ -127,6 +128,8 @@ def _find_tables(path: Path) -> list[Source] | None:
 def _find_recording(path: Path) -> list[Source] | None:
     if path.suffix.lower() != ".mcap" or not path.is_file() or not is_own(path):
         return None
+    if is_part(path):
+        return None  # the recording's first file is imported with its parts
     refused = refusing(path, "is a recording of this program; it is copied")
     return [Source(path.name, refused.read, partial(copy_recording, path))]
 

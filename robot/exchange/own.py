@@ -7,11 +7,11 @@ from pathlib import Path
 
 from robot.errors import RecordingError, told_as
 from robot.exchange.drive import ImportReport
+from robot.recordings import copying
 from robot.recordings.edits import notes_path, read_notes, write_notes
 from robot.recordings.episode import open_episode, taught_frames
-from robot.recordings.messages import MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY
-from robot.recordings.reader import MAGIC, Cut, Metadata, scan
-from robot.recordings.writer import EpisodeWriter
+from robot.recordings.messages import RUN
+from robot.recordings.reader import MAGIC
 from robot.store.folder import whole_file
 
 SOURCE = "recording of another robot"
@@ -38,17 +38,9 @@ def copy_recording(path: Path, target: Path, report: ImportReport) -> int:
     if not episode.frames:
         raise RecordingError(f"{path} has no pictures")
     run = {**episode.run, "source": SOURCE}
-    attached = episode.attachments
     with whole_file(target) as file:
-        writer = EpisodeWriter(file, run, attached.get(MODEL_BEFORE))
-        for record in scan(path):
-            if isinstance(record, Cut):
-                break
-            is_ours = isinstance(record, Metadata) and record.name in (RUN, SUMMARY)
-            is_model = getattr(record, "name", "") in (MODEL_BEFORE, MODEL_AFTER)
-            if not is_ours and not is_model:
-                writer.write_copy(record)
-        writer.close({"dropped_frames": "0", "lost_words": "0"}, attached.get(MODEL_AFTER))
+        for _ in copying.copy_recording(episode, file, run):
+            pass
     if notes_path(path).is_file():
         write_notes(target, read_notes(path))
     report.labels.update(example.label for example in taught_frames(episode).values())

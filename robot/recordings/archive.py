@@ -1,4 +1,5 @@
-"""Creates a zip file of many recordings while it is sent; only one block is in memory."""
+"""Creates one file of many recordings, or of all parts of one, while it is sent. Only one block is
+in memory."""
 
 from __future__ import annotations
 
@@ -6,17 +7,30 @@ import io
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import BinaryIO, cast
 
-from robot.recordings.edits import notes_path
+from robot.recordings.copying import copy_recording
+from robot.recordings.episode import open_episode
+from robot.recordings.parts import files_of, part_paths
 
 _BLOCK_BYTES = 1 << 20
 
 
 class _Sink(io.RawIOBase):
-    """Buffers the bytes that `ZipFile` writes until `fetch`; not readable or seekable."""
+    """Buffers the bytes that are written until `fetch`; not readable or seekable."""
 
     def __init__(self) -> None:
-        self._waiting = bytearray()
+        self._waiting, self._fetched = bytearray(), 0
+
+    def tell(self) -> int:
+        return self._fetched + len(self._waiting)
+
+    @property
+    def waiting_bytes(self) -> int:
+        return len(self._waiting)
+
+    def close(self) -> None:
+        """Stay readable: the file's writer closes it."""
 
     def writable(self) -> bool:
         return True
@@ -28,7 +42,18 @@ class _Sink(io.RawIOBase):
     def fetch(self) -> bytes:
         data = bytes(self._waiting)
         self._waiting.clear()
+        self._fetched += len(data)
         return data
+
+
+def join_recording(path: Path) -> Iterator[bytes]:
+    """Yield all files of a recording as one MCAP file, block by block."""
+    sink = _Sink()
+    episode = open_episode(path)
+    for _ in copy_recording(episode, cast(BinaryIO, sink), episode.run):
+        if sink.waiting_bytes >= _BLOCK_BYTES:
+            yield sink.fetch()
+    yield sink.fetch()
 
 
 def zip_recordings(paths: Sequence[Path]) -> Iterator[bytes]:
@@ -41,14 +66,16 @@ def zip_recordings(paths: Sequence[Path]) -> Iterator[bytes]:
     sink = _Sink()
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_STORED) as archive:
         for path in paths:
-            for file in (path, notes_path(path)):
-                if file is path or file.exists():
-                    yield from _add(archive, sink, file)
+            files = list(part_paths(path).values())
+            if (notes := files_of(path)[1]).exists():
+                files.append(notes)
+            for file in files:
+                yield from _add(archive, sink, file, file.relative_to(path.parent).as_posix())
     yield sink.fetch()
 
 
-def _add(archive: zipfile.ZipFile, sink: _Sink, path: Path) -> Iterator[bytes]:
-    entry = zipfile.ZipInfo.from_file(path, path.name, strict_timestamps=False)
+def _add(archive: zipfile.ZipFile, sink: _Sink, path: Path, name: str) -> Iterator[bytes]:
+    entry = zipfile.ZipInfo.from_file(path, name, strict_timestamps=False)
     left = entry.file_size
     with path.open("rb") as source, archive.open(entry, "w", force_zip64=True) as target:
         while left > 0 and (block := source.read(min(left, _BLOCK_BYTES))):

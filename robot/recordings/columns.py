@@ -69,8 +69,9 @@ class FrameTable(Mapping[int, FrameEntry]):
         """Return the rows in the order of the file, and the channels that the rows refer to."""
         return b"".join(part.tobytes() for part in self._parts), self._channels
 
-    def load(self, data: bytes, channels: Sequence[MessageChannel]) -> None:
-        """Add the rows of a `dump`; raises one of `UNREADABLE` if the rows are invalid."""
+    def load(self, data: bytes, channels: Sequence[MessageChannel], base: int = 0) -> None:
+        """Add the rows of a `dump`, whose file begins at the offset `base`; raises one of
+        `UNREADABLE` if the rows are invalid."""
         table = np.frombuffer(data, _FRAME).copy()
         self._channels += [channel for channel in channels if channel not in self._channels]
         numbers = np.array([self._channels.index(channel) for channel in channels], "<u2")
@@ -80,6 +81,7 @@ class FrameTable(Mapping[int, FrameEntry]):
             table["channel"] = numbers[table["channel"]]
             if int(table["chunk"].min()) < 0:
                 raise RecordingError("a picture before the beginning of the file")
+            table["chunk"] += base
         self._parts.append(table)
         self._table = None
 

@@ -19,7 +19,8 @@ from robot.recordings.columns import Labels
 from robot.recordings.edits import Edit, Notes, Range, trim
 from robot.recordings.episode import Episode, taught_frames
 from robot.recordings.messages import EDITED, MODEL_BEFORE, Fields, Topic
-from robot.recordings.reader import Block, Message, scan
+from robot.recordings.parts import scan_parts
+from robot.recordings.reader import Block, Message
 from robot.recordings.teaching import plan, surviving
 from robot.recordings.writer import FORMAT, EpisodeWriter
 from robot.store.models.events import describe_event, read_point
@@ -270,7 +271,7 @@ def write_edited(episode: Episode, notes: Notes, file: BinaryIO, *, is_part: boo
     first_s, last_s = episode.start_s, episode.start_s + episode.duration_s
     if len(kept_s):
         first_s, last_s = float(kept_s.min()), float(kept_s.max())
-    for record in scan(episode.path):
+    for record in scan_parts(episode.path):
         if not isinstance(record, Message) or record.topic == Topic.LESSON:
             continue
         at_s = (record.log_ns - episode.origin_ns) / 1e9

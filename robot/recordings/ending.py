@@ -6,18 +6,22 @@ damaged in another way is not changed.
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import json
 import logging
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
 from robot.clock import Clock
 from robot.errors import UNREADABLE, RecordingError
-from robot.recordings.episode import check_run
-from robot.recordings.messages import RUN, SUMMARY
+from robot.recordings.episode import check_run, open_episode
+from robot.recordings.marks import Tally
+from robot.recordings.messages import PART, RUN, SUMMARY
+from robot.recordings.parts import part_paths
 from robot.recordings.reader import CUT_SHORT, Cut, Metadata, has_end, scan
 from robot.recordings.writer import EpisodeWriter
 from robot.store.folder import whole_file
@@ -46,6 +50,13 @@ def end_cut_recordings(paths: Sequence[Path], clock: Clock) -> None:
 
 def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
     """Complete one recording if it is truncated; return whether it was. Raises OSError."""
+    files = part_paths(path)
+    ended = [_end_file(file, files.get(number - 1), rest) for number, file in files.items()]
+    return any(ended)
+
+
+def _end_file(path: Path, earlier: Path | None, rest: Callable[[], None]) -> bool:
+    """Complete one file of a recording; `earlier` is the file before it."""
     if not path.is_file() or path.is_symlink():
         return False
     status = path.stat()
@@ -55,7 +66,7 @@ def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
         raise OSError(errno.ENOSPC, "the disk has no room for a copy")
     try:
         with whole_file(path) as copy:
-            _copy_what_is_left(path, copy, rest)
+            _copy_what_is_left(path, earlier, copy, rest)
             if not os.path.samestat(status, path.stat()):
                 raise OSError("it was changed meanwhile")
     except UNREADABLE:
@@ -63,7 +74,9 @@ def end_recording(path: Path, rest: Callable[[], None] = lambda: None) -> bool:
     return True
 
 
-def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> None:
+def _copy_what_is_left(
+    path: Path, earlier: Path | None, copy: BinaryIO, rest: Callable[[], None]
+) -> None:
     """Raises one of `UNREADABLE` if the recording is damaged in another way than by truncation."""
     writer, cut, summary = None, Cut(reason="", lost_bytes=0), {"damage": CUT_SHORT}
     for number, record in enumerate(scan(path), 1):
@@ -74,7 +87,8 @@ def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> 
         elif isinstance(record, Metadata) and record.name == SUMMARY:
             summary = record.values  # only redundant records are missing
         elif isinstance(record, Metadata) and record.name == RUN:
-            writer = EpisodeWriter(copy, check_run(record.values))
+            run = check_run(record.values)
+            writer = EpisodeWriter(copy, run, tally=_tally_before(run, earlier))
         elif writer is None:
             raise RecordingError("a recording of another program")
         else:
@@ -82,3 +96,12 @@ def _copy_what_is_left(path: Path, copy: BinaryIO, rest: Callable[[], None]) -> 
     if writer is None or cut.lost_bytes is None or cut.lost_bytes > _MOST_LOST_BYTES:
         raise RecordingError(cut.reason)
     writer.close(summary)
+
+
+def _tally_before(run: Mapping[str, str], earlier: Path | None) -> Tally:
+    """Return the counts of the files before the one that begins with `run`."""
+    tally = Tally(json.loads(run[PART]) if PART in run else None)
+    if PART in run and earlier is not None:
+        with contextlib.suppress(*UNREADABLE, OSError):
+            tally.note_earlier(event for _, event in open_episode(earlier).events)
+    return tally

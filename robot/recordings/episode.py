@@ -18,18 +18,32 @@ from robot.errors import UNREADABLE, RecordingError
 from robot.recordings.columns import FrameTable, Labels, LessonTable, read_fields
 from robot.recordings.images import decode_image
 from robot.recordings.index import INDEX, Columns, read_columns
-from robot.recordings.messages import MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY, Fields, Topic
+from robot.recordings.messages import (
+    CONTINUES,
+    MODEL_AFTER,
+    MODEL_BEFORE,
+    PART,
+    RUN,
+    SUMMARY,
+    Fields,
+    Topic,
+)
 from robot.recordings.moves import from_text
+from robot.recordings.parts import (
+    base_of,
+    blocks_after,
+    part_paths,
+    read_chunk_at,
+    walk_part,
+)
 from robot.recordings.reader import (
+    CUT_SHORT,
     Attachment,
     Block,
     Cut,
+    Ends,
     MessageChannel,
     Metadata,
-    Part,
-    blocks_from,
-    read_chunk,
-    walk,
 )
 from robot.recordings.writer import FORMAT
 from robot.store.models.model import Model, decode_model
@@ -42,7 +56,7 @@ _LATEST_S = 2.5e11  # in the year 9892; `datetime` ends soon after
 
 @dataclass(slots=True, kw_only=True)
 class Episode:
-    """The content of a recording. Times are seconds of the run's clock.
+    """The content of all files of a recording. Times are seconds of the run's clock.
 
     `on_read` is called for each picture that is read, for a command's progress display.
     """
@@ -50,7 +64,8 @@ class Episode:
     path: Path
     run: dict[str, str] = field(default_factory=dict)
     columns: Columns = field(default_factory=Columns)
-    channels: Mapping[int, MessageChannel] = field(default_factory=dict)
+    channels: dict[int, Mapping[int, MessageChannel]] = field(default_factory=dict)
+    """The channels by number, of each file."""
     attachments: dict[str, bytes] = field(default_factory=dict)
     damage: str | None = None
     on_read: Callable[[], None] = lambda: None
@@ -125,7 +140,7 @@ class Episode:
 
     def _chunk(self, offset: int) -> bytes:
         data = self._chunks.get(offset)
-        return self._keep(offset, read_chunk(self.path, offset)) if data is None else data
+        return self._keep(offset, read_chunk_at(self.path, offset)) if data is None else data
 
     def _keep(self, offset: int, data: bytes) -> bytes:
         """Cache the last chunks, because their pictures are needed soon, up to some seconds later.
@@ -142,13 +157,9 @@ class Episode:
 
     def blocks(self, offset: int = 0) -> Iterator[Block]:
         """Yield the recording chunk by chunk, from the beginning or from the chunk at an offset."""
-        parts: Iterator[Part] = walk(self.path)
-        if offset:
-            parts = blocks_from(self.path, offset, self.channels)
-        for part in parts:
-            if isinstance(part, Block):
-                self._keep(part.offset, part.data)
-                yield part
+        for block in blocks_after(self.path, offset, self.channels):
+            self._keep(block.offset, block.data)
+            yield block
 
     def messages(self, topic: Topic) -> Iterator[tuple[float, Fields]]:
         """Yield the messages of a topic with their times, in the order of the file."""
@@ -177,35 +188,67 @@ def open_episode(path: Path) -> Episode:
 
     Raises RecordingError if the file is not a recording of this program, or has a newer format.
     """
-    with contextlib.suppress(*UNREADABLE, OSError, MemoryError, struct.error, zlib.error):
-        if (found := read_columns(path)) is not None:
-            ends, columns = found
-            return Episode(
-                path=path,
-                run=check_run(ends.metadata[RUN]),
-                columns=columns,
-                channels=ends.channels,
-                attachments=ends.attachments,
-                damage=ends.metadata[SUMMARY].get("damage"),
-            )
     episode = Episode(path=path)
-    for part in walk(path):
+    files = part_paths(path)
+    ends = ""
+    if missing := set(range(max(files))) - set(files):
+        episode.damage = f"part {min(missing)} is missing"
+    for number, file in files.items():
         try:
-            _take(episode, part)
+            ends = _add_file(episode, number, file)
         except UNREADABLE as error:
             if not episode.run:
                 raise RecordingError(f"{path.name} cannot be read: {error}") from error
             episode.damage = str(error)
-            break
-    if not episode.run:
-        raise RecordingError(f"{path.name} is not a recording of this program, or is empty")
+        if not episode.run:
+            raise RecordingError(f"{path.name} is not a recording of this program, or is empty")
+    if ends and episode.damage is None:
+        episode.damage = CUT_SHORT
+    episode.run.pop(PART, None)
     return episode
 
 
-def _take(episode: Episode, part: Block | Metadata | Attachment | Cut) -> None:
+def _add_file(episode: Episode, number: int, file: Path) -> str:
+    """Add the content of one file; return a text if another file must follow.
+
+    Raises one of `UNREADABLE` for the first damaged part.
+    """
+    with contextlib.suppress(*UNREADABLE, OSError, MemoryError, struct.error, zlib.error):
+        if (found := read_columns(file)) is not None:
+            ends, columns = found
+            return _add_indexed(episode, number, ends, columns)
+    ends_with: dict[str, str] = {}
+    for part in walk_part(number, file):
+        if isinstance(part, Metadata) and part.name == SUMMARY:
+            ends_with = part.values
+        _take(episode, number, part)
+    return ends_with.get(CONTINUES, "")
+
+
+def _add_indexed(episode: Episode, number: int, ends: Ends, columns: Columns) -> str:
+    _begin(episode, number, ends.metadata[RUN])
+    if number == 0:
+        episode.columns = columns
+    else:
+        episode.columns.extend(columns, base_of(number))
+    episode.channels[number] = ends.channels
+    episode.attachments.update(ends.attachments)
+    episode.damage = episode.damage or ends.metadata[SUMMARY].get("damage")
+    return ends.metadata[SUMMARY].get(CONTINUES, "")
+
+
+def _begin(episode: Episode, number: int, run: dict[str, str]) -> None:
+    if number == 0:
+        episode.run = check_run(run)
+        episode.frames.origin_ns = episode.origin_ns
+    elif any(run.get(name) != episode.run.get(name) for name in ("episode", "run", "origin_ns")):
+        raise RecordingError(f"part {number} belongs to another recording")
+
+
+def _take(episode: Episode, number: int, part: Block | Metadata | Attachment | Cut) -> None:
     if isinstance(part, Block):
         if episode.run:
-            episode.channels = part.channels
+            episode.channels[number] = part.channels
             episode.columns.add(part)
     elif isinstance(part, Attachment):
         if part.name != INDEX:
@@ -213,10 +256,9 @@ def _take(episode: Episode, part: Block | Metadata | Attachment | Cut) -> None:
     elif isinstance(part, Cut):
         episode.damage = part.reason
     elif part.name == RUN:
-        episode.run = check_run(part.values)
-        episode.frames.origin_ns = episode.origin_ns
+        _begin(episode, number, part.values)
     elif part.name == SUMMARY:
-        episode.damage = part.values.get("damage")
+        episode.damage = episode.damage or part.values.get("damage")
 
 
 def check_run(values: dict[str, str]) -> dict[str, str]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from robot.recordings.parts import ENDING
 from robot.store.folder import FolderKind, size_of
 
 NAME = "episodes"
@@ -14,15 +15,17 @@ _INDEX = ".index.json"
 
 
 def _debris(folder: Path) -> Iterable[Path]:
-    yield from (path for path in folder.glob("*.mcap") if size_of(path) == 0)
+    for pattern in ("*.mcap", f"*{ENDING}/*.mcap"):
+        yield from (path for path in folder.glob(pattern) if size_of(path) == 0)
     yield from folder.glob(_INDEX)
 
 
 FOLDER = FolderKind(
     name=NAME,
     about="one MCAP file per run: open with Foxglove, or with the mcap library\n"
+    "            NAME.parts has the further files of a long run; keep it next to NAME.mcap\n"
     "            NAME.edits.json next to it lists a person's edits; the recording is not changed\n"
     "            drivelesson episodes empty-trash deletes what is in trash/ for good",
-    reads=re.compile(r"[^.].*(\.mcap|\.edits\.json)", re.DOTALL),
+    reads=re.compile(r"[^.].*(\.mcap|\.edits\.json|\.parts)", re.DOTALL),
     debris=_debris,
 )

@@ -18,7 +18,15 @@ from pathlib import Path
 
 from robot.errors import RecordingError
 from robot.recordings.columns import FrameTable, LessonTable, Span, read_fields
-from robot.recordings.messages import MODEL_AFTER, MODEL_BEFORE, RUN, SUMMARY, Fields, Topic
+from robot.recordings.messages import (
+    MODEL_AFTER,
+    MODEL_BEFORE,
+    PART,
+    RUN,
+    SUMMARY,
+    Fields,
+    Topic,
+)
 from robot.recordings.reader import Attached, Block, Ends, MessageChannel, read_ends
 from robot.store.models.events import to_json
 
@@ -63,6 +71,14 @@ class Columns:
             self.results.append((int(stamp_ns), plain))
         del self.results[:-_MOST_RESULTS]
 
+    def extend(self, later: Columns, base: int) -> None:
+        """Add the columns of the recording's next file, which begins at the offset `base`."""
+        self.frames.load(*later.frames.dump(), base)
+        self.lessons.load(*later.lessons.dump())
+        self.span.load(later.span.ends)
+        self.pictures += later.pictures
+        self.add_results(later.results)
+
 
 def _is_plain(value: object) -> bool:
     """True for values that every export can write: a string, a bool or a finite number."""
@@ -98,6 +114,11 @@ def encode(
     return _HEAD.pack(zlib.crc32(packed), len(description)) + packed
 
 
+def frames_before(run: Mapping[str, str]) -> int:
+    """Return the number of pictures in the files before the one that begins with `run`."""
+    return int(json.loads(run[PART])["frames"]) if PART in run else 0
+
+
 def read_columns(path: Path) -> tuple[Ends, Columns] | None:
     """Read a complete recording's columns from its index; None if there is no valid index.
 
@@ -113,7 +134,8 @@ def read_columns(path: Path) -> tuple[Ends, Columns] | None:
         if not _load(columns, section, ends.channels, since, is_last=is_last):
             return None
         since = section.offset
-    is_complete = len(columns.frames) == int(ends.metadata[SUMMARY]["frames"])
+    before = frames_before(ends.metadata[RUN])
+    is_complete = len(columns.frames) + before == int(ends.metadata[SUMMARY]["frames"])
     return (ends, columns) if is_complete else None
 
 

@@ -32,6 +32,11 @@ class Topic(StrEnum):
 
 RUN, SUMMARY = "drivelesson.run", "drivelesson.summary"
 """Names of the metadata records at the beginning and at the end of a recording."""
+PART = "part"
+"""Key in the metadata at the beginning of a recording's later files: the number of the file, and
+the counts of the files before it."""
+CONTINUES = "continues"
+"""Key in the metadata at the end of a file that another file of the recording follows."""
 EDITED = "edited"
 """Key in the metadata at the beginning of a recording whose edits were applied. Edits of learned
 images do not apply there."""

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from robot.clock import Clock
-from robot.recordings.messages import Fields, Topic
-from robot.recordings.writer import EpisodeWriter
+from robot.recordings.messages import CONTINUES, Fields, Topic
+from robot.recordings.parts import part_path, parts_folder
+from robot.recordings.writer import EpisodeWriter, describe_part
 from robot.store.disk import Announce
-from robot.store.folder import free_name, paths_in
+from robot.store.folder import free_name, paths_in, sync_folder
 from robot.store.models.model import Model, encode_model
 from robot.store.presence import require_present
 from robot.types import Frame
@@ -42,6 +43,11 @@ class RecorderConfig:
     lead_frames: int = 15
     """Number of pictures from before the start that are recorded, because the pilot may label them.
     They fill at most a quarter of the queue."""
+    part_bytes: int = 64 * 2**20
+    """Size at which a recording continues in another file, in bytes."""
+    part_s: float = 600.0
+    """Time after which a recording continues in another file, in seconds. The recorder's memory
+    grows with one file only, and a reader's with one file that has no index."""
     spare_bytes: int = 64 * 2**20
     """Recording stops if fewer bytes are free on the disk. They are left for models and the
     system."""
@@ -66,6 +72,8 @@ class RecordingQueue:
         self._lock = threading.Lock()
         self._jobs: deque[tuple[int, Callable[..., None], tuple[Any, ...]]] = deque()
         self._writer: EpisodeWriter | None = None
+        self._run: Mapping[str, str] = {}
+        self._part, self._part_began_s = 0, 0.0
         self._checked_s = 0.0
         self._lost_before: Counter[str] = Counter()
         self.waiting_bytes = 0
@@ -145,6 +153,39 @@ class RecordingQueue:
     def _write(self, write: Callable[..., None], *what: Any) -> None:
         if self._writer is not None:
             write(self._writer, *what)
+            lasted_s = self._clock.now_s() - self._part_began_s
+            if (
+                self._writer.bytes_written >= self._config.part_bytes
+                or lasted_s >= self._config.part_s
+            ):
+                self._writer = self._next_part(self._writer)
+
+    def _next_part(self, writer: EpisodeWriter) -> EpisodeWriter:
+        """Complete the file, then continue the recording in another."""
+        writer.close({CONTINUES: "1", **self._losses()})
+        self._part, self._part_began_s = self._part + 1, self._clock.now_s()
+        path = self._folder / f"{self.episode_id}.mcap"
+        require_present(self._folder)
+        parts_folder(path).mkdir(exist_ok=True)
+        tally = writer.tally.next()
+        run = describe_part(self._run, self._part, tally)
+        return self._begin_file(part_path(path, self._part), run, tally=tally)
+
+    def _losses(self) -> dict[str, str]:
+        lost = self.lost - self._lost_before
+        return {"dropped_frames": str(lost["frames"]), "lost_words": str(lost["messages"])}
+
+    def _begin_file(self, path: Path, run: Mapping[str, str], **more: Any) -> EpisodeWriter:
+        """Begin to write a file; close it if that fails."""
+        file = self._open_file(path)
+        try:
+            for folder in {path.parent, self._folder}:
+                sync_folder(folder)
+            return EpisodeWriter(file, run, **more)
+        except Exception:
+            with contextlib.suppress(OSError):  # buffered bytes cannot be written either
+                file.close()
+            raise
 
     def _begin(
         self, run: Mapping[str, str], model: Model | None, lost_before: Counter[str]
@@ -157,13 +198,10 @@ class RecordingQueue:
         before = encode_model(model, is_packed=True) if model is not None else None
         # If the clock was set back, this name may already be used.
         episode_id = free_name(run["episode"], {path.stem for path in paths_in(self._folder)})
-        file = self._open_file(self._folder / f"{episode_id}.mcap")
-        try:
-            self._writer = EpisodeWriter(file, {**run, "episode": episode_id}, before)
-        except Exception:
-            with contextlib.suppress(OSError):  # buffered bytes cannot be written either
-                file.close()
-            raise
+        path = self._folder / f"{episode_id}.mcap"
+        self._run = {**run, "episode": episode_id}
+        self._writer = self._begin_file(path, self._run, model_before=before)
+        self._part, self._part_began_s = 0, self._clock.now_s()
         self.episode_id = episode_id
         self._lost_before = lost_before
         self._announce("recording_on", episode=self.episode_id)
@@ -182,14 +220,15 @@ class RecordingQueue:
         episode_id, self.episode_id = self.episode_id, None
         if not is_kept:
             writer.abandon()
-            (self._folder / f"{episode_id}.mcap").unlink(missing_ok=True)
+            path = self._folder / f"{episode_id}.mcap"
+            path.unlink(missing_ok=True)
+            shutil.rmtree(parts_folder(path), ignore_errors=True)
             self._announce("recording_done", episode=None)
             return
         after = encode_model(model, is_packed=True) if model is not None else None
         lost = self.lost - self._lost_before
-        summary = {"dropped_frames": str(lost["frames"]), "lost_words": str(lost["messages"])}
         try:
-            writer.close(summary, after)
+            writer.close(self._losses(), after)
         finally:
             if lost:
                 self._announce("recording_lossy", dropped_frames=lost["frames"])

@@ -13,7 +13,7 @@ import io
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -167,7 +167,12 @@ def require_mcap() -> None:
 
 def scan(path: Path) -> Iterator[Record]:
     """Yield the content of an MCAP file in order. If the file is incomplete, a `Cut` comes last."""
-    for part in walk(path):
+    return records_in(walk(path))
+
+
+def records_in(parts: Iterable[Part]) -> Iterator[Record]:
+    """Yield the messages of chunks one by one, and other content unchanged."""
+    for part in parts:
         if not isinstance(part, Block):
             yield part
             continue

@@ -230,7 +230,7 @@ class Recorder:
         self._is_kept = True
         is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
         if isinstance(event, Taught):
-            self._taught[event.example.frame_id] = 1
+            self._taught.set_taught(event.example.frame_id, 1, event.at_s)
         self.queue.write_message(Topic.LESSON, now_s, describe_event(event, with_vector=is_lost))
 
     def _remember(self, frame: Frame) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from robot.recordings.editing import write_edited
 from robot.recordings.edits import Edit, Notes, notes_path, read_notes, trim, write_notes
 from robot.recordings.episode import Episode, open_episode
 from robot.recordings.folder import NAME
-from robot.recordings.reader import has_end
+from robot.recordings.parts import ENDING, files_of, has_ended, state_of
 from robot.recordings.reading import being_read
 from robot.recordings.summary import EpisodeSummary, read_summary
 from robot.store.folder import Storage, check_name, free_name, paths_in, size_of, whole_file
@@ -22,6 +23,7 @@ from robot.store.lock import FolderLock
 from robot.store.presence import require_present
 
 DEFAULT_BUDGET_BYTES = 8 * 2**30
+_ENDINGS = re.compile(rf"(\.mcap|\.edits\.json|{re.escape(ENDING)})\Z")
 _OPEN_EPISODES, _DESCRIBED = 2, 2**16
 """Sizes of the caches of open recordings and of list entries."""
 _READ_WHOLE_BYTES = 2 * 2**20
@@ -81,11 +83,12 @@ class EpisodeStore:
     def _describe(self, path: Path) -> EpisodeSummary:
         """Describe a recording; read it only if it or its notes have changed."""
         notes = notes_path(path)
-        found = [file.stat() for file in (path, notes) if file is path or file.exists()]
-        state = [(status.st_size, status.st_mtime_ns) for status in found]
-        is_growing = path.stem == self._recording() and found[0].st_size > _READ_WHOLE_BYTES
+        state = state_of(path)
+        size = sum(size for size, _ in state)
+        is_growing = path.stem == self._recording() and size > _READ_WHOLE_BYTES
+        about = state_of(notes) if notes.exists() else None
         with self._listing:
-            return self._read(path, is_growing, *state)
+            return self._read(path, is_growing, state, about)
 
     def path(self, episode_id: str) -> Path:
         is_name = not episode_id.startswith(".") and not set(episode_id) & set("/\\\0")
@@ -98,9 +101,9 @@ class EpisodeStore:
     def open(self, episode_id: str) -> Episode:
         """Open an episode; the last two episodes stay open."""
         path = self.path(episode_id)
-        status = path.stat()
+        state = state_of(path)
         with self._lock:
-            return self._open(path, status.st_size, status.st_mtime_ns)
+            return self._open(path, state)
 
     def notes(self, episode_id: str) -> Notes:
         return read_notes(self.path(episode_id))
@@ -142,7 +145,7 @@ class EpisodeStore:
                 if len(wanted) == 1:
                     raise
                 kept[episode_id] = str(error)
-        files = [file for path in paths.values() for file in (path, notes_path(path))]
+        files = [file for path in paths.values() for file in files_of(path)]
         key = self._storage.discard(*files) if files else None
         return Deleted(ids=tuple(paths), key=key, kept=kept)
 
@@ -172,7 +175,7 @@ class EpisodeStore:
                 write_edited(episode, notes, file)
                 if self.open(episode_id) is not episode or read_notes(path) != notes:
                     raise ConfigurationError("this episode was changed meanwhile; try again")
-                key = self._storage.discard(path, notes_path(path))
+                key = self._storage.discard(*files_of(path))
             write_notes(path, replace(notes, edits=(), undone=()))
             return key
 
@@ -215,7 +218,7 @@ class EpisodeStore:
         """
         require_present(self._storage.folder(NAME))
         names = (path.name for path in paths_in(self._storage.folder(NAME)))
-        taken = {name.removesuffix(".mcap").removesuffix(".edits.json") for name in names}
+        taken = {_ENDINGS.sub("", name) for name in names}
         while True:
             path = self._storage.folder(NAME) / f"{free_name(check_name(name), taken)}.mcap"
             with contextlib.suppress(FileExistsError):
@@ -244,7 +247,7 @@ class EpisodeStore:
             raise ConfigurationError(
                 "this recording is being downloaded, exported or taught again; wait until that ends"
             )
-        if self._is_recorder or has_end(path):
+        if self._is_recorder or has_ended(path):
             return path
         unfinished = told_as(ConfigurationError, "this episode is not finished", ConfigurationError)
         with unfinished, FolderLock(self._storage.root):

@@ -1,4 +1,4 @@
-"""An episode's list entry, read only from the beginning and the end of its file."""
+"""An episode's list entry, read only from the beginning and the end of its files."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from typing import Any
 from robot.errors import UNREADABLE, RecordingError
 from robot.recordings.edits import Notes, read_notes
 from robot.recordings.episode import open_episode, seconds_in, taught_frames
-from robot.recordings.messages import RUN, SUMMARY
-from robot.recordings.reader import Metadata, read_metadata, scan
+from robot.recordings.messages import CONTINUES, RUN, SUMMARY
+from robot.recordings.parts import part_paths, state_of
+from robot.recordings.reader import CUT_SHORT, Metadata, read_metadata, scan
 from robot.recordings.writer import describe_content
 from robot.store.folder import fold
 
@@ -58,7 +59,7 @@ def read_summary(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
 
     If `is_growing`, only the beginning is read.
     """
-    size = path.stat().st_size
+    size = sum(size for size, _ in state_of(path))
     try:
         notes, complaint = read_notes(path), None
     except RecordingError as error:
@@ -83,16 +84,23 @@ def read_summary(path: Path, *, is_growing: bool = False) -> EpisodeSummary:
 def _read_head(path: Path) -> dict[str, Any]:
     for record in scan(path):
         if isinstance(record, Metadata) and record.name == RUN:
-            lasted_s = path.stat().st_mtime - seconds_in(record.values.get("started_at_s", "0"))
+            written_s = max(written_ns for _, written_ns in state_of(path)) / 1e9
+            lasted_s = written_s - seconds_in(record.values.get("started_at_s", "0"))
             return _facts(record.values, describe_content(0, {}, lasted_s))
     raise RecordingError("it has no beginning yet")
 
 
 def _read_ends(path: Path) -> dict[str, Any]:
-    """Read the metadata at the end of the file; if the end is damaged, count the content."""
+    """Read the metadata at the end of the last file; if it is damaged, count the content."""
+    files = part_paths(path)
+    last = max(files)
     with contextlib.suppress(*UNREADABLE, OSError):
         metadata = read_metadata(path)
-        return _facts(metadata[RUN], metadata[SUMMARY])
+        if last + 1 == len(files):
+            end = metadata[SUMMARY] if last == 0 else read_metadata(files[last])[SUMMARY]
+            if CONTINUES in end:
+                end = {"damage": CUT_SHORT, **end}
+            return _facts(metadata[RUN], end)
     episode = open_episode(path)
     taught = taught_frames(episode).counts
     content = describe_content(len(episode.frames), taught, episode.duration_s)

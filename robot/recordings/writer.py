@@ -18,6 +18,7 @@ from robot.recordings.marks import Tally
 from robot.recordings.messages import (
     MODEL_AFTER,
     MODEL_BEFORE,
+    PART,
     RUN,
     SUMMARY,
     Fields,
@@ -76,6 +77,12 @@ def describe_run(
     }
 
 
+def describe_part(run: Mapping[str, str], number: int, before: Tally) -> dict[str, str]:
+    """Return the metadata at the beginning of a recording's next file; `before` counted the files
+    up to here."""
+    return {**run, PART: json.dumps({"number": number, **before.counts})}
+
+
 def describe_content(frames: int, taught: Mapping[Action, int], lasted_s: float) -> dict[str, str]:
     """Return the metadata at the end of a recording; `taught` counts the examples that were not
     undone."""
@@ -95,6 +102,7 @@ class EpisodeWriter:
         run: Mapping[str, str],
         model_before: bytes | None = None,
         section_frames: int = SECTION_FRAMES,
+        tally: Tally | None = None,
     ) -> None:
         self._file = file
         self._origin_ns = int(run["origin_ns"])
@@ -110,8 +118,7 @@ class EpisodeWriter:
         )
         self._schema = cache(lambda schema: self._writer.register_schema(*schema))
         self._channel = cache(self._register)
-        self._tally = Tally()
-        self._first_ns, self._last_ns = 2**64, 0
+        self.tally = tally or Tally()
         self._section_frames = section_frames
         self._follower = WrittenFile()
         self._columns: Columns | None = Columns(self._origin_ns)
@@ -126,7 +133,11 @@ class EpisodeWriter:
     @property
     def frames(self) -> int:
         """Number of pictures written."""
-        return self._tally.frames
+        return self.tally.frames
+
+    @property
+    def bytes_written(self) -> int:
+        return self._written.tell()
 
     def write_frame(self, frame: Frame) -> None:
         """Add one picture with the camera's bytes; its id is the message's sequence number."""
@@ -164,8 +175,8 @@ class EpisodeWriter:
             self._write_index(is_last=True)
             if model_after is not None:
                 self._attach(MODEL_AFTER, model_after)
-            lasted_s = (self._last_ns - self._first_ns) / 1e9
-            content = describe_content(self.frames, self._tally.taught, lasted_s)
+            lasted_s = (self.tally.last_ns - self.tally.first_ns) / 1e9
+            content = describe_content(self.frames, self.tally.taught, lasted_s)
             self._writer.add_metadata(SUMMARY, {**content, **summary})
             self._writer.finish()
             self._file.flush()
@@ -203,7 +214,7 @@ class EpisodeWriter:
         self._file.close()
 
     def _attach(self, name: str, data: bytes) -> None:
-        stamp_ns = self._last_ns or self._began_ns
+        stamp_ns = self.tally.last_ns or self._began_ns
         self._writer.add_attachment(stamp_ns, stamp_ns, name, "application/zip", data)
 
     def _to_ns(self, now_s: float) -> int:
@@ -211,12 +222,11 @@ class EpisodeWriter:
         return max(self._origin_ns + round(now_s * 1e9), 0)
 
     def _add(self, channel: MessageChannel, stamp_ns: int, data: bytes, sequence: int = 0) -> None:
-        self._first_ns = min(stamp_ns, self._first_ns)
-        self._last_ns = max(stamp_ns, self._last_ns)
+        self.tally.note_time(stamp_ns)
         if channel.topic == Topic.CAMERA:
-            self._tally.note_frame(sequence)
+            self.tally.note_frame(sequence)
         elif channel.topic == Topic.LESSON:
-            self._tally.note(read_event(json.loads(data)))
+            self.tally.note(read_event(json.loads(data)))
         self._writer.add_message(self._channel(channel), stamp_ns, data, stamp_ns, sequence)
         if self._written.waiting:
             self._follow()

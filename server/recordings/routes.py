@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
+from urllib.parse import quote
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from starlette.concurrency import iterate_in_threadpool
@@ -17,9 +18,10 @@ from robot.devices.raw_value import RawValue, must_be, text
 from robot.driver import describe as describe_moves
 from robot.errors import NotFoundError
 from robot.policy.image import to_rgb
-from robot.recordings.archive import zip_recordings
+from robot.recordings.archive import join_recording, zip_recordings
 from robot.recordings.editing import edit_of, sample
 from robot.recordings.edits import Notes
+from robot.recordings.parts import part_paths
 from robot.recordings.reading import reading
 from robot.recordings.store import Deleted, EpisodeStore
 from robot.recordings.summary import EpisodeSummary
@@ -224,16 +226,17 @@ def download_episodes(episode: list[str] = CHOSEN, store: EpisodeStore = STORE) 
     if not paths:
         raise NotFoundError("nothing is recorded yet")
     headers = {"content-disposition": 'attachment; filename="recordings.zip"'}
-    return StreamingResponse(_sent(paths), media_type="application/zip", headers=headers)
+    zipped = _sent(paths, zip_recordings(paths))
+    return StreamingResponse(zipped, media_type="application/zip", headers=headers)
 
 
-async def _sent(paths: Sequence[Path]) -> AsyncIterator[bytes]:
-    """Yield a zip file; its episodes cannot be deleted until it is sent or the client has left.
+async def _sent(paths: Sequence[Path], blocks: Iterator[bytes]) -> AsyncIterator[bytes]:
+    """Yield a file; its episodes cannot be deleted until it is sent or the client has left.
 
     The disk is read on other threads.
     """
     with reading(paths):
-        async for block in iterate_in_threadpool(zip_recordings(paths)):
+        async for block in iterate_in_threadpool(blocks):
             yield block
 
 
@@ -300,8 +303,12 @@ def show_frame(episode_id: str, frame_id: int, store: EpisodeStore = STORE) -> R
 @router.get("/episodes/{episode_id}/file", **media("application/octet-stream"))
 def download_episode(episode_id: str, store: EpisodeStore = STORE) -> Response:
     """Download the recording without its edits."""
-    path = store.path(episode_id)
-    return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+    path, kind = store.path(episode_id), "application/octet-stream"
+    if len(part_paths(path)) == 1:
+        return FileResponse(path, media_type=kind, filename=path.name)
+    headers = {"content-disposition": f"attachment; filename*=utf-8''{quote(path.name)}"}
+    joined = _sent([path], join_recording(path))
+    return StreamingResponse(joined, media_type=kind, headers=headers)
 
 
 @router.patch("/episodes/{episode_id}")

@@ -101,7 +101,7 @@ def test_it_is_opened_without_its_chunks_and_the_same_as_with_them(
     wanted = walked(long, monkeypatch)
     assert len(wanted["frames"]) == 340 and len(wanted["results"]) == 8
     assert not wanted["is_ordered"] and 9999 in wanted["taught"]
-    monkeypatch.setattr(reading, "walk", None)
+    monkeypatch.setattr(reading, "walk_part", None)
     assert content(open_episode(long)) == wanted
     assert sum(isinstance(one, Attachment) and one.name == INDEX for one in scan(long)) == 4
 
