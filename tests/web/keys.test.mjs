@@ -180,6 +180,64 @@ test('a keyboard that does not always repeat is believed once it has told of a r
   assert.equal(hold(60_000), 'forward');
 });
 
+for (const hasStick of [false, true]) {
+  test(`the older key of a chord is let go of some time after the newest came up${hasStick ? ', by degrees, too' : ''}`, (context) => {
+    context.mock.timers.enable({ apis: ['setTimeout', 'setInterval'] });
+    let nowMs = 0;
+    Object.defineProperty(globalThis, 'performance', { value: { now: () => nowMs }, configurable: true });
+    const pass = (ms) => { nowMs += ms; context.mock.timers.tick(ms); };
+    const { fire, helm } = drivingPage({ hasStick });
+    const [up, left] = ['ArrowUp', 'ArrowLeft'].map((name) => ({ key: name, code: name }));
+    const tapLeft = () => (fire('keydown', left), pass(300), fire('keyup', left));
+    fire('keydown', up);
+    pass(60_000);
+    assert.ok(helm.held, 'a key by itself that does not repeat is believed');
+    for (let i = 0; i < 9; i += 1) {
+      tapLeft();
+      pass(4500);
+      assert.equal(helm.held, 'forward', 'each tap proves that somebody is there');
+    }
+    pass(600);
+    assert.equal(helm.held, null);
+    fire('keydown', up);
+    tapLeft();
+    fire('keydown', { key: 'Shift', code: 'ShiftLeft' });
+    fire('keyup', { key: 'Shift', code: 'ShiftLeft' });
+    pass(5100);
+    assert.equal(helm.held, null);
+    fire('keyup', up);
+    fire('keydown', up);
+    tapLeft();
+    pass(60_000);
+    assert.equal(helm.held, 'forward', 'it was down the last time, so this hand is believed');
+  });
+}
+
+for (const [how, down, up] of [
+  ['Shift', { key: 'w' }, { key: 'W', shiftKey: true }],
+  ['a change of the layout', { key: 'w' }, { key: 'ц' }],
+  ['a change of the layout to the letter of another direction', { key: 'a' }, { key: 'q' }],
+  ['AltGr', { key: 'q' }, { key: '@' }],
+  ['an input method', { key: 'w' }, { key: 'Process', keyCode: 229 }],
+  ['an input method that says nothing', { key: 'w' }, {}],
+  ['a dead key', { key: 'e' }, { key: 'Dead' }],
+  ['Num Lock', { key: '8', location: 3 }, { key: 'ArrowUp', location: 3 }],
+  ['an input method that ended', { key: 'Process', keyCode: 229, code: 'KeyW' }, { key: 'w', keyCode: 87 }],
+]) {
+  for (const hasStick of [false, true]) {
+    test(`a key without a code whose name was changed by ${how} is released${hasStick ? ', by degrees, too' : ''}`, () => {
+      for (const others of [[], [{ key: 'd' }], [{ key: 'ArrowRight', code: 'ArrowRight' }]]) {
+        const { fire, helm } = drivingPage({ hasStick });
+        for (const key of [...others, down]) fire('keydown', key);
+        assert.ok(helm.held);
+        fire('keyup', up);
+        for (const key of others) fire('keyup', key);
+        assert.equal(helm.held, null, JSON.stringify(others));
+      }
+    });
+  }
+}
+
 test('space stops a robot that may move, wherever the focus is, with whatever else is down, and once', () => {
   for (const mode of ['train', 'autonomous']) {
     for (const target of [new Place('button'), new Place('select'), new Place('input', 'text'), new Place('textarea'), new Place('input', 'range')]) {

@@ -14,6 +14,8 @@ const BACK = 0.16;
 const RAMPED = ['forward', 'backward', 'left', 'right'];
 /** A repeating key that is silent for twice its longest pause was released unseen; these are the limits of this time. */
 const [QUIET_MS, LONG_MS] = [1000, 2500];
+/** How long the older keys of a chord are believed to be down after the newest came up, without any other key. */
+const CHORD_MS = 5000;
 
 /** @param {EventTarget | null} target */
 const isTyping = (target) =>
@@ -70,7 +72,11 @@ export class KeyRamp {
   }
 }
 
-/** Detects that a repeating key was released without an event: browsers send none while a screenshot is taken, or with some window managers. */
+/**
+ * Detects that a key was released without an event: browsers send none while a screenshot is taken, or with some
+ * window managers. A key that repeated and fell silent counts as released. The older keys of a chord do not repeat
+ * any more; they count as released some time after the newest key came up.
+ */
 class Silence {
   /** @param {() => void} letGo */
   constructor(letGo) {
@@ -79,9 +85,12 @@ class Silence {
     this.atMs = 0;
     /** The longest pause between two events of a held key; 0: no key has repeated yet. */
     this.pauseMs = 0;
-    this.isWrong = false;
-    /** @type {string | null} the key that was counted as released */
-    this.missed = null;
+    /** @type {string[]} the keys that were counted as released */
+    this.missed = [];
+    /** Which of the two silences was counted last. */
+    this.isChord = false;
+    /** Which of the two is no sign of a release on this keyboard, because its keys came up after all. */
+    this.isWrong = { chord: false, repeat: false };
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;
   }
@@ -90,19 +99,25 @@ class Silence {
   heard(press, isRepeat) {
     const nowMs = performance.now();
     if (isRepeat && press === this.newest) this.pauseMs = Math.max(this.pauseMs, nowMs - this.atMs);
-    Object.assign(this, { newest: press, atMs: nowMs, missed: null });
+    Object.assign(this, { newest: press, atMs: nowMs, missed: [] });
     clearTimeout(this.timer);
-    if (!this.pauseMs || this.isWrong) return;
-    this.timer = setTimeout(() => {
-      this.missed = press;
-      this.letGo();
-    }, Math.min(LONG_MS, Math.max(QUIET_MS, 2 * this.pauseMs)));
+    if (this.pauseMs && !this.isWrong.repeat) this.wait(false, [press], Math.min(LONG_MS, Math.max(QUIET_MS, 2 * this.pauseMs)));
   }
 
-  /** @param {string | null} press */
-  over(press) {
+  /** @param {string | null} press @param {string[]} others  the keys that are still down */
+  over(press, others) {
     clearTimeout(this.timer);
-    if (press && press === this.missed) this.isWrong = true; // this keyboard does not always repeat keys
+    if (press && this.missed.includes(press)) this.isWrong[this.isChord ? 'chord' : 'repeat'] = true;
+    this.missed = [];
+    if (others.length && !this.isWrong.chord) this.wait(true, others, CHORD_MS);
+  }
+
+  /** @param {boolean} isChord @param {string[]} presses @param {number} ms */
+  wait(isChord, presses, ms) {
+    this.timer = setTimeout(() => {
+      Object.assign(this, { isChord, missed: presses });
+      this.letGo();
+    }, ms);
   }
 }
 
@@ -141,13 +156,13 @@ export function listenToKeyboard(helm, { isDriving }) {
   addEventListener('dragstart', turnAway);
   addEventListener('keyup', (event) => {
     const press = presses.release(event);
-    silence.over(press);
+    silence.over(press, presses.down.map(({ id }) => id).filter((id) => helm.holds.has(`key ${id}`) || ramp.keys.has(id)));
     if (press === null) return letGo();
     helm.release(`key ${press}`);
     ramp.release(press);
   }, true);
   addEventListener('blur', () => {
     presses.clear();
-    silence.over(null);
+    silence.over(null, []);
   });
 }
