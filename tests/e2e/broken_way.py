@@ -6,8 +6,9 @@ import asyncio
 import contextlib
 import socket
 import ssl
-import threading
 from typing import Any
+
+from tests.kit.loops import LoopThread, stop_accepting
 
 _PORTAL = b"<!doctype html><title>Sign in</title><p>Welcome to the network. Please sign in."
 
@@ -30,6 +31,8 @@ ANSWERS = {
 class BrokenWay:
     """A way to a server on a port of its own, which is broken in the manner of `fault`.
 
+    `silent` passes on nothing, without closing anything: what was sent comes when it is healed.
+
     Args:
         port: Of the server on this machine.
         as_proxy: It is a forward proxy, which browsers ask for `http://...` and CONNECT.
@@ -46,15 +49,14 @@ class BrokenWay:
         self._transports: list[Any] = []
         self._calls: set[asyncio.Task[None]] = set()
         self._full: list[socket.socket] = []
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
-        self._thread.start()
+        self._loop = LoopThread()
         self.port = 0
         self._server: Any = None
-        self._do(self._listen())
+        self._loop.do(self._listen())
 
-    def _do(self, work: Any) -> Any:
-        return asyncio.run_coroutine_threadsafe(work, self._loop).result(60)
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
 
     @property
     def fault(self) -> str:
@@ -63,7 +65,7 @@ class BrokenWay:
     @fault.setter
     def fault(self, fault: str) -> None:
         """Break it, or heal it with the empty text; open connections feel it, too."""
-        self._do(self._become(fault))
+        self._loop.do(self._become(fault))
 
     async def _listen(self) -> None:
         is_inspected = self._fault == "TLS inspected"
@@ -77,7 +79,9 @@ class BrokenWay:
         self.port = self._server.sockets[0].getsockname()[1]
 
     async def _become(self, fault: str) -> None:
-        self._fault = fault
+        before, self._fault = self._fault, fault
+        if "silent" in (before, fault):
+            return
         await self._stop_listening()
         for one in self._full:
             one.close()
@@ -91,14 +95,10 @@ class BrokenWay:
             await self._listen()
 
     async def _stop_listening(self) -> None:
-        """Close the server once asyncio has attached what it accepted: else that stays open."""
         server, self._server = self._server, None
-        if server is None:
-            return
-        for listener in server.sockets:
-            self._loop.remove_reader(listener.fileno())
-        await asyncio.sleep(0)
-        server.close()
+        if server is not None:
+            await stop_accepting(server)
+            server.close()
 
     async def _fill_up(self) -> None:
         """Listen with a full queue: Linux drops all further calls."""
@@ -181,13 +181,14 @@ class BrokenWay:
     async def _pump(self, reader: Any, writer: Any) -> None:
         with contextlib.suppress(OSError):
             while data := await reader.read(65536):
-                while self._fault == "no route":
+                while self._fault in ("no route", "silent"):
                     await asyncio.sleep(0.05)
                 writer.write(data)
                 await writer.drain()
         writer.close()
 
     async def _end(self) -> None:
+        self._fault = ""
         await self._become("refused")
         while others := asyncio.all_tasks() - {asyncio.current_task()}:
             for transport in self._transports:
@@ -200,7 +201,5 @@ class BrokenWay:
         await asyncio.sleep(0)  # what was aborted is closed in the next round
 
     def close(self) -> None:
-        self._do(self._end())
-        self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join(5)
+        self._loop.do(self._end())
         self._loop.close()

@@ -21,10 +21,10 @@ from server.study.conductor import Conductor
 from server.study.extension import StudyExtension
 from tests.server.live_robot import WEB, live_server
 
+from .broken_way import BrokenWay
 from .class_world import running_class
 from .film import take_film
 from .hand import Fingers, choose, drive_on, pad, teach
-from .proxy import Proxy
 from .world import (
     DESKTOP,
     LANDSCAPE,
@@ -172,11 +172,11 @@ def _take_screens(page: Any, world: World, shoot: Shoot) -> None:
 def _take_away(browser: Any, world: World, folder: Path) -> None:
     """The network ends while the robot drives."""
     for ending, context in _contexts(browser):
-        proxy = Proxy(world.address)
+        proxy = BrokenWay(int(world.address.rsplit(":", 1)[1]))
         page = open_page(context, proxy.address)
         page.locator("[data-mode=autonomous]").tap()
         page.wait_for_timeout(500)
-        proxy.fall_silent()
+        proxy.fault = "silent"
         page.wait_for_timeout(4000)
         _save(page.screenshot(), folder / f"away-{ending}.webp")
         proxy.close()

@@ -15,16 +15,16 @@ import pytest
 from robot.types import Mode, StopReason
 from tests.kit.wait import wait_until
 
+from .broken_way import BrokenWay
 from .hand import Fingers, choose, hold_until, turning, wait_until_standing
-from .proxy import Proxy
 from .world import CHROMIUM_FLAGS, PHONE, World, find_chromium, open_page
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
 @pytest.fixture
-def proxy(world: World) -> Iterator[Proxy]:
-    running = Proxy(world.address)
+def proxy(world: World) -> Iterator[BrokenWay]:
+    running = BrokenWay(int(world.address.rsplit(":", 1)[1]))
     yield running
     running.close()
 
@@ -87,17 +87,19 @@ def _own_chromium(chromium: Any, folder: Path) -> Iterator[tuple[Any, subprocess
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
-        process.wait(10)
+        process.wait(60)
 
 
-def test_a_link_that_falls_silent_and_comes_back(chromium: Any, world: World, proxy: Proxy) -> None:
+def test_a_link_that_falls_silent_and_comes_back(
+    chromium: Any, world: World, proxy: BrokenWay
+) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, proxy.address)
     fingers = drive(page, world)
-    proxy.fall_silent()
+    proxy.fault = "silent"
     wait_until_standing(world)
     page.locator(".notice", has_text="Looking for").wait_for(timeout=40_000)
-    proxy.speak_again()
+    proxy.fault = ""
     page.wait_for_selector("drive-pad.idle")
     page.wait_for_selector("[data-mode=train][aria-disabled=false]", timeout=40_000)
     page.wait_for_timeout(500)
@@ -108,14 +110,14 @@ def test_a_link_that_falls_silent_and_comes_back(chromium: Any, world: World, pr
 
 
 def test_a_robot_that_goes_away_and_comes_back_is_found_again(
-    chromium: Any, world: World, proxy: Proxy
+    chromium: Any, world: World, proxy: BrokenWay
 ) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, proxy.address)
-    proxy.fall_silent()
+    proxy.fault = "silent"
     page.locator("video-view.away").wait_for(timeout=40_000)
     frames = int(page.locator("video-view").get_attribute("data-frames"))
-    proxy.speak_again()
+    proxy.fault = ""
     page.locator("video-view:not(.away)").wait_for(timeout=40_000)
     wait_until(
         lambda: int(page.locator("video-view").get_attribute("data-frames")) > frames,
@@ -126,13 +128,13 @@ def test_a_robot_that_goes_away_and_comes_back_is_found_again(
 
 @pytest.mark.parametrize("by", ["finger", "space bar"])
 def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
-    chromium: Any, world: World, proxy: Proxy, by: str
+    chromium: Any, world: World, proxy: BrokenWay, by: str
 ) -> None:
     context = chromium.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, proxy.address)
     choose(page, world, Mode.TRAIN)
     context.set_offline(True)
-    proxy.fall_silent()
+    proxy.fault = "silent"
     page.locator(".notice", has_text="No answer").wait_for(timeout=40_000)
     with page.expect_event("requestfailed", lambda request: request.url.endswith("/api/stop")):
         if by == "finger":
@@ -141,6 +143,6 @@ def test_a_stop_pressed_while_the_robot_is_out_of_reach_is_obeyed(
             page.locator("[data-mode=autonomous]").focus()
             page.keyboard.press("Space")
     context.set_offline(False)
-    proxy.speak_again()
+    proxy.fault = ""
     wait_until(lambda: world.rig.loop.state.emergency, "it is asked for until it is heard")
     context.close()

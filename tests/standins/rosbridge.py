@@ -19,6 +19,7 @@ import websockets
 
 from robot.clock import RealClock
 from robot.types import Point
+from tests.kit.loops import LoopThread
 from tests.standins.rclpy_node import WatchdogNode
 
 IMAGES = "/camera/image_raw/compressed"
@@ -50,9 +51,7 @@ class RosBridgeServer:
         self._sockets: set[Any] = set()
         self._listeners: dict[str, set[Any]] = defaultdict(set)
         self._news = threading.Condition()
-        self._ready, self._over = threading.Event(), threading.Event()
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._over = threading.Event()
 
     @property
     def address(self) -> str:
@@ -92,31 +91,25 @@ class RosBridgeServer:
             assert self._news.wait_for(happened, 60.0)
 
     def __enter__(self) -> Self:
-        self._thread.start()
-        assert self._ready.wait(60.0)
+        self._loop = LoopThread()
+        self.port = self._loop.serve(
+            lambda: websockets.serve(
+                self._talk, "127.0.0.1", self.port, ping_interval=None, close_timeout=0.1
+            )
+        )
+        for work in (self._show(), self._freeze()):
+            asyncio.run_coroutine_threadsafe(work, self._loop.event_loop)
         return self
 
     def __exit__(self, *error: object) -> None:
         self._over.set()
-        self._thread.join()
         self._loop.close()
 
-    def _run(self) -> None:
-        self._loop.run_until_complete(self._serve())
-
-    async def _serve(self) -> None:
-        async with websockets.serve(
-            self._talk, "127.0.0.1", self.port, ping_interval=None, close_timeout=0.1
-        ) as server:
-            self.port = next(iter(server.sockets)).getsockname()[1]
-            self._ready.set()
-            showing = asyncio.ensure_future(self._show())
-            while not self._over.is_set():
-                await asyncio.sleep(0.005)
-                while self.frozen.is_set() and not self._over.is_set():
-                    time.sleep(0.005)  # the whole process stands still, as after SIGSTOP
-            showing.cancel()
-        await asyncio.sleep(0.01)  # transports close a little later
+    async def _freeze(self) -> None:
+        while not self._over.is_set():
+            await asyncio.sleep(0.005)
+            while self.frozen.is_set() and not self._over.is_set():
+                time.sleep(0.005)  # the whole process stands still, as after SIGSTOP
 
     async def _talk(self, socket: Any, path: str = "") -> None:
         self._sockets.add(socket)
@@ -189,7 +182,7 @@ class RosBridgeServer:
         self._note(topic, message)
         if self._listeners[topic] and not self._over.is_set():
             telling = self._tell_listeners(topic, message)
-            asyncio.run_coroutine_threadsafe(telling, self._loop)
+            asyncio.run_coroutine_threadsafe(telling, self._loop.event_loop)
 
     async def _show(self) -> None:
         for index in itertools.count():

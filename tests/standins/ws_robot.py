@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 import hmac
 import json
@@ -11,6 +10,8 @@ import time
 from typing import Any, Self
 
 import websockets
+
+from tests.kit.loops import LoopThread
 
 
 class WsRobot:
@@ -27,8 +28,6 @@ class WsRobot:
         self.connections = 0
         self._sockets: set[Any] = set()
         self.port = 0
-        self._ready, self._loop = threading.Event(), asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._run, daemon=True)
 
     @property
     def is_moving(self) -> bool:
@@ -39,13 +38,11 @@ class WsRobot:
         return f"127.0.0.1:{self.port}"
 
     def __enter__(self) -> Self:
-        self._thread.start()
-        assert self._ready.wait(60.0)
+        self._loop = LoopThread()
+        self.port = self._loop.serve(lambda: websockets.serve(self._talk, "127.0.0.1", 0))
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._loop.call_soon_threadsafe(self._end.set)
-        self._thread.join()
         self._loop.close()
 
     def start_again(self) -> None:
@@ -56,17 +53,7 @@ class WsRobot:
             for socket in list(self._sockets):
                 socket.transport.abort()
 
-        asyncio.run_coroutine_threadsafe(drop(), self._loop).result()
-
-    def _run(self) -> None:
-        self._loop.run_until_complete(self._serve())
-
-    async def _serve(self) -> None:
-        self._end = asyncio.Event()
-        async with websockets.serve(self._talk, "127.0.0.1", 0) as server:
-            self.port = next(iter(server.sockets)).getsockname()[1]
-            self._ready.set()
-            await self._end.wait()
+        self._loop.do(drop())
 
     async def _talk(self, socket: Any, path: str = "") -> None:
         self.connections += 1
