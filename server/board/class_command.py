@@ -1,4 +1,4 @@
-"""Run a class on this computer: simulated robots, the board, and a page of codes to print."""
+"""Run a class on this computer, or have all its robots keep, reset or hand over their models."""
 
 from __future__ import annotations
 
@@ -11,12 +11,20 @@ from robot.store.folder import default_root
 from server.cli.parser import whole
 
 MOST = 60
+PORT = 8080
+"""The board's port, if no other is named."""
+ORDERS = ("keep", "reset", "hand-over", "undo")
+"""What all robots can be told to do at the end of a lesson."""
 LESSONS = {"teach-it": "box", "fool-it": "box", "fair-data": "box"}
 """The lessons in `docs/lessons`, each with the place in which its simulated robots begin."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     add, shown = parser.add_argument, " (default: %(default)s)"
+    text = "give an order to all robots of the board that runs on this computer, at --port: keep a "
+    text += "dated copy of each model; reset: save it and start over; hand-over: reset, and sign "
+    text += "out the phones; undo the last order (default: start a class)"
+    add("order", nargs="?", choices=ORDERS, metavar="ORDER", help=text)
     text = "how many simulated ones; HOST:PORT of real ones, or a file of such lines; or both, "
     text += f"with commas in between{shown}"
     add("--robots", default="10", metavar="LIST", help=text)
@@ -26,14 +34,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     text = "address for the pupils; 127.0.0.1: only for this computer (default: all it has)"
     add("--host", default="0.0.0.0", help=text)
     text = f"the board's port; the robots have those that follow{shown}"
-    add("--port", type=whole(1024, 65535 - MOST), default=8080, help=text)
+    add("--port", type=whole(1024, 65535 - MOST), default=PORT, help=text)
     text = f"folder for the class's key, and for what each robot keeps{shown}"
     add("--data", type=Path, default=default_root(), help=text)
     add("-v", "--verbose", action="store_true", help="log more")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until interrupted; then end all processes."""
+    """Run until interrupted, then end all processes; or give an order."""
+    if args.order:
+        from server.board.class_orders import give_order
+
+        is_done, lines = give_order(args.order, args.port)
+        print("\n".join(lines))
+        return 0 if is_done else 1
     from robot.simulator.world import load_world
     from server.access.config import NetworkConfig
     from server.access.network import lan_addresses

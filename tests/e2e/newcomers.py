@@ -127,23 +127,33 @@ class Newcomer:
     def live(self) -> Story:
         """Teach and let it drive until the minute is done, or the time is over."""
         while not self.story.is_done and self.now_s < LIMIT_S:
-            if self.now_s - self._read_s > READ_EVERY_S:
-                self._read()
-            self._drive()
+            self._go_on()
             self._watch()
-            time.sleep(0.03)
         self._hold(None)
         self.story.lessons = self.world.lessons
         return self.story
 
+    def _go_on(self) -> None:
+        """Read if it is time to, and drive a moment."""
+        if self.now_s - self._read_s > READ_EVERY_S:
+            self._read()
+        self._drive()
+        time.sleep(0.03)
+
     def take_challenge(self) -> Story:
-        """Find the challenge, start it, and end three tries; the hands stay off meanwhile."""
+        """Find the challenge, start it, and end three tries; the hands stay off meanwhile.
+
+        Until the page offers it, the newcomer goes on as before: the robot may not be ready yet.
+        """
         until_s, freed_s, story = self.now_s + CHALLENGE_S, 0.0, self.story
         challenge = next(
             part.challenge  # type: ignore[attr-defined]
             for part in self.world.services.extensions.values()
             if hasattr(part, "challenge")
         )
+        while self.now_s < until_s and not self._is_offered():
+            for _ in range(12):
+                self._go_on()
         while story.tried_s is None and self.now_s < until_s:
             time.sleep(READ_EVERY_S)
             if len(challenge.tries) > len(story.tries):
@@ -175,6 +185,10 @@ class Newcomer:
             elif self.world.mode is Mode.STOPPED:
                 self._choose(Mode.AUTONOMOUS)
         return story
+
+    def _is_offered(self) -> bool:
+        offers = self.page.locator(".notice button, toast-bar button").all_inner_texts()
+        return self._words["challenge.open"] in offers
 
     # Reading -----------------------------------------------------------------------------------
 

@@ -15,6 +15,7 @@ from typing import Any
 import httpx
 import pytest
 
+from server.board.class_orders import give_order
 from tests.kit.sizes import size
 from tests.kit.wait import wait_until
 
@@ -165,6 +166,9 @@ def test_from_the_paper_to_ctrl_c(chromium: Any, tmp_path: Path) -> None:
         # One STOP for all.
         httpx.post(f"{board}/api/stop", json={})
         wait_until(lambda: all(one["emergency"] for one in robots_of(board)), "all are stopped")
+        for order, did in {"hand-over": "is ready for the next class", "undo": "as it was"}.items():
+            is_done, lines = give_order(order, port)
+            assert is_done and "".join(lines).count(did) == ROBOTS, lines
     assert running(tmp_path) == [], "Ctrl-C leaves no process"
 
     # On the next day the same browsers find their robots again, and the same paper is good.

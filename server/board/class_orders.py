@@ -1,0 +1,77 @@
+"""Gives an order to the board that runs on this computer, from the command line."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+from urllib.error import HTTPError, URLError
+from urllib.request import Request, urlopen
+
+from robot.errors import ConfigurationError, NotConnectedError
+from server.board.class_command import PORT
+from server.board.class_models import PATIENCE_S
+
+_ANSWERED_S = PATIENCE_S + 10.0
+"""How long the board may take to answer, in seconds: robots that do not answer take longest."""
+_DID = {
+    "keep": "kept a copy: {model}",
+    "reset": "starts over; saved before: {model}",
+    "hand_over": "is ready for the next class; saved before: {model}",
+    "undone": "is as it was before",
+    "away": "did not answer: {detail}",
+    "failed": "could not do it: {detail}",
+}
+_FAILED = ("away", "failed")
+
+
+def give_order(order: str, port: int) -> tuple[bool, list[str]]:
+    """Have the board at this port give an order to all robots.
+
+    Returns:
+        Whether every robot did it, and a line for each robot; those that failed come first.
+
+    Raises:
+        NotConnectedError: If no board answers there.
+        ConfigurationError: If the board refuses the order.
+    """
+    answer = _ask(order, f"http://127.0.0.1:{port}")
+    robots = answer["robots"]
+    undo = "drivelesson class undo" + (f" --port {port}" if port != PORT else "")
+    failed = [one for one in robots if one["did"] in _FAILED]
+    lines = []
+    for one in [*failed, *(one for one in robots if one not in failed)]:
+        said = _DID[one["did"]].format_map(one).removesuffix(": ")
+        name = one["name"] or f"robot {one['number']}"
+        lines.append(f"{name}: {said}")
+    if not robots:
+        lines.append("the board has no robots")
+    elif order == "undo" and failed:
+        lines.append(f"To undo it on these robots, too: {undo}")
+    elif order != "undo" and len(failed) < len(robots):
+        lines.append(f"To undo it: {undo}")
+    return bool(robots) and not failed, lines
+
+
+def _ask(order: str, board: str) -> dict[str, Any]:
+    path = "/api/models/undo" if order == "undo" else "/api/models"
+    body = {} if order == "undo" else {"order": order.replace("-", "_")}
+    headers = {"Content-Type": "application/json"}
+    try:
+        request = Request(board + path, json.dumps(body).encode(), headers, method="POST")
+        with urlopen(request, timeout=_ANSWERED_S) as answer:
+            found: dict[str, Any] = json.load(answer)
+            return {"robots": found["robots"]}
+    except HTTPError as error:
+        with error:
+            detail = error.read().decode("utf-8", "replace")
+        if error.code == 404 and "undo" in detail:
+            raise ConfigurationError("there is nothing to undo") from None
+        raise ConfigurationError(
+            f"{board} is not a board, or refused (status {error.code}): name the board's port with "
+            "--port"
+        ) from None
+    except (URLError, OSError, ValueError, KeyError, TypeError):
+        raise NotConnectedError(
+            f"no board answers at {board}: start it with `drivelesson class` or `drivelesson "
+            "board`, or name its port with --port"
+        ) from None

@@ -1,0 +1,37 @@
+"""`drivelesson class ORDER` asks the board on this computer; see also tests/e2e."""
+
+from __future__ import annotations
+
+import socket
+from urllib.parse import urlsplit
+
+import pytest
+
+from robot.clock import RealClock
+from robot.errors import ConfigurationError, NotConnectedError
+from server.board.app import create_board_app
+from server.board.board import Board
+from server.board.class_orders import give_order
+from server.board.transport import NetworkTransport
+from server.config import Config
+from server.hosting.serving import served
+from tests.server.virtual_server import WEB
+
+from .classroom_world import KEY
+
+
+@pytest.mark.realtime
+def test_an_order_is_given_to_the_board_and_refused_in_one_sentence() -> None:
+    config, clock = Config(port=0, web=WEB), RealClock()
+    board = Board(KEY, NetworkTransport(), clock)
+    with served(create_board_app(config, board, clock), config) as address:
+        port = urlsplit(address).port
+        assert port is not None
+        for order in ("keep", "reset", "hand-over"):
+            assert give_order(order, port) == (False, ["the board has no robots"])
+        with pytest.raises(ConfigurationError, match="nothing to undo"):
+            give_order("undo", port)
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        with pytest.raises(NotConnectedError, match=r"no board answers at .* name its port"):
+            give_order("keep", nobody.getsockname()[1])
