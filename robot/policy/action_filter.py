@@ -23,7 +23,14 @@ from numpy.typing import NDArray
 
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import USUAL_STEP_S, PolicyPart, Seen
-from robot.policy.pilot_pace import STEP_S, ChangeMeter, Headway, PilotPace, difference
+from robot.policy.pilot_pace import (
+    STEP_S,
+    TO_AND_FRO_S,
+    ChangeMeter,
+    Headway,
+    PilotPace,
+    difference,
+)
 from robot.types import Action, Point
 
 VOTES_KEPT = 0.4
@@ -86,11 +93,6 @@ class RunningVotes:
         self._average = {}
 
 
-AWAY_S = 1.5
-"""Time for which a given-up move is barred, in seconds. The move also stays barred until the robot
-moves. Several moves may be given up one after the other."""
-
-
 class StallDetector:
     """Bars a move that has no effect: motion is commanded, but the image does not change.
 
@@ -114,7 +116,7 @@ class StallDetector:
         self._meter = ChangeMeter()
         self._stuck_since: tuple[float, NDArray[np.uint8]] | None = None
         self.futile: list[Action] = []
-        self._barred_until_s = 0.0
+        self._given_up: tuple[float, NDArray[np.uint8]] | None = None
 
     def look(self, seen: Seen, pace: PilotPace) -> None:
         """Process one more frame; `pace` is learned from the pilot's driving."""
@@ -130,8 +132,12 @@ class StallDetector:
             self.is_stalled = is_still or seen.bumped
         else:
             self.is_stalled = is_still and under_way in kinds.others.difference(pace.stands)
-        if not is_still and not seen.bumped and at_s >= self._barred_until_s:
-            self.futile = []
+        if self._given_up is not None and not seen.bumped:
+            since_s, picture = self._given_up
+            # Turning in a plain corridor changes the picture slowly.
+            is_away = not is_still or not scale.is_still(difference(seen.picture, picture))
+            if is_away and at_s >= since_s + pace.away_s:
+                self.lift()
         if under_way is None or not self.is_stalled:
             self._stuck_since = None
         elif self._stuck_since is None:
@@ -140,12 +146,12 @@ class StallDetector:
             # The picture may have changed slowly in the meantime.
             if seen.bumped or scale.is_still(difference(seen.picture, self._stuck_since[1])):
                 self.futile = [*(move for move in self.futile if move is not under_way), under_way]
-                self._barred_until_s = at_s + AWAY_S
+                self._given_up = at_s, seen.picture
             self._stuck_since = None
 
     def lift(self) -> None:
         """Bar no moves: all may be tried again."""
-        self._stuck_since = None
+        self._stuck_since = self._given_up = None
         self.futile = []
 
     def reset(self) -> None:
@@ -231,7 +237,7 @@ class ActionFilter(PolicyPart):
         urge = 0.0
         if self._gives_up:  # only then: comparing pictures is slow
             self._stall_detector.look(seen, pace)
-            urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.longest_debt_s)
+            urge = self._watch(under_way, seen.at_s, ALLOWANCE * pace.debt_limit_s)
         futile = self._stall_detector.futile
         barred = self._barred_side(seen.at_s)
         allowed = [action for action in shares if turns.get(action) != barred or barred is None]
@@ -260,8 +266,10 @@ class ActionFilter(PolicyPart):
     def _barred_side(self, at_s: float) -> float | None:
         """Return the side to which the robot must not turn, because it has just changed sides
         twice."""
-        side, sides_s = self._headway.side, self._headway.sides_s
-        if side is None or len(sides_s) < 2 or at_s - sides_s[0] > self.pace.to_and_fro_s:
+        side, sides_s, pace = self._headway.side, self._headway.sides_s, self.pace
+        # A quick pilot alternates to steer; a robot that cannot go straight alternates in vain.
+        limit_s = TO_AND_FRO_S if self._stall_detector.futile else pace.to_and_fro_s
+        if side is None or len(sides_s) < 2 or at_s - sides_s[0] > limit_s:
             return None
         return -side
 

@@ -182,6 +182,10 @@ _RUNS, _FEWEST_RUNS = 64, 8
 TO_AND_FRO_S, OF_A_RUN = 2.0, 0.75
 """Two changes of side within this time count as alternating. The first limit is in seconds. The
 second is for quick pilots, as a share of the time for which the pilot usually holds a move."""
+AWAY_S, OF_A_TURN = 1.5, 0.6
+"""Time for which a move without effect stays barred: at most the first, in seconds, and for quick
+bodies the second, as a share of the pilot's longest turn. A body that turns on the spot in half a
+second has long turned away after 1.5 s, and would turn back to where it came from."""
 PAUSE_S = 0.45
 """A longer gap of teaching time between two examples ends a manoeuvre."""
 
@@ -190,7 +194,7 @@ class PilotPace(PolicyPart):
     """Learns how long a pilot's manoeuvres take.
 
     Attributes:
-        longest_debt_s: Largest debt (`Headway`) of the pilot's driving, within bounds.
+        longest_debt_s: Largest debt (`Headway`) of the pilot's driving, at most `LONGEST_DEBT_S`.
         usual_run_s: Time for which the pilot usually holds a move; None before the pilot changed
             the move often enough.
         scale: Change of the picture while the pilot drives straight (`MoveKinds.measured`).
@@ -198,7 +202,7 @@ class PilotPace(PolicyPart):
     """
 
     fields = (
-        Value("longest_debt_s", number(SHORTEST_DEBT_S, LONGEST_DEBT_S), "longest_debt_s"),
+        Value("longest_debt_s", number(0.0, LONGEST_DEBT_S), "longest_debt_s"),
         Value("pushes_s", many(number(0.0), _MEANT, _MEANT)),
         Value("push_s", number(0.0)),
         Value("runs_s", many(number(0.0), _RUNS)),
@@ -215,7 +219,7 @@ class PilotPace(PolicyPart):
 
     def __init__(self, kinds: MoveKinds) -> None:
         self.kinds = kinds
-        self.longest_debt_s = SHORTEST_DEBT_S
+        self.longest_debt_s = 0.0
         self.scale = ChangeMeter()
         self._pushes_s = [0.0] * _MEANT
         self._push_s = 0.0
@@ -227,6 +231,17 @@ class PilotPace(PolicyPart):
         self._stand_s = 0.0
         self.stands: list[Action] = []
         self._headway = Headway(kinds)
+
+    @property
+    def away_s(self) -> float:
+        """Time for which a move without effect is barred: a share of the pilot's longest turns."""
+        longest_s = self.longest_debt_s
+        return min(max(OF_A_TURN * longest_s, STUCK_S), AWAY_S) if longest_s else AWAY_S
+
+    @property
+    def debt_limit_s(self) -> float:
+        """Debt above which turning no longer helps, in seconds."""
+        return max(self.longest_debt_s, SHORTEST_DEBT_S)
 
     @property
     def patience_s(self) -> float:

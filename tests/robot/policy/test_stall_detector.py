@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot.policy.action_filter import AWAY_S, StallDetector
+from robot.policy.action_filter import StallDetector
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Seen
-from robot.policy.pilot_pace import STUCK_S, PilotPace
+from robot.policy.pilot_pace import AWAY_S, STUCK_S, PilotPace
 from robot.types import Action
 
 F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
@@ -61,11 +61,27 @@ def test_pushing_is_noticed_in_half_a_second(drive):
     assert drive.barred == {F}
 
 
-def test_the_move_is_free_again_once_the_robot_has_moved_away(drive):
+@pytest.mark.parametrize(
+    ("longest_turn_s", "away_s"), [(0.0, AWAY_S), (0.3, STUCK_S), (1.5, 0.9), (8.0, AWAY_S)]
+)
+def test_the_move_is_free_again_once_the_robot_has_turned_away(drive, longest_turn_s, away_s):
+    drive.pace.longest_debt_s = longest_turn_s
+    drive.go(3, F, is_moving=True)
+    while not drive.barred:
+        drive.go(0.05, F, is_moving=False)
+    given_up_s = drive.now_s
+    while drive.barred:
+        drive.go(0.05, L, is_moving=True)
+    assert drive.now_s - given_up_s == pytest.approx(away_s, abs=0.15)
+
+
+def test_the_move_is_free_again_after_a_turn_that_changes_the_picture_slowly(drive):
     drive.go(3, F, is_moving=True)
     assert drive.go(STUCK_S + 0.2, F, is_moving=False) is not None
-    drive.now_s += AWAY_S
-    assert drive.go(2, F, is_moving=True) is None
+    for grey in range(60, 100):
+        drive.now_s += 0.1
+        drive.look(np.full((30, 40), grey, np.uint8), L)
+    assert not drive.barred
 
 
 def test_a_turn_goes_on_however_little_the_picture_changes(drive):

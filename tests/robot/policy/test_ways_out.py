@@ -10,13 +10,12 @@ import pytest
 from robot.policy.action_filter import (
     ALLOWANCE,
     ASKING_S,
-    AWAY_S,
     HELPLESS_S,
     ActionFilter,
 )
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import Seen
-from robot.policy.pilot_pace import LONGEST_DEBT_S, STUCK_S, TO_AND_FRO_S, PilotPace
+from robot.policy.pilot_pace import AWAY_S, LONGEST_DEBT_S, STUCK_S, TO_AND_FRO_S, PilotPace
 from robot.types import Action
 from tests.kit.sizes import crossed, seeds
 from tests.robot.policy.passing import teach
@@ -145,6 +144,11 @@ def test_it_turns_to_and_fro_as_quickly_as_its_pilot(rate_hz, period_s):
     sent = body.run(4.0, lambda t: voted(L if t % (2 * period_s) < period_s else R))
     changes = [i for i in range(1, len(sent)) if {sent[i - 1], sent[i]} == {L, R}]
     assert len(changes) >= 4.0 / period_s - 2
+    # Where driving straight has no effect, this would go on until the robot asks.
+    body.run(STUCK_S + 0.2, voted(F), is_free=False)
+    dither = body.run(1.0, lambda t: voted(L if t % 0.2 < 0.1 else R, 0.6), is_free=False)
+    changes = [i for i in range(1, len(dither)) if {dither[i - 1], dither[i]} == {L, R}]
+    assert len(changes) <= 2
 
 
 def test_a_slip_of_the_pilot_allows_nothing():
