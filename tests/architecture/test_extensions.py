@@ -94,7 +94,7 @@ def uses(names: set[str], packages: set[str]) -> bool:
 def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
     """Copy the tree without extensions; return the packages that are gone."""
     gone = packages_of(extensions)
-    ignored = shutil.ignore_patterns("__pycache__", "node_modules", "*.webp")
+    ignored = shutil.ignore_patterns("node_modules", "*.webp")  # compiled modules save a second
     for name in names:
         shutil.copytree(ROOT / name, folder / name, ignore=ignored)
     for package in gone:

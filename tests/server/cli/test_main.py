@@ -114,7 +114,7 @@ def test_the_exit_status_says_whether_another_start_can_help(
 def test_a_reader_that_ends_early_is_no_error() -> None:
     """As in `drivelesson --help | head -1`; the text is longer than a pipe holds."""
     printing = "import sys; from server.__main__ import main; "
-    printing += "sys.exit(max(main(['--help']) for _ in range(200)))"
+    printing += "sys.exit(max(main(['--help']) for _ in range(50)))"
     program = subprocess.Popen(
         [sys.executable, "-c", printing], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )

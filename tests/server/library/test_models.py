@@ -16,6 +16,7 @@ from robot.store.models.replay import recover
 from robot.store.models.store import ModelStore
 from robot.types import Action, Example, Mode
 from server.config import Config
+from tests.robot.store.models.test_store import everything
 from tests.server.live_robot import WEB
 from tests.server.virtual_server import VirtualServer
 
@@ -161,10 +162,10 @@ def test_download_and_upload(bench: Bench) -> None:
 def test_what_cannot_be_done_is_said(
     bench: Bench, tmp_path: Path, method: str, path: str, body: bytes, status: int
 ) -> None:
-    before = sorted(tmp_path.parent.rglob("*"))
+    before = everything(tmp_path)
     answer = bench.client.request(method, path, content=body)
     assert answer.status_code == status, answer.text
-    assert sorted(tmp_path.parent.rglob("*")) == before
+    assert everything(tmp_path) == before
 
 
 def test_what_was_taught_is_saved_at_the_end_and_loaded_at_the_next_start(bench: Bench) -> None:
