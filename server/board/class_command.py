@@ -70,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
     here = next(iter(lan_addresses(NetworkConfig(host=args.host, lan=True))), "127.0.0.1")
     place: dict[str, Any] = {"host": args.host, "port": args.port, "data": args.data}
     if args.lesson == "fair-data":
+        print("Making the lesson of left turns ...", flush=True)
         place["model"] = (NAME, left_turns(world))
     with simulated_robots(count, **place, world=world, key=file) as ports:
         listed = [*(RobotAddress(here, port) for port in ports), *listed]

@@ -40,6 +40,7 @@ test('the box needs two moves: what this pilot does not use is never asked for',
 test('one move alone is no driving: a turn is asked for', () => {
   for (const stage of ['teach', 'try', 'ready']) {
     assert.equal(teachingAdvice(robot({ taught: { forward: 300, left: 0, right: 2 } }), readiness({ stage })).key, 'advice.turn');
+    assert.equal(teachingAdvice(robot({ taught: { forward: 0, left: 300, right: 2 } }), readiness({ stage })).key, 'advice.go_on', 'a turn is all it has seen');
   }
 });
 

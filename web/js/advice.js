@@ -180,7 +180,8 @@ export function teachingAdvice(robot, readiness) {
   const { mode, lessons } = robot;
   if (mode === 'stopped' && lessons === 0) return { key: 'advice.start' };
   if (lessons === 0) return { key: 'advice.first' };
-  if (mode !== 'autonomous' && lessons >= FEW_EXAMPLES && usedMoves(robot.taught).length < 2) return { key: 'advice.turn' };
+  const used = usedMoves(robot.taught);
+  if (mode !== 'autonomous' && lessons >= FEW_EXAMPLES && used.length < 2) return { key: used[0] === 'forward' ? 'advice.turn' : 'advice.go_on' };
   if (!readiness) return { key: mode === 'autonomous' ? 'advice.watch' : 'advice.go_on' };
   const { stage, missing, alone_s: alone, alone_needed_s: needed } = readiness;
   const left = Math.max(1, Math.ceil((needed - alone) / 5)) * 5; // in steps of five, because it is read out too

@@ -57,7 +57,7 @@ export default {
   'board.end.did.keep': '{name} kept a copy: {model}.',
   'board.end.did.reset': '{name} starts over. Saved before: {model}.',
   'board.end.did.hand_over': '{name} is ready for the next class. Saved before: {model}.',
-  'board.end.did.load': '{name} has the lesson. Saved before: {model}.',
+  'board.end.did.load': '{name} has the left turns. Saved before: {model}.',
   'board.end.did.undone': '{name} is as it was before.',
   'board.end.did.away': '{name} did not answer.',
   'board.end.did.failed': '{name} could not do it.',

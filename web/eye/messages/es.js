@@ -8,7 +8,7 @@ export default {
   'eye.refused': 'La cámara fue denegada o está ocupada. Permítela e inténtalo de nuevo.',
   'eye.stands': 'Veo. El robot está quieto.',
   'eye.drives': 'Veo. ¡El robot está en marcha!',
-  'eye.another': 'Ahora otro teléfono es el ojo. Recarga la página para volver a serlo.',
+  'eye.another': 'Ahora el ojo es otro teléfono. Recarga esta página para que lo sea este.',
   'eye.viewer': 'Este navegador solo puede mirar. Escanea el código del ojo del robot.',
   'eye.other_camera': 'El robot usa otra cámara: arráncalo con --camera phone.',
   'eye.rate': '{n} imágenes por segundo',

@@ -11,5 +11,5 @@ export default {
   'eye.another': '现在另一部手机是眼睛。重新加载本页可换回来。',
   'eye.viewer': '此浏览器只能观看。请扫描“机器人的眼睛”的二维码。',
   'eye.other_camera': '机器人使用另一台相机：请用 --camera phone 启动。',
-  'eye.rate': '每秒 {n} 张图片',
+  'eye.rate': '每秒 {n} 个画面',
 };

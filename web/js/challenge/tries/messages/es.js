@@ -1,7 +1,7 @@
 // What the challenge says on the page.
 export default {
   'challenge.offer': 'Estoy listo para un reto: ¿cuánto puedo recorrer en un minuto?',
-  'challenge.open': 'Aceptar',
+  'challenge.open': 'Aceptar el reto',
   'challenge.lead': '¿Cuántos metros puedo conducir solo? Tienes tres intentos de un minuto. Cuenta el mejor.',
   'challenge.rules': 'Reglas: solo cuentan los tramos rectos hacia delante. Tocarme, un choque, una pregunta o ALTO termina el intento, y cuenta lo recorrido hasta entonces. Estar parado, dar vueltas en círculo y avanzar y retroceder no cuentan. Un tramo cuenta menos cada vez que lo repito.',
   'challenge.start': 'Empezar un intento',

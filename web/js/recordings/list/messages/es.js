@@ -23,7 +23,7 @@ export default {
   'trash.free': 'Vaciar la papelera',
   'trash.sure': 'Esto no se puede deshacer.',
   'trash.empty': 'Borrar definitivamente',
-  'mend.chart': 'Lo que mantenías pulsado y, debajo, lo que habría hecho el robot, de izquierda a derecha en el tiempo; giros a la izquierda arriba, a la derecha abajo',
+  'mend.chart': 'Lo que mantenías pulsado (franja de arriba) y lo que habría hecho el robot (franja de abajo), a lo largo del tiempo. En cada una, los giros a la izquierda están arriba.',
   'mend.pilot': 'Mantenías',
   'mend.robot': 'El robot habría ido',
   'mend.range': 'De {from} a {to} s: {n} imágenes',
