@@ -1,8 +1,8 @@
 """A challenge: three tries of a minute, in which the robot drives by itself. Pure.
 
 A try is armed by a person and begins when the robot drives by itself. It ends when the
-pilot takes the wheel, when the robot bumps, asks for help or is stopped, or after `TRY_S`. The best
-try counts.
+pilot takes the wheel, when the robot bumps, asks for help or is stopped, or after `TRY_S`. A try
+that is stopped before it scores, for example by a slow link, is not used up. The best try counts.
 """
 
 from __future__ import annotations
@@ -118,7 +118,10 @@ class Challenge:
             return Ending.ASKED
         return Ending.TIME if self._seconds >= TRY_S else None
 
-    def _end(self, ending: Ending) -> Try:
+    def _end(self, ending: Ending) -> Try | None:
+        if ending is Ending.STOPPED and self.metres == 0.0:
+            self.is_armed, self._score = True, None
+            return None
         done = Try(round(self.metres, 2), round(self._seconds, 1), ending)
         self.tries, self._score = (*self.tries, done), None
         self.best_m = max(self.best_m or 0.0, done.metres)

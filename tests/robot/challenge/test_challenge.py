@@ -66,6 +66,31 @@ CHEATS = {
     "shake": _shake,
     "small square": _repeat((1.2, 1.0, 0.0), (QUARTER_S, 0.0, 1.0)),
 }
+
+
+def _polygon(corners: int, side_m: float) -> Callable[[], Way]:
+    turn_s = math.tau / corners / TURN_RAD_S
+    return _repeat((side_m / SPEED_M_S, 1.0, 0.0), (turn_s, 0.0, 1.0))
+
+
+FEWER = {
+    "small polygon": _polygon(12, 0.2),
+    "small triangle": _polygon(3, 0.32),
+    "drifting square": _repeat((1.5, 1.0, 0.0), (1.03 * QUARTER_S, 0.0, 1.0)),
+    "star": _repeat((1.6, 1.0, 0.0), (math.radians(135) / TURN_RAD_S, 0.0, 1.0)),
+    "back on a curve": _repeat((1.6, 1.0, 0.0), (1.9, -1.0, 0.8), (1.9, -1.0, -0.8)),
+    "narrow lanes": _repeat(
+        (2.0, 1.0, 0.0),
+        (QUARTER_S, 0.0, 1.0),
+        (0.5, 1.0, 0.0),
+        (QUARTER_S, 0.0, 1.0),
+        (2.0, 1.0, 0.0),
+        (QUARTER_S, 0.0, -1.0),
+        (0.5, 1.0, 0.0),
+        (QUARTER_S, 0.0, -1.0),
+    ),
+}
+"""What looks a little like a course: it may score, but clearly less."""
 honest_box = _repeat((3.5, 1.0, 0.0), (QUARTER_S, 0.2, 1.0))
 """Rounds of the smallest box, 1.15 m wide, as a mean robot drives them."""
 
@@ -105,6 +130,11 @@ def test_no_cheat_scores_more_than_an_honest_mean_robot(cheat: str) -> None:
     assert score(CHEATS[cheat]()) == 0.0 < 4.0 < score(honest_box())
 
 
+@pytest.mark.parametrize("cheat", FEWER)
+def test_what_is_a_course_only_in_part_scores_clearly_less(cheat: str) -> None:
+    assert score(FEWER[cheat]()) < 0.6 * score(honest_box())
+
+
 def test_a_larger_course_is_worth_more_than_rounds_of_a_small_one() -> None:
     assert score(_repeat((8.0, 1.0, 0.0), (QUARTER_S, 0.2, 1.0))()) > 1.2 * score(honest_box())
     straight_m = score(_repeat((1.0, 1.0, 0.0))())
@@ -139,6 +169,16 @@ def test_what_goes_wrong_ends_the_try_and_what_was_driven_counts(
     [done] = [one for one in ended if one is not None]
     assert done.ended_by is ending
     assert done.metres == pytest.approx(1.8, abs=0.2) and challenge.best_m == done.metres
+
+
+def test_a_try_that_is_stopped_before_it_scores_is_not_used_up() -> None:
+    challenge = Challenge()
+    challenge.arm()
+    still = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0)
+    assert challenge.note(tick(0.0, still)) is None and challenge.is_on
+    stopped = tick(0.1, still, DrivenBy.NOBODY, mode=Mode.STOPPED)
+    assert challenge.note(stopped) is None
+    assert challenge.tries == () and challenge.is_armed and not challenge.is_on
 
 
 def test_three_tries_and_the_best_is_kept() -> None:

@@ -22,6 +22,11 @@ export function offerChallenge(page) {
   const look = async () => {
     const { readiness, screen, lead, link } = page.store.state;
     if (link !== 'open' || screen !== 'drive' || lead || document.hidden || readiness?.stage !== 'ready' && !before) return;
+    const isReady = readiness?.stage === 'ready';
+    if (!isReady && page.store.state.toast?.text === t('challenge.offer')) { // taught something else since
+      page.store.set({ toast: null });
+      isOffered = false;
+    }
     const now = /** @type {Challenge | null} */ (await ask('GET', 'api/challenge').catch(() => null));
     page.store.set({ told: now && tellNow(now) });
     if (!now?.can_measure) return;
@@ -29,8 +34,8 @@ export function offerChallenge(page) {
     const next = count < now.tries_of ? step(t('challenge.next'), armNext) : step(t('screen.challenge'), open);
     if (now.is_on && page.store.state.toast?.text === said) page.store.set({ toast: null });
     if (count) page.toast((said = tellTry(now.tries[count - 1], count, now.tries_of)), next, Infinity);
-    else if (!isOffered && !now.is_armed && !now.is_on && !now.tries.length && readiness?.stage === 'ready') page.toast((said = t('challenge.offer')), step(t('challenge.open'), open), Infinity);
-    isOffered = true;
+    else if (!isOffered && !now.is_armed && !now.is_on && !now.tries.length && isReady) page.toast((said = t('challenge.offer')), step(t('challenge.open'), open), Infinity);
+    isOffered ||= isReady;
     before = now;
   };
   const goOn = () => setTimeout(() => look().finally(goOn), LOOK_MS);
