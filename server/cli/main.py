@@ -61,6 +61,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"drivelesson {robot.__version__}")
         return 0
     name = words.pop(0) if words and not words[0].startswith("-") else FIRST
+    if not _points():
+        print(
+            f"drivelesson: not installed for {sys.executable}, which found only its files; "
+            f"install it: {sys.executable} -m pip install drivelesson, or in a clone: make install",
+            file=sys.stderr,
+        )
+        return CHANGE_FIRST
     if name not in _points():
         hint = f" (did you mean {FIRST!r}?)" if name in _DRIVE else did_you_mean(name, _points())
         print(

@@ -21,6 +21,7 @@ from tests.server.live_robot import Pilot
 from .samples import imports_of
 
 _PATIENCE_S = 600
+_RANDOM_MINUTES = 10
 _TRAINING = (
     "--policy.type=act --policy.push_to_hub=false --policy.pretrained_backbone_weights=null "
     "--policy.chunk_size=4 --policy.n_action_steps=4 --policy.dim_model=64 --policy.n_heads=2 "
@@ -34,22 +35,32 @@ Tried = tuple[str, Callable[[], str]]
 @contextmanager
 def served(python: Path, folder: Path, *words: str, **environ: str) -> Iterator[str]:
     """Serve a simulated robot in a process of its own; yield its address."""
-    process = subprocess.Popen(
-        [python, "-m", "server", "--port", "0", "--data", folder, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        env={**os.environ, **environ},
-    )
+    folder.mkdir(parents=True, exist_ok=True)
+    log = folder / "stderr.txt"
+    with log.open("w") as errors:
+        process = subprocess.Popen(
+            [python, "-m", "server", "--port", "0", "--data", folder / "data", *words],
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            env={**os.environ, **environ},
+        )
     assert process.stdout is not None
     try:
         found = (re.search(r"open (http://\S+)", line) for line in process.stdout)
         address = next(filter(None, found), None)
-        assert address is not None, "the server did not start"
+        assert address is not None, f"the server did not start: {log.read_text()[-300:].strip()}"
         yield address[1]
     finally:
         process.terminate()
         process.wait(60)
+
+
+def refused(address: str) -> dict[str, int]:
+    """Return how many messages a robot has refused, by their reason."""
+    text = httpx.get(f"{address}/metrics").text
+    found = re.findall(r'messages_refused_total\{code="(\w+)"\} (\d+)', text)
+    return {code: int(count) for code, count in found if int(count)}
 
 
 def taught(address: str) -> int:
@@ -61,7 +72,7 @@ def taught(address: str) -> int:
 
 def tries(python: Path, out: Path) -> Iterator[Tried]:
     """Yield what is tried, in order; each returns what a person should know, or fails."""
-    here = Path(sys.executable)
+    here, here_is = Path(sys.executable), Path(__file__).parent
     with (
         served(here, out / "led") as leader,
         served(here, out / "followed") as follower,
@@ -116,6 +127,23 @@ def tries(python: Path, out: Path) -> Iterator[Tried]:
             "lerobot-teleoperate",
             lambda: drives("lerobot_teleoperate", f"{both} --teleop_time_s=5"),
         )
+
+        def at_random() -> str:
+            with served(here, out / "random") as address:
+                done = subprocess.run(
+                    [python, here_is / "in_lerobot_robot.py", address, str(_RANDOM_MINUTES)],
+                    capture_output=True,
+                    text=True,
+                    env={**os.environ, "HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1"},
+                    check=False,
+                )
+                assert done.returncode == 0, done.stderr[-200:]
+                by_reason = refused(address)
+            # A machine that stands still meanwhile makes an order late on its way: it is repeated.
+            assert set(by_reason) <= {"stale"}, by_reason
+            return f"{done.stdout.strip()}, {by_reason.get('stale', 0)} refused as too late"
+
+        yield f"{_RANDOM_MINUTES} minutes of random actions", at_random
 
         def is_refused() -> str:
             with _pilot(follower):

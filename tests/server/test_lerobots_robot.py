@@ -10,6 +10,7 @@ import importlib
 import random
 import subprocess
 import sys
+import time
 import types
 from collections.abc import Iterator
 from typing import Any
@@ -112,6 +113,48 @@ def test_random_actions_are_driven_and_what_is_returned_was_done(server: LiveSer
             wait_until(was_done, f"{done} after {asked}")
         refused = server.hub.refused
         assert not refused["bad_field"] and not refused["too_fast"], refused
+    finally:
+        line.close()
+
+
+def test_a_message_that_is_read_late_was_sent_when_the_robot_says() -> None:
+    sent = part("line").Sent()
+    for i in range(20):
+        sent.at_s(1000.0 + 100 * i, 500.0 + 0.1 * i)
+    assert sent.at_s(3000.0, 504.0) == pytest.approx(502.0), "2 s in the socket"
+    for i in range(36_000):  # an hour in which this clock is 50 parts in a million ahead
+        now_s, robot_ms = 504.0 + 0.1 * i * 1.00005, 5000.0 + 100 * i
+        assert now_s - sent.at_s(robot_ms, now_s) < 0.01
+
+
+@pytest.mark.realtime
+def test_an_order_waits_for_a_proof_that_is_young_enough(
+    server: LiveServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line = line_to(server)
+    try:
+        line.begin()
+        with monkeypatch.context() as held_up:
+            held_up.setattr(line, "_take_nonce", lambda *_: None)
+            line._proven_s -= 10.0
+            before = line._seq
+            line.drive(asks(0.0, 0.5))
+            assert line._seq - before <= 1, "but what was being sent"
+        line.begin()
+        line.drive(asks(0.0, 0.5))
+        assert not server.hub.refused["stale"]
+        # Where the robot finds a proof too old all the same, the order is given again.
+        monkeypatch.setattr(part("line"), "_DONE_WITHIN_S", 30.0)
+        for _ in range(20):  # a newer proof may come first, or a busy machine makes it stand
+            line.begin()
+            line.drive(asks(0.0, 0.0))
+            before = server.hub.refused["stale"]
+            line._proven_s, line._nonce = time.monotonic(), 1
+            is_done = line.drive(asks(-1.0, 0.5)) == (-1.0, 0.5)
+            if is_done and server.hub.refused["stale"] > before:
+                break
+        else:
+            pytest.fail("no order was given again")
     finally:
         line.close()
 

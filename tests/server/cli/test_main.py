@@ -60,6 +60,15 @@ def test_a_wrong_call_is_told_what_would_be_right(
     assert not [name for name in INTERNAL if name in said]
 
 
+def test_a_copy_that_is_not_installed_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Such as in another program's environment, with this folder in its path."""
+    monkeypatch.setattr("server.cli.main._points", dict)
+    assert main([]) == 2
+    assert f"not installed for {sys.executable}" in capsys.readouterr().err
+
+
 FAULTS = [
     (OSError(28, "No space left on device"), "No space left on device"),
     (OSError(28, "No space left on device", "a.mcap"), "No space left on device: 'a.mcap'"),

@@ -36,7 +36,12 @@ _REMEMBERED = 100
 _WHEEL_S, _START_S, _STARTS = 3.0, 1.0, 5
 """How long the wheel and the start are waited for, in seconds, and how often a start is tried."""
 _UNPROVEN = ("stale", "no_picture", "unknown_frame")
-"""Refusals of a mode that may be asked for again with the next picture."""
+"""Refusals of what may be asked for again with the next picture."""
+_FRESH_S = 0.2
+"""Largest age of the newest nonce for an order, in seconds; the robot refuses one of 0.3 s, which
+leaves 0.1 s for the way. Not sending is as safe: a refused order counts as silence, too."""
+_WINDOW_S = 30.0
+"""Half of the time within which the quickest message is looked for, in seconds."""
 
 
 def pair(address: str, token: str, kept: Path) -> str:
@@ -51,6 +56,27 @@ def pair(address: str, token: str, kept: Path) -> str:
             kept.write_text(answer.headers["set-cookie"].split(";")[0])
         kept.chmod(0o600)
     return kept.read_text() if kept.is_file() else ""
+
+
+class Sent:
+    """Estimates when a message was sent, from the robot's own time in it.
+
+    A program that was held up finds old messages in its sockets: the time at which it reads them
+    says nothing. The quickest message of the last minute counts as one that took no time; older
+    ones do not count, because two clocks drift apart.
+    """
+
+    def __init__(self) -> None:
+        self._quickest_s = [math.inf, math.inf]
+        self._since_s = 0.0
+
+    def at_s(self, robot_ms: float, now_s: float) -> float:
+        """Return when a message that has come now was sent, on our clock, in seconds."""
+        sent_s = robot_ms / 1000
+        if now_s - self._since_s > _WINDOW_S:
+            self._quickest_s, self._since_s = [math.inf, self._quickest_s[0]], now_s
+        self._quickest_s[0] = min(self._quickest_s[0], now_s - sent_s)
+        return sent_s + min(self._quickest_s)
 
 
 class Line:
@@ -72,6 +98,8 @@ class Line:
         self._sending = threading.Lock()
         self._picture: np.ndarray | None = None
         self._frame = self._nonce = None
+        self._proven_s = -math.inf
+        self._states_sent, self._frames_sent = Sent(), Sent()
         self._seq, self._shown = 0, 0
         self._held: str | None = None
         self._held_s = self._said_s = 0.0
@@ -150,9 +178,19 @@ class Line:
         is_new = move != self._held
         self._held, self._held_s = move, time.monotonic()
         if is_new:
-            seq, states = self._beat_once(), self._n_states
+            self._order(move)
+        return self.point()
 
-            def is_answered() -> bool:
+    def _order(self, move: str | None) -> None:
+        """Have a move done; again with the next picture where the robot found the proof too old."""
+        end_s = time.monotonic() + _DONE_WITHIN_S
+        while (left_s := end_s - time.monotonic()) > 0.0:
+            if not self._comes(self._is_proven, left_s):
+                return  # the next heartbeat says it
+            proven_s, states = self._proven_s, self._n_states
+            seq = self._beat_once()
+
+            def is_answered(seq: int = seq, states: int = states) -> bool:
                 if self._refused[0] == seq:
                     return True
                 stands = self.state["mode"] != "train" or not self.state["you_are_pilot"]
@@ -160,8 +198,10 @@ class Line:
                     stands and self._n_states > states
                 )
 
-            self._comes(is_answered, _DONE_WITHIN_S)
-        return self.point()
+            self._comes(is_answered, end_s - time.monotonic())
+            if self._refused[0] != seq or self._refused[1] not in _UNPROVEN:
+                return
+            self._comes(lambda: self._proven_s > proven_s, end_s - time.monotonic())  # noqa: B023
 
     def warn(self, text: str, *values: object) -> None:
         """Write a warning to the log, once a second at most."""
@@ -201,6 +241,8 @@ class Line:
 
     def choose(self, mode: str) -> int:
         """Ask for a mode, and return the number of the message: `train` lets a pilot drive."""
+        if mode != "stopped":
+            self._comes(self._is_proven, _START_S)
         return self._send(type="mode", mode=mode)
 
     def _connect(self, path: str) -> ClientConnection:
@@ -224,7 +266,8 @@ class Line:
                 if said["type"] == "hello":
                     self._take_hello(said)
                 elif said["type"] == "state":
-                    self.state, self._nonce = said, said["nonce"] or self._nonce
+                    self.state = said
+                    self._take_nonce(said["nonce"], self._states_sent, said["server_ms"])
                     self._n_states += 1
                 elif said["type"] == "error":
                     self._take_error(said)
@@ -252,7 +295,7 @@ class Line:
 
     def _watch(self) -> None:
         for message in self._video:
-            _, encoding, width, height, _, frame, nonce, _ = _FRAME.unpack_from(message)
+            _, encoding, width, height, _, frame, nonce, captured_ms = _FRAME.unpack_from(message)
             data = np.frombuffer(message, np.uint8, offset=_FRAME.size)
             if encoding == 0:
                 pixels = cv2.imdecode(data, cv2.IMREAD_COLOR)[:, :, ::-1]
@@ -261,14 +304,25 @@ class Line:
             else:
                 pixels = data.reshape(height, width, 3)
             with self._news:
-                self._picture, self._frame, self._nonce = pixels, frame, nonce or self._nonce
+                self._picture, self._frame = pixels, frame
+                self._take_nonce(nonce, self._frames_sent, captured_ms)
                 self._shown += 1
                 self._news.notify_all()
             self._video.send(_ACKNOWLEDGEMENT.pack(2, 0, 0, frame))
 
+    def _take_nonce(self, nonce: int | None, sent: Sent, robot_ms: float) -> None:
+        """Keep the newest nonce, and when it was sent."""
+        sent_s = sent.at_s(robot_ms, time.monotonic())
+        if nonce and sent_s >= self._proven_s:
+            self._nonce, self._proven_s = nonce, sent_s
+
+    def _is_proven(self) -> bool:
+        """True if the newest nonce still proves that an order is new."""
+        return time.monotonic() - self._proven_s <= _FRESH_S
+
     def _beat(self) -> None:
         while not self._ended.wait(_BEAT_S):
-            is_due = time.monotonic() - self._said_s >= 0.9 * _BEAT_S
+            is_due = time.monotonic() - self._said_s >= 0.9 * _BEAT_S and self._is_proven()
             if is_due and self.state.get("you_are_pilot"):
                 self._beat_once()
 
