@@ -109,10 +109,13 @@ class VirtualClock(Clock):
     def lock(self) -> contextlib.AbstractContextManager[Any]:
         return _Lock(self)
 
+    def _make_waiting(self, event: threading.Event | None, due_s: float | None) -> _Waiting:
+        return _Waiting(event, due_s)
+
     def _let_others_run(self, event: threading.Event | None, timeout_s: float | None) -> None:
         self._now_s = self._base_s()
         due_s = None if timeout_s is None else self._now_s + max(0.0, timeout_s)
-        me = _Waiting(event, due_s)
+        me = self._make_waiting(event, due_s)
         self._waiting.append(me)
         self._hand_over()
         me.turn.acquire()
@@ -181,12 +184,15 @@ class _Lock:
         self._free = threading.Event()
 
     def __enter__(self) -> None:
-        me = threading.get_ident()
+        me = self._who()
         while self._holder not in (None, me):
             self._free.clear()
             self._clock.wait(self._free)
         self._holder = me
         self._depth += 1
+
+    def _who(self) -> int:
+        return threading.get_ident()
 
     def __exit__(self, *error: object) -> None:
         self._depth -= 1

@@ -18,19 +18,27 @@ from typing import Any
 
 import httpx
 
+from robot.bodies.phone.camera import PhoneCamera, PhoneOptions
+from robot.camera import Camera
 from robot.control.state import Tick
 from robot.devices.rig import Rig
 from robot.policy.registry import make_policy
 from robot.store.prepare import prepare
-from robot.testing import FakeCamera, FakeDriver, LinkConditions, VirtualClock
+from robot.testing import FakeCamera, FakeDriver, LinkConditions
 from robot.types import Action
 from server.access.config import NetworkConfig, NetworkLimits
 from server.access.pairing import Pairing, cookie_name
+from server.board.classroom import LOCKS, Classroom
+from server.board.stopping import Stopping
+from server.board.teacher_session import Status
 from server.gateway.roles import Role
 from server.identity import IdentityFile
 from tests.client.bodies import Pool, Requests, Route
 from tests.client.disk import Disk
 from tests.client.facts import GROUPS, Facts, lost, read
+from tests.client.others import EYE_RATE_HZ, Command, Eye, Teacher
+from tests.kit.green_clock import GreenClock
+from tests.server.board.classroom_world import KEY
 from tests.server.live_robot import WEB
 from tests.server.test_fuzz import drive_message
 from tests.server.virtual_pilot import VirtualPilot
@@ -101,10 +109,12 @@ class Errors(logging.Handler):
         self.found.append(self.format(record))
 
 
-def make_rig() -> Rig:
+def make_rig(*, has_eye: bool = False) -> Rig:
     """Return a robot in virtual time whose camera gives few pictures, which costs less."""
-    clock = VirtualClock(100.0)
-    camera = FakeCamera(clock, rate_hz=12.0)
+    clock = GreenClock(100.0)
+    camera: Camera = FakeCamera(clock, rate_hz=EYE_RATE_HZ)
+    if has_eye:
+        camera = PhoneCamera(PhoneOptions(eye_rate=EYE_RATE_HZ), clock)
     return Rig(FakeDriver(clock=clock), camera, make_policy("published-8"), clock)
 
 
@@ -112,7 +122,25 @@ def describe(folder: Path) -> dict[str, Any]:
     """Return the routes' description; it also loads what every life needs before they begin."""
     with VirtualServer(data=folder, rig=make_rig()) as server:
         server.forward(0.1)
-        return server.app.openapi()
+        spec: dict[str, Any] = server.app.openapi()
+        page = server.pilot()
+        page.mode("train")
+        page.hold("forward")
+        server.forward(1.0)
+        requests = Requests(spec, random.Random(1), Pool())
+        for route in requests.routes:
+            if "zip" in route.path or route.path == "/api/unpair":
+                continue
+            body = requests.body(route)
+            named = {"content": body} if isinstance(body, bytes) else {"json": body}
+            url = server.address + requests.target(route)
+            request = httpx.Request(route.method, url, **named)  # type: ignore[arg-type]
+            with contextlib.suppress(AssertionError):  # an endless answer
+                server.request(request).close()
+        page.close()
+        for kind in ("list", "show", "title", "zip"):
+            Command(random.Random(1), Pool(), folder, kind).run()
+    return spec
 
 
 class Life:
@@ -143,6 +171,13 @@ class Life:
         self.pages: list[Page] = []
         self.said_s: dict[str, float] = {}
         """When each client last said something."""
+        self.released: set[int] = set()
+        """The numbers of the STOPs that somebody has released who had seen them."""
+        self._was_emergency = False
+        self._shown_stopped_s: float | None = None
+        self.has_eye, self.has_board = self.dice.random() < 0.25, self.dice.random() < 0.25
+        self.eye: Eye | None = None
+        self.teacher: Teacher | None = None
         self._driver_id = ""
         self._bad_s = 0.0
         self._was_latched = False
@@ -163,6 +198,9 @@ class Life:
             (self.disturb_disk, 3),
             (self.sleep, 1),
             (self.move_house, 2),
+            (self.command, 2),
+            *([(self.use_eye, 5)] if self.has_eye else []),
+            *([(self.use_board, 8)] if self.has_board else []),
         ]
 
     def run(self, steps: int, *, dies: bool) -> None:
@@ -177,11 +215,18 @@ class Life:
         prepare(self.root)
         pairing = Pairing(_MANY, file=self.root / "paired.json")
         config = NetworkConfig(
-            port=0, web=WEB, lan=True, data=self.root, limits=LIMITS, host="127.0.0.1"
+            port=0,
+            web=WEB,
+            lan=True,
+            tls=self.has_eye,  # browsers give a page the camera on https only
+            data=self.root,
+            limits=LIMITS,
+            host="127.0.0.1",
         )
-        rig = make_rig()
+        options = {"classroom": Classroom(KEY)} if self.has_board else None
+        rig = make_rig(has_eye=self.has_eye)
         with VirtualServer(
-            config, pairing=pairing, data=self.root, rig=rig, name="bench"
+            config, pairing=pairing, data=self.root, rig=rig, name="bench", options=options
         ) as server:
             self.server, self.pairing = server, pairing
             identity = server.services.identity
@@ -189,12 +234,14 @@ class Life:
             if (saved := IdentityFile(self.root).now) is not None:
                 identity.now = saved
             server.persistence.autosave.load_last()
-            server.forward(0.5)
             name = cookie_name(server.services.gateway.config)  # type: ignore[arg-type]
             self.cookies = {
                 person: {"cookie": f"{name}={secret}"} for person, secret in self.secrets.items()
             } | {"stranger": {}}
-            self._cookie = name
+            self._open_eye()
+            if self.has_board:
+                self.teacher = Teacher(server, self.dice)
+            server.forward(0.5)
             if (writer := server.persistence.journal._writer) is not None:
                 writer._files = self.disk.lay_beneath(writer._files)
             found = read(server, self.secrets, GROUPS)
@@ -218,6 +265,8 @@ class Life:
             self.disk.heal()
             for page in self.pages:
                 page.pilot.vanish()
+            if self.teacher is not None:
+                self.teacher.close()
 
     def violate(self, sentence: str) -> None:
         self.tell({"violation": f"{self.step}: {sentence}"})
@@ -232,6 +281,11 @@ class Life:
         if drivers:
             self._driver_id = drivers.pop()
         self._was_latched |= tick.emergency
+        if self._was_emergency and not tick.emergency:
+            number = self.server.hub.stop_number
+            if number not in self.released:
+                self.violate(f"STOP {number} was undone, which nobody has released")
+        self._was_emergency = tick.emergency
         now_s = self.server.clock.now_s()
         if tick.sent is not Action.STOP:
             if tick.emergency:
@@ -254,6 +308,8 @@ class Life:
             said_s = max(self.said_s.values(), default=-1.0)
             if self.server.clock.now_s() - said_s > WATCHED_S:
                 self.violate("the wheels turn without a pilot")
+        if self.teacher is not None and not state.emergency:
+            self._is_board_right(self.teacher)
         if state.fault is not None and not self.caused:
             self.violate(f"a fault is said without cause: {state.fault}")
         found, self.errors.found = self.errors.found, []
@@ -295,19 +351,24 @@ class Life:
 
     def _judge(self, touched: tuple[str, ...], answer: httpx.Response, told: Any) -> None:
         is_kept = not isinstance(told, dict) or told.get("kept") is not False
-        known = answer.is_success and is_kept
-        if not known and (self.disk.is_failing or answer.is_success):
+        self._note(touched, str(answer.status_code), is_done=answer.is_success, is_kept=is_kept)
+
+    def _note(
+        self, touched: tuple[str, ...], status: str, *, is_done: bool, is_kept: bool = True
+    ) -> None:
+        """Note what is kept once something was answered."""
+        if not (is_done and is_kept) and (self.disk.is_failing or is_done):
             for group in touched:  # some of it may have been done
                 self.wanted.pop(group, None)
             self.tell({"unknown": list(touched)})
             return
-        if not answer.is_success:  # what was not known before is not known by a refusal
+        if not is_done:  # what was not known before is not known by a refusal
             touched = tuple(group for group in touched if group in self.wanted)
         found = read(self.server, self.secrets, touched)
-        if not answer.is_success:
+        if not is_done:
             before = {group: self.wanted[group] for group in touched}
             for sentence in lost(before, found):
-                self.violate(f"a refusal ({answer.status_code}) changed {sentence}")
+                self.violate(f"a refusal ({status}) changed {sentence}")
         self.wanted.update(found)
         self.tell({"facts": found})
 
@@ -316,11 +377,12 @@ class Life:
         if self._is_link_bad():
             self._bad_s = self.server.clock.now_s()
         self.server.link.conditions = LinkConditions()
-        self.server.driver.failure, self.server.camera.is_frozen = None, False
+        self._heal_body()
         page = self._page()
         if page is None:
             self.come_or_go()
             return
+        self.released.add(self.server.hub.stop_number)
         self.server.rig.loop.release_emergency()
         page.pilot.is_silent = False
         page.pilot.send(type="take")
@@ -379,7 +441,12 @@ class Life:
     def stop(self) -> None:
         """Anybody's STOP is obeyed: within 100 ms, or when what is late has come."""
         is_late = self._was_latched = False
-        if self.dice.random() < 0.5:
+        if self.eye is not None and not self.eye.socket.is_closed and self.dice.random() < 0.3:
+            if self._is_link_bad():
+                return
+            self.eye.stop()
+            is_late = self.server.clock.now_s() - self._bad_s < LATE_S
+        elif self.dice.random() < 0.5:
             person = self.dice.choice(PEOPLE)
             answer = self._send("POST", "/api/stop", None, self.cookies[person])
             if not answer.is_success:
@@ -397,6 +464,7 @@ class Life:
     def release(self) -> None:
         page = self._page()
         if page is not None:
+            self.released.add(page.pilot.page.state["stop_number"])
             page.pilot.release()
             self.server.forward(0.05)
 
@@ -438,10 +506,12 @@ class Life:
 
     def disturb_body(self) -> None:
         server, what = self.server, self.dice.randrange(5)
-        server.driver.failure, server.camera.is_frozen = None, False
+        self._heal_body()
         if what == 0:
             self.caused["driver"] += 1
             server.driver.failure = "The left motor does not answer."
+        elif self.has_eye:
+            self.use_eye()
         elif what == 1:
             self.caused["camera"] += 1
             server.camera.is_frozen = True
@@ -477,6 +547,100 @@ class Life:
         answer = self._send("GET", "/api/state", None, self.cookies["owner"] | host)
         if answer.status_code != 200:
             self.violate(f"at the new address {address} it answers {answer.status_code}")
+
+    def use_eye(self) -> None:
+        """The phone that is the eye is covered, slow, gone, back, or another phone takes over."""
+        eye, what = self.eye, self.dice.randrange(6)
+        self.caused["camera"] += 1
+        if eye is None or eye.socket.is_closed or what == 0:
+            self._open_eye()  # while the first is open, too: the newest is the eye
+        elif what == 1:
+            eye.is_silent = not eye.is_silent
+        elif what == 2:
+            eye.is_covered = not eye.is_covered
+        elif what == 3:
+            eye.vanish()
+        else:
+            self._heal_body()
+        self.server.forward(self.dice.choice([0.0, 0.1, 1.0]))
+
+    def _open_eye(self) -> None:
+        if self.has_eye:
+            self.eye = Eye(self.server, self.cookies["owner"])
+            self.server.forward(0.1)
+
+    def _heal_body(self) -> None:
+        self.server.driver.failure = None
+        if not self.has_eye:
+            self.server.camera.is_frozen = False
+        elif self.eye is None or self.eye.socket.is_closed:
+            self._open_eye()
+        else:
+            self.eye.is_silent = self.eye.is_covered = False
+
+    def use_board(self) -> None:
+        """The teacher looks, stops, releases, renames, locks or orders; or the network fails."""
+        teacher, server, dice = self.teacher, self.server, self.dice
+        assert teacher is not None
+        what = dice.choice(["look", "look", "stop", "release", "name", "locks", "order", "network"])
+        self.step = self.kind = f"board {what}"
+        is_good = not self._is_link_bad() and server.clock.now_s() - self._bad_s > LATE_S
+        is_there = is_good and server.fault == "none" and teacher.link.status is Status.THERE
+        if what == "look":
+            teacher.look()
+        elif what == "stop":
+            self._was_latched = False
+            teacher.stop()
+            server.forward(0.3)
+            if is_there and not self._was_latched:
+                self.violate("a STOP of the board was not obeyed")
+        elif what == "release":
+            if (number := teacher.release()) is not None:
+                self.released.add(number)
+            server.forward(0.1)
+        elif what == "network":
+            server.fault = "none" if server.fault != "none" else dice.choice(["slow", "gone"])
+            server.forward(0.5)
+        elif what == "order":
+            touched = ("models", "learner")
+            self.tell({"begin": list(touched), "step": self.step})
+            is_done = teacher.order()
+            self._note(touched, "", is_done=True, is_kept=is_done)
+        else:
+            touched = ("identity",) if what == "name" else ()
+            self.tell({"begin": list(touched), "step": self.step})
+            locks = dice.sample(sorted(LOCKS), dice.randrange(2))
+            named = dice.choice(["Wren", "Ada", "bench"])
+            is_done = teacher.rename(named) if what == "name" else teacher.lock(locks)
+            self._note(touched, "", is_done=True, is_kept=is_done)
+
+    def _is_board_right(self, teacher: Teacher) -> None:
+        """The robot is free: the board may say for a moment only that it has stopped it."""
+        now_s = self.server.clock.now_s()
+        is_good = not self._is_link_bad() and self.server.fault == "none"
+        if not is_good or teacher.link.stop.stage is not Stopping.STOPPED:
+            self._shown_stopped_s = None
+        elif self._shown_stopped_s is None:
+            self._shown_stopped_s = now_s
+        elif now_s - self._shown_stopped_s > 2 * LATE_S and teacher.link.status is Status.THERE:
+            self.violate("the board says for seconds that a robot is stopped, which is free")
+
+    def command(self) -> None:
+        """A call of the command line, beside the server."""
+        self._know()
+        command = Command(self.dice, self.pool, self.root)
+        self.step = "drivelesson " + " ".join(command.words[:-2])
+        touched = ("episodes",) if command.changes else ()
+        self.tell({"begin": list(touched), "step": self.step})
+        status, last = command.run()
+        self.kind = f"episodes {command.kind} {status}"
+        if "Traceback" in last or (status and not last.strip()):
+            self.violate(f"ended with {status} and said {last!r}")
+        self._note(touched, str(status), is_done=status == 0)
+        if status == 0 and touched and "episodes" in self.wanted:
+            untrue = command.untrue(self.wanted["episodes"])
+            if untrue is not None:
+                self.violate(untrue)
 
     def _moves(self) -> bool:
         return self.server.driver.now is not Action.STOP

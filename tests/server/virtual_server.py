@@ -77,6 +77,8 @@ class VirtualServer:
         self.address = f"http://127.0.0.1:{self.port}"
         self.dice = random.Random(1)
         self.link = Link(self.dice)
+        self.fault = "none"
+        """How a board's network fails on the way to this robot; see `classroom_world.FAULTS`."""
         self._sockets: list[Socket] = []
         self._stack = contextlib.ExitStack()
 
@@ -135,7 +137,7 @@ class VirtualServer:
 
     def run(self, main: Coroutine[Any, Any, _T]) -> _T:
         """Run a coroutine to its end, and whatever happens meanwhile."""
-        return self._runner.run(main)
+        return self._runner.get_loop().run_until_complete(main)
 
     def forward(self, seconds: float) -> None:
         """Let time pass."""
@@ -184,7 +186,7 @@ class VirtualServer:
     def request(self, request: httpx.Request, path: str | None = None) -> httpx.Response:
         """Answer one request of httpx; `path` goes before its own."""
         exchange = self.run(self._begin(request, path))
-        self.wait_until(lambda: exchange.status is not None or exchange.task.done(), 60.0)
+        self.run(self.until(lambda: exchange.status is not None or exchange.task.done(), 60.0))
         if exchange.task.done() and exchange.status is None:
             exchange.task.result()
         return httpx.Response(
