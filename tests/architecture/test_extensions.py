@@ -91,12 +91,20 @@ def uses(names: set[str], packages: set[str]) -> bool:
     return any(name == each or name.startswith(f"{each}.") for name in names for each in packages)
 
 
+def place(source: str, target: str) -> None:
+    """Link a file, or copy it to another disk: each tree has a thousand."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
 def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
     """Copy the tree without extensions; return the packages that are gone."""
     gone = packages_of(extensions)
     ignored = shutil.ignore_patterns("node_modules", "*.webp")  # compiled modules save a second
     for name in names:
-        shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+        shutil.copytree(ROOT / name, folder / name, ignore=ignored, copy_function=place)
     for package in gone:
         for path in (package.replace(".", "/"), f"tests/{package.replace('.', '/')}"):
             shutil.rmtree(folder / path, ignore_errors=True)
@@ -110,6 +118,7 @@ def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
         lines = named.read_text("utf-8").splitlines(keepends=True)
         rooms = [page for each in extensions for page in WEB.get(each, ())]
         gone_lines = {f"import './{room.removeprefix('js/')}/extension.js';\n" for room in rooms}
+        named.unlink()  # it is the tree's own file
         named.write_text("".join(line for line in lines if line not in gone_lines), "utf-8")
     text = (ROOT / "pyproject.toml").read_text("utf-8")
     taken = "|".join(map(re.escape, sorted(gone)))

@@ -6,12 +6,13 @@ import random
 
 import pytest
 
+from tests.kit.sizes import crossed
+
 from .scenario import Fault, FaultWorld, Plan, in_fault_world, outcomes
 from .table import FAULTS, LIMIT_S, MODES, SEEDS
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+@crossed(fault=FAULTS, mode=MODES)
 def test_a_drive_is_the_same_to_the_last_digit_in_every_run(fault: Fault, mode: str) -> None:
     assert outcomes(fault, mode, range(3)) == outcomes(fault, mode, range(3))
 

@@ -38,32 +38,6 @@ def test_a_pilot_drives_and_the_robot_stands_when_it_lets_go(
         assert pilot.errors() == []
 
 
-def test_the_robot_stands_within_500_ms_when_the_pilot_vanishes(
-    server: VirtualServer, points: Points
-) -> None:
-    with server.pilot() as pilot:
-        pilot.mode("train")
-        pilot.hold("forward", points.get("forward"))
-        server.wait_until(lambda: server.driver.now is Action.FORWARD)
-        pilot.vanish()
-        assert server.wait_until(lambda: server.driver.now is Action.STOP) < 0.5
-
-
-def test_the_robot_stands_within_500_ms_when_the_pilot_is_silent(
-    server: VirtualServer, points: Points
-) -> None:
-    with server.pilot() as pilot:
-        pilot.mode("train")
-        pilot.hold("forward", points.get("forward"))
-        server.wait_until(lambda: server.driver.now is Action.FORWARD)
-        pilot.is_silent = True
-        assert server.wait_until(lambda: server.driver.now is Action.STOP) < 0.5
-        pilot.wait_for_state(mode="stopped", stop_reason="pilot_silent")
-        pilot.is_silent = False
-        server.forward(0.3)
-        assert server.driver.now is Action.STOP, "it waits for an explicit start"
-
-
 def test_a_viewer_sees_but_is_not_heard(server: VirtualServer) -> None:
     with server.pilot() as pilot, server.pilot() as viewer:
         pilot.wait_for_state(you_are_pilot=True, viewers=1)

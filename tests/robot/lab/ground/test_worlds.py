@@ -11,6 +11,7 @@ import pytest
 from robot.errors import ConfigurationError
 from robot.lab.ground.run import run_ground
 from robot.lab.ground.worlds import WORLDS, make_world
+from tests.kit.sizes import IS_FULL
 
 CARS = [name for name in WORLDS if name.startswith("CarRacing")]
 LIBRARY = {"ViZDoom": "vizdoom", **dict.fromkeys(CARS, "Box2D")}
@@ -20,7 +21,7 @@ GOOD = {"YMaze": 0.0, "ViZDoom": 1900.0, **dict.fromkeys(CARS, 25.0)}
 pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.slow]
 
 
-@pytest.fixture(params=sorted(WORLDS))
+@pytest.fixture(params=sorted(WORLDS) if IS_FULL else ["CarRacing", "Hallway", "ViZDoom", "YMaze"])
 def name(request: pytest.FixtureRequest) -> str:
     for library in ("gymnasium", LIBRARY.get(request.param, "miniworld")):
         if importlib.util.find_spec(library) is None:
