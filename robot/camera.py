@@ -9,10 +9,16 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from robot.clock import Clock
-from robot.corrections import Mounting, RawPicture
 from robot.driver import Driver
-from robot.errors import ConfigurationError, need
 from robot.types import Encoding, Frame, StartStop
+
+
+class Mounting:
+    """How a camera is mounted. This one stands upright; an extension sets another."""
+
+    def upright(self, picture: Frame) -> Frame:
+        """Return the picture as if the camera stood upright."""
+        return picture
 
 
 class Camera(StartStop):
@@ -57,6 +63,7 @@ class Camera(StartStop):
         self.source_age_s: float | None = None
         self._on_frame: Callable[[], None] = lambda: None
         self.mounting = Mounting()
+        """Turns all pictures upright, for the page, the recordings and the learner."""
 
     if TYPE_CHECKING:
 
@@ -108,21 +115,6 @@ class Camera(StartStop):
         """
         return frame
 
-    def mount(self, mounting: Mounting) -> None:
-        """Turn all further pictures upright, for the page, the recordings and the learner.
-
-        Raises:
-            ConfigurationError: If this camera's pictures must not be turned.
-            MissingExtraError: If turning needs OpenCV, and OpenCV is not installed.
-        """
-        if not mounting.is_upright:
-            if not self.can_be_turned:
-                raise ConfigurationError(f"pictures of the camera {self.name!r} are not turned")
-            newest = self.latest()
-            if newest is None or newest.encoding is Encoding.JPEG:
-                need("cv2", "turning a camera's pictures", "camera")
-        self.mounting = mounting
-
     def rest(self, every_s: float) -> None:
         """Set the period at which pictures are needed, until the next call. Returns at once.
 
@@ -151,18 +143,17 @@ class Camera(StartStop):
 
         `data` is the picture as the camera took it; the frame is upright.
         """
-        upright = self.mounting.upright(RawPicture(data, width, height, encoding))
         with self._slot_lock:
             self._last_frame_id += 1
-            frame = Frame(
+            taken = Frame(
                 frame_id=self._last_frame_id,
                 captured_s=min(self.clock.now_s(), captured_s),
-                width=upright.width,
-                height=upright.height,
-                encoding=upright.encoding,
-                data=upright.data,
+                width=width,
+                height=height,
+                encoding=encoding,
+                data=data,
             )
-            self._latest = frame
+            self._latest = frame = self.mounting.upright(taken)
             self.fault = None
         self._on_frame()
         return frame

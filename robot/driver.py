@@ -14,8 +14,6 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from robot.corrections import BodyCorrection
-from robot.errors import ConfigurationError
 from robot.types import DEFAULT_MOVES, Action, Mode, Point, Prediction, Sensors
 
 ACTION_TIMEOUT_S = 0.4
@@ -148,13 +146,31 @@ def move_at(point: Point, moves: Iterable[Move], threshold: float = TURNS_BEYOND
     return min(choice, key=lambda move: math.dist(move[1], point))[0] if choice else None
 
 
-_OTHER = {"left": "right", "right": "left"}
-_NOT_CORRECTED = {
-    "reverse": "its own program turns the motors, so reverse them there",
-    "swap_sides": "it has no moves to the left and to the right",
-    "trim": "it is not steered by degrees",
-}
-"""The reason why a correction does not apply to a body."""
+class Correction:
+    """What lies between a move and the motors of a body. This one changes nothing; an extension
+    sets another for a body that is built or wired differently from what its driver expects."""
+
+    @property
+    def signs(self) -> tuple[float, float]:
+        """Factors for the values of the left and the right motor."""
+        return 1.0, 1.0
+
+    def drive(
+        self, body: Driver, action: Action, point: Point | None, *, speed_scale: float
+    ) -> Action:
+        """Send the point, if one is given and the body accepts points, or else the move; return
+        the uncorrected move."""
+        if point is not None and body.takes_points:
+            return body.send_point(point, speed_scale=speed_scale)
+        return body.send_action(action, speed_scale=speed_scale)
+
+    def motors(self, values: tuple[float, float]) -> tuple[float, float]:
+        """Return the values for the left and the right motor."""
+        return values
+
+    def wheels(self, turned: tuple[float, float]) -> tuple[float, float]:
+        """Return how far the robot's left and right wheel turned, from the motors' counts."""
+        return turned
 
 
 class BodyButton(StrEnum):
@@ -196,7 +212,7 @@ class Driver(ABC):
     turns_motors: ClassVar[bool] = False
     """True if the driver sets each motor and applies `correction.motors`. False: the driver sends
     moves or points to a program that sets the motors, and motors are reversed in that program."""
-    correction: BodyCorrection = BodyCorrection()
+    correction: Correction = Correction()
     """The differences between this body and what its driver expects; set by `correct`."""
     is_remote: ClassVar[bool] = False
     """True for a body that answers over a network: `send_action`, `sense`, `stop`, `take_button`
@@ -283,60 +299,15 @@ class Driver(ABC):
     ) -> Action:
         """Drive the point, if one is given and this body accepts points, or else the move.
 
-        The loop calls this method. The order is corrected here (`correct`); the returned move is
-        the uncorrected one. Raises as `send_action`.
+        The loop calls this method. The order is corrected here; the returned move is the
+        uncorrected one. Raises as `send_action`.
         """
-        by_degrees = point is not None and self.takes_points
-        if not self.correction.is_steering:
-            if point is not None and by_degrees:
-                return self.send_point(point, speed_scale=speed_scale)
-            return self.send_action(action, speed_scale=speed_scale)
-        meant = self.move_of(point) if point is not None and by_degrees else action
-        self.check_action(meant, speed_scale)
-        at = point if by_degrees else point_of(meant, self.declared_moves)
-        if at is not None and self.takes_points and meant is not Action.STOP:
-            self.send_point(self.correction.point(at), speed_scale=speed_scale)
-        else:
-            sent = self._mirrored(meant) if self.correction.swap_sides else meant
-            self.send_action(sent, speed_scale=speed_scale)
-        return meant
+        return self.correction.drive(self, action, point, speed_scale=speed_scale)
 
-    def correct(self, correction: BodyCorrection) -> None:
-        """Apply a correction from now on; the caller has stopped the body.
-
-        Raises:
-            ConfigurationError: As `check_correction`.
-        """
-        self.check_correction(correction)
+    def correct(self, correction: Correction) -> None:
+        """Apply a correction from now on; the caller has stopped the body, and knows that the
+        correction applies."""
         self.correction = correction
-
-    def check_correction(self, correction: BodyCorrection) -> None:
-        """Raise ConfigurationError, with the reason, if a correction does not apply to this
-        body."""
-        possible, wanted = self.possible_corrections, BodyCorrection()
-        for name in ("reverse", "swap_sides", "trim"):
-            if name not in possible and getattr(correction, name) != getattr(wanted, name):
-                raise ConfigurationError(
-                    f"{name!r} does not apply to the robot {self.name!r}: {_NOT_CORRECTED[name]}"
-                )
-
-    @property
-    def possible_corrections(self) -> tuple[str, ...]:
-        """The fields of `BodyCorrection` that apply to this body."""
-        names = ["reverse"] if self.turns_motors else []
-        if any(self._mirrored(move) is not move for move in self.moves):
-            names.append("swap_sides")
-        return (*names, "trim") if self.takes_points else tuple(names)
-
-    def _mirrored(self, action: Action) -> Action:
-        """Return the mirrored move; a straight move is its own mirror image."""
-        name = Action("_".join(_OTHER.get(word, word) for word in action.split("_")))
-        at = point_of(action, self.declared_moves)
-        if name is not action and name in self.moves:
-            return name
-        if at is None or not at.steering:
-            return action
-        return move_at(Point(-at.steering, at.throttle), self.declared_moves) or action
 
     def move_of(self, point: Point) -> Action:
         """Return the move of this body that a point counts as (`move_at`), or STOP."""

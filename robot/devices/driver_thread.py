@@ -16,8 +16,7 @@ from operator import attrgetter
 from typing import Any
 
 from robot.clock import Clock, Worker
-from robot.corrections import BodyCorrection
-from robot.driver import ACTION_TIMEOUT_S, BodyButton, Driver
+from robot.driver import ACTION_TIMEOUT_S, BodyButton, Correction, Driver
 from robot.errors import DriveError, NotConnectedError
 from robot.types import Action, Mode, Point, Sensors
 
@@ -60,7 +59,7 @@ class DriverThread(Driver):
         self._order: _Order | None = None
         self._must_stop = False
         self._mode: Mode | None = None
-        self._correction: BodyCorrection | None = None
+        self._correction: Correction | None = None
         self._sensors = Sensors()
         self._sensed_s = -SENSE_EVERY_S
         self._button: BodyButton | None = None
@@ -77,7 +76,7 @@ class DriverThread(Driver):
     takes_points = _of_body("takes_points")
     track_m = _of_body("track_m")
     correction = _of_body("correction")
-    possible_corrections = _of_body("possible_corrections")
+    turns_motors = _of_body("turns_motors")
     wheels_mps = _of_body("wheels_mps")
     is_connected = _of_body("is_connected")
     takes_advice = _of_body("takes_advice")
@@ -147,12 +146,11 @@ class DriverThread(Driver):
             self._mode = mode
         self._due.set()
 
-    def correct(self, correction: BodyCorrection) -> None:
+    def correct(self, correction: Correction) -> None:
         """Apply a correction before any further action; waiting actions are dropped.
 
         The body may have to be connected again. If this fails, the next `drive` raises the error.
         """
-        self.driver.check_correction(correction)
         if self._thread is None:
             self.driver.correct(correction)
             return

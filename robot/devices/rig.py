@@ -11,7 +11,6 @@ from robot.camera import Camera
 from robot.clock import Clock, RealClock, Worker
 from robot.control.loop import ControlLoop, LoopConfig
 from robot.control.state import Tick
-from robot.corrections import Corrections
 from robot.devices.driver_thread import DriverThread
 from robot.devices.options import make_options
 from robot.devices.plugins import load_camera, load_driver
@@ -79,25 +78,6 @@ class Rig(StartStop):
         finally:
             with self._body.named("disconnect"):
                 self.driver.disconnect()
-
-    @property
-    def corrections(self) -> Corrections:
-        """The current corrections of body and camera."""
-        return Corrections(body=self.driver.correction, camera=self.camera.mounting)
-
-    def correct(self, corrections: Corrections) -> None:
-        """Stop the robot, and correct body and camera; on the loop's thread, between two ticks.
-
-        Raises:
-            ConfigurationError: If a correction does not apply; then none is changed.
-            DriveError: If the body refuses the correction.
-        """
-        self.driver.check_correction(corrections.body)
-        self.camera.mount(corrections.camera)
-        if corrections.body != self.driver.correction:
-            with self.loop.watchdog.body, self._body.named("correct"):
-                self.driver.stop()
-                self.driver.correct(corrections.body)
 
     def _run(self) -> None:
         while not self._ending.is_set():

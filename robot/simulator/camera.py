@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from robot.clock import Clock
-from robot.corrections import RawPicture
 from robot.devices.options import Options, option
 from robot.devkit.world_camera import WorldCamera
 from robot.policy.image import jpeg_encoder
@@ -82,16 +81,16 @@ class SimCamera(WorldCamera[SimDriver]):
         jpeg = self._compress(self._body.simulation.render())
         if self._last_frame_id - self._asked_id < _ASKED_FRAMES:
             data = self._compress(self._body.simulation.render_large())
-            taken = RawPicture(data, LARGE_WIDTH_PX, LARGE_HEIGHT_PX, Encoding.JPEG)
-            upright = self.mounting.upright(taken)
-            self._large = Frame(  # set first: the frame's listeners may request it
+            taken = Frame(
                 frame_id=self._last_frame_id + 1,
                 captured_s=captured_s,
-                width=upright.width,
-                height=upright.height,
-                encoding=upright.encoding,
-                data=upright.data,
+                width=LARGE_WIDTH_PX,
+                height=LARGE_HEIGHT_PX,
+                encoding=Encoding.JPEG,
+                data=data,
             )
+            # Set first: the frame's listeners may request it.
+            self._large = self.mounting.upright(taken)
         return self._show(jpeg, Encoding.JPEG, captured_s)
 
     def _show(self, data: bytes, encoding: Encoding, captured_s: float) -> Frame:

@@ -7,7 +7,6 @@ import threading
 import pytest
 
 from robot.camera import Camera
-from robot.corrections import Mounting
 from robot.devices.options import options_of
 from robot.devices.plugins import load_camera
 from robot.errors import ConfigurationError
@@ -79,15 +78,17 @@ class CameraContract:
         assert to_grey(frame).shape == (frame.height, frame.width)
 
     def test_it_can_be_mounted_on_its_side(self, camera_case: CameraCase) -> None:
-        """Recorded pictures are not turned; all other pictures are turned for all users."""
-        camera = camera_case.camera
+        """Recorded pictures are not turned; all other pictures are turned for all users. Skipped
+        without the extension that corrects cameras."""
+        corrections = pytest.importorskip("robot.adjustments.corrections")
+        camera, on_its_side = camera_case.camera, corrections.CameraCorrection(turn_deg=90)
         if not camera.can_be_turned:
             with pytest.raises(ConfigurationError, match=camera.name):
-                camera.mount(Mounting(turn_deg=90))
+                corrections.check_mounting(camera, on_its_side)
             return
         with camera:
             plain = take(camera, 1)[0]
-            camera.mount(Mounting(turn_deg=90))
+            camera.mounting = on_its_side
             turned = take(camera, 2)[-1]
         assert (turned.width, turned.height) == (plain.height, plain.width)
         assert to_rgb(turned).shape == (turned.height, turned.width, 3)

@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 
 from robot.clock import RealClock
-from robot.corrections import BodyCorrection
 from robot.devices.options import options_of
 from robot.devices.plugins import camera_names, load_driver
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC, describe, side_of
@@ -47,11 +46,7 @@ _LOOK_EVERY_S = 0.01
 _GRACE_S = 0.1
 """Time by which the end of a move may be late, in seconds: on a busy machine the threads of the
 driver and of the stand-in wake late."""
-_CORRECTIONS = {
-    "reverse": BodyCorrection(reverse="both"),
-    "swap_sides": BodyCorrection(swap_sides=True),
-    "trim": BodyCorrection(trim=0.1),
-}
+_CORRECTIONS = {"reverse": "both", "swap_sides": True, "trim": 0.1}
 _STEP_S, _HALF_WAY_S = 0.1, ACTION_TIMEOUT_S / 2
 
 
@@ -202,30 +197,33 @@ class DriverContract:
     def test_a_correction_changes_the_motors_and_not_the_move(
         self, driver_case: DriverCase
     ) -> None:
-        """A correction that does not apply to the body is refused; the error names it."""
+        """A correction that does not apply to the body is refused; the error names it. Skipped
+        without the extension that corrects bodies."""
+        corrections = pytest.importorskip("robot.adjustments.corrections")
         driver, drives = driver_case.driver, driver_case.drives
+        make = corrections.BodyCorrection
         with driver:
-            possible = driver.possible_corrections
-            for name, wanted in _CORRECTIONS.items():
+            possible = corrections.possible_corrections(driver)
+            for name, value in _CORRECTIONS.items():
                 if name not in possible:
                     with pytest.raises(ConfigurationError, match=name):
-                        driver.correct(wanted)
+                        corrections.check_correction(driver, make(**{name: value}))
             if "trim" not in possible or drives is None:
                 return
             points = [Point(-0.6, 0.5), Point(0.0, 0.5), Point(0.6, 0.5)]
             plain = [_steered_to(driver_case, point) for point in points]
-            driver.correct(_CORRECTIONS["swap_sides"])
+            driver.correct(make(swap_sides=True))
             swapped = [_steered_to(driver_case, point) for point in points]
             for before, after in zip(plain, swapped[::-1], strict=True):
                 _check_same(after, before, "swapped sides")
             for trim in (-0.2, 0.2):
-                driver.correct(BodyCorrection(trim=trim))
+                driver.correct(make(trim=trim))
                 now = _steered_to(driver_case, points[1])
                 assert side_of(now.steering, 1e-9) == side_of(trim, 0.0), (
                     f"asked to go straight with trim {trim}: it drives {tuple(now)}, which is not "
                     "to this side"
                 )
-            driver.correct(BodyCorrection())
+            driver.correct(make())
             _check_same(_steered_to(driver_case, points[0]), plain[0], "corrected no more")
 
     def test_a_point_that_changes_quickly_is_driven_within_the_ramp(

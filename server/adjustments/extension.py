@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeVar
 
 from fastapi import APIRouter, Request
 
-from robot.corrections import MOST_TRIM, REVERSED, TURNS_DEG
+from robot.adjustments.corrections import MOST_TRIM, REVERSED, TURNS_DEG, Corrections
 from robot.devices.options import options_of
 from robot.devices.raw_value import RawValue, must_be, number
 from robot.types import StopReason
@@ -52,7 +52,7 @@ class AdjustmentsExtension(Extension):
         self.file.apply()
         robot, persistence = self._services.robot, self._services.persistence
         if persistence is not None:
-            now, note = robot.corrections.described(), persistence.note_options
+            now, note = Corrections.of(robot).described(), persistence.note_options
             robot.clock.result(robot.loop.submit(lambda: note(now)))
 
     async def change(self, given: Mapping[str, Any]) -> None:
@@ -64,11 +64,11 @@ class AdjustmentsExtension(Extension):
             ConfigurationError: If a correction does not apply to this body or camera.
         """
         services, robot = self._services, self._services.robot
-        wanted = robot.corrections.changed(**given)
-        is_new_view = wanted.camera != robot.camera.mounting
+        wanted = Corrections.of(robot).changed(**given)
+        is_new_view = wanted.camera != Corrections.of(robot).camera
 
         def correct() -> None:
-            robot.correct(wanted)
+            wanted.apply(robot)
             if is_new_view:
                 services.note_carried()
             if services.persistence is not None:
@@ -113,7 +113,7 @@ class CorrectionsChanged(CorrectionsAnswer):
 
 def _answer(kind: type[_T], services: Services, **more: object) -> _T:
     possible = list(services.extension(AdjustmentsExtension).file.possible)
-    now = services.robot.corrections.described()
+    now = Corrections.of(services.robot).described()
     return answer(kind, None, **now, possible=possible, **more)
 
 

@@ -9,7 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from robot.corrections import MOST_TRIM, REVERSED, Corrections
+from robot.adjustments.corrections import (
+    MOST_TRIM,
+    REVERSED,
+    Corrections,
+    possible_corrections,
+)
 from robot.devices.options import Options, option, options_of
 from robot.devices.rig import Rig
 from robot.errors import UNREADABLE, ConfigurationError
@@ -61,7 +66,7 @@ class CorrectionsFile:
     def possible(self) -> tuple[str, ...]:
         """The names of the corrections that apply to this body and this camera."""
         of_camera = ("turn_picture", "mirror_picture") if self._rig.camera.can_be_turned else ()
-        return (*self._rig.driver.possible_corrections, *of_camera)
+        return (*possible_corrections(self._rig.driver), *of_camera)
 
     def apply(self) -> None:
         """Correct the running robot by the saved and the given corrections; save the given ones.
@@ -72,8 +77,8 @@ class CorrectionsFile:
         names = {*self.possible, *self._given}
         wanted = {n: value for n, value in self._wanted.described().items() if n in names}
         corrections = Corrections().changed(**wanted)
-        if corrections != self._rig.corrections:
-            done = self._rig.loop.submit(lambda: self._rig.correct(corrections))
+        if corrections != Corrections.of(self._rig):
+            done = self._rig.loop.submit(lambda: corrections.apply(self._rig))
             self._rig.clock.result(done, _PATIENCE_S)
         if self._given:
             try:
@@ -89,7 +94,7 @@ class CorrectionsFile:
         """
         if self._path is None:
             return False
-        plain = self._rig.corrections.described()
+        plain = Corrections.of(self._rig).described()
         of_camera = {name: plain.pop(name) for name in ("turn_picture", "mirror_picture")}
         for kind, name, values in (
             ("robots", self._rig.driver.name, plain),

@@ -196,7 +196,7 @@ WORDS = {
     "bodies": r"\bev3\b(?!dev)|pybricks|gymnasium|the robot's eye|\"phone\"",
     "challenge": r"robot\.challenge|server\.challenge|/api/challenge",
     "coaching": r"readiness|\bgallery\b|\btrail\b|coach",
-    "adjustments": r"/api/corrections|CorrectionsFile|corrections\.json",
+    "adjustments": r"/api/corrections|CorrectionsFile|corrections\.json|BodyCorrection|swap_sides",
     "devkit": r"\bdevkit\b|ConnectedDriver|WatchedCamera|UsbCamera",
     "exchange": r"donkeycar|lerobot",
     "lab": r"ablation|benchmark",

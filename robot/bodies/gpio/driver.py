@@ -11,9 +11,8 @@ from typing import Any, ClassVar
 from robot.bodies.gpio.keeper_line import KeeperLine
 from robot.bodies.remote.driver import MessageLine, ReportingDriver
 from robot.clock import Clock
-from robot.corrections import BodyCorrection
 from robot.devices.options import Options, option
-from robot.driver import CLASSIC
+from robot.driver import CLASSIC, Correction
 from robot.errors import ConfigurationError, MissingExtraError
 
 MAX_PIN = 27
@@ -125,7 +124,7 @@ class GpioDriver(ReportingDriver):
         signs = (min(left, right), 1.0) if self.options.is_car else (left, right)
         return {**self.options.settings(), "signs": signs}
 
-    def correct(self, correction: BodyCorrection) -> None:
+    def correct(self, correction: Correction) -> None:
         """See `Driver`; to reverse other motors, a new process takes the pins."""
         is_rewired = self.is_connected and correction.signs != self.correction.signs
         super().correct(correction)

@@ -10,7 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
-from robot.corrections import BodyCorrection, Corrections, Mounting
+from robot.adjustments.corrections import BodyCorrection, CameraCorrection, Corrections
 from robot.devices.rig import build_rig
 from robot.errors import ConfigurationError
 from robot.recordings.messages import RUN
@@ -46,7 +46,7 @@ def test_a_correction_is_told_kept_and_applied(kept: VirtualServer, tmp_path: Pa
     assert put(kept, mirror_picture=True).json()["turn_picture"] == 90, "the others stay"
     again = build_rig("sim", learner="default-8")
     again.driver, again.camera = kept.rig.driver, camera
-    assert CorrectionsFile(tmp_path, again, {})._wanted == kept.rig.corrections
+    assert CorrectionsFile(tmp_path, again, {})._wanted == Corrections.of(kept.rig)
     other = CorrectionsFile(tmp_path, build_rig("sim", learner="default-8"), {})
     assert other._wanted == Corrections(), "another body and camera have their own"
 
@@ -78,7 +78,7 @@ def test_what_does_not_apply_is_refused_and_changes_nothing(kept: VirtualServer)
         url = f"{kept.address}/api/corrections"
         answer = httpx.put(url, json=words, timeout=10)
         assert answer.status_code == status, words
-        assert kept.rig.corrections == Corrections(), words
+        assert Corrections.of(kept.rig) == Corrections(), words
 
 
 def test_each_recording_says_how_its_robot_was_corrected(tmp_path: Path) -> None:
@@ -126,8 +126,8 @@ def test_options_go_before_what_was_kept_and_are_kept_themselves(
         ({}, False, 180),
     ):
         CorrectionsFile(tmp_path, kept.rig, given).apply()
-        assert kept.rig.corrections == Corrections(
-            body=BodyCorrection(swap_sides=is_swapped), camera=Mounting(turn_deg=turn)
+        assert Corrections.of(kept.rig) == Corrections(
+            body=BodyCorrection(swap_sides=is_swapped), camera=CameraCorrection(turn_deg=turn)
         )
     for given in ({"trim": "9"}, {"turn_picture": "45"}, {"swap_sides": "perhaps"}):
         with pytest.raises(ConfigurationError):
@@ -140,6 +140,6 @@ def test_an_option_that_does_not_apply_is_refused_and_one_that_was_kept_is_not(
     saved = {"robots": {"fake": {"reverse": "left", "swap_sides": True}}}
     (tmp_path / "corrections.json").write_text(json.dumps(saved))
     CorrectionsFile(tmp_path, kept.rig, {}).apply()
-    assert kept.rig.corrections.body == BodyCorrection(swap_sides=True)
+    assert Corrections.of(kept.rig).body == BodyCorrection(swap_sides=True)
     with pytest.raises(ConfigurationError, match="reverse"):
         CorrectionsFile(None, kept.rig, {"reverse": "left"}).apply()

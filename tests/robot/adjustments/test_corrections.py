@@ -9,17 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot.bodies.gpio.driver import GpioOptions
-from robot.bodies.gpio.wheels import TimedMotors, steered, tracked
-from robot.corrections import (
+from robot.adjustments.corrections import (
     REVERSED,
     TURNS_DEG,
     BodyCorrection,
+    CameraCorrection,
     Corrections,
-    Mounting,
     Pair,
-    RawPicture,
+    check_correction,
+    possible_corrections,
 )
+from robot.bodies.gpio.driver import GpioOptions
+from robot.bodies.gpio.wheels import TimedMotors, steered, tracked
 from robot.devices.rig import build_rig
 from robot.driver import CLASSIC
 from robot.errors import ConfigurationError
@@ -30,37 +31,45 @@ from robot.testing import FakeCamera, FakeDriver, VirtualClock
 from robot.types import Action, Encoding, Frame, Point, Pose
 from tests.kit.sizes import crossed
 
-WAYS = [Mounting(turn_deg=t, is_mirrored=m) for t, m in product(TURNS_DEG, (False, True))]
+WAYS = [CameraCorrection(turn_deg=t, is_mirrored=m) for t, m in product(TURNS_DEG, (False, True))]
+
+
+def picture(data: bytes, width: int, height: int, encoding: Encoding) -> Frame:
+    return Frame(
+        frame_id=1, captured_s=0.0, width=width, height=height, encoding=encoding, data=data
+    )
+
+
 RNG = np.random.default_rng(1)
 
 
-def hung(pixels: np.ndarray, mounting: Mounting) -> np.ndarray:
+def hung(pixels: np.ndarray, mounting: CameraCorrection) -> np.ndarray:
     """Return what a camera sees that is mounted so: a mirror is before its turned sensor."""
     seen = pixels[:, ::-1] if mounting.is_mirrored else pixels
     return np.ascontiguousarray(np.rot90(seen, mounting.turn_deg // 90))
 
 
 @pytest.mark.parametrize("mounting", WAYS, ids=str)
-def test_pictures_of_each_way_to_mount_a_camera_are_upright(mounting: Mounting) -> None:
+def test_pictures_of_each_way_to_mount_a_camera_are_upright(mounting: CameraCorrection) -> None:
     scene = RNG.integers(60, 200, (3, 4, 3), np.uint8).repeat(16, axis=0).repeat(16, axis=1)
     seen = hung(scene, mounting)
     height, width = seen.shape[:2]
-    upright = mounting.upright(RawPicture(seen.tobytes(), width, height, Encoding.RGB))
+    upright = mounting.upright(picture(seen.tobytes(), width, height, Encoding.RGB))
     assert (upright.width, upright.height, upright.data) == (64, 48, scene.tobytes())
-    jpeg = mounting.upright(RawPicture(jpeg_encoder(95)(seen), width, height, Encoding.JPEG))
+    jpeg = mounting.upright(picture(jpeg_encoder(95)(seen), width, height, Encoding.JPEG))
     pixels = decode(jpeg.data)
     assert pixels is not None and (jpeg.width, jpeg.height) == (64, 48)
     assert np.abs(pixels[:, :, ::-1].astype(int) - scene).mean() < 8
 
 
 @pytest.mark.parametrize("mounting", WAYS, ids=str)
-def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting: Mounting) -> None:
+def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting: CameraCorrection) -> None:
     luma = RNG.integers(16, 236, (48, 64), np.uint8)
     colours = RNG.integers(16, 241, (24, 32, 2), np.uint8).repeat(2, axis=0).repeat(2, axis=1)
     seen, tinted = hung(luma, mounting), hung(colours, mounting)
     height, width = seen.shape
     packed = np.stack([seen, tinted[:, ::2].reshape(height, width)], axis=2)
-    upright = mounting.upright(RawPicture(packed.tobytes(), width, height, Encoding.YUYV))
+    upright = mounting.upright(picture(packed.tobytes(), width, height, Encoding.YUYV))
     assert (upright.width, upright.height, upright.encoding) == (64, 48, Encoding.YUYV)
     got = np.frombuffer(upright.data, np.uint8).reshape(48, 64, 2)
     assert (got[:, :, 0] == luma).all()
@@ -69,37 +78,37 @@ def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting: Mounting) 
 
 @crossed(mounting=WAYS[1:], encoding=list(Encoding), sides=[(7, 6), (1, 1), (6, 5), (0, 0)])
 def test_what_cannot_be_turned_stays_as_it_is(
-    mounting: Mounting, encoding: Encoding, sides: tuple[int, int]
+    mounting: CameraCorrection, encoding: Encoding, sides: tuple[int, int]
 ) -> None:
     """Whoever reads it says that it is none: a camera's thread does not end by it."""
     width, height = sides
     for data in (b"", b"no picture", b"\xff\xd8\xff" + bytes(40)):
-        picture = RawPicture(data, width, height, encoding)
-        turned = mounting.upright(picture)
-        assert turned == picture or (data == b"" and width * height == 0)
+        taken = picture(data, width, height, encoding)
+        turned = mounting.upright(taken)
+        assert turned == taken or (data == b"" and width * height == 0)
 
 
 def test_odd_raw_pictures_lose_a_line_at_most() -> None:
-    picture = RawPicture(bytes(2 * 6 * 5), 6, 5, Encoding.YUYV)
-    turned = Mounting(turn_deg=90).upright(picture)
+    taken = picture(bytes(2 * 6 * 5), 6, 5, Encoding.YUYV)
+    turned = CameraCorrection(turn_deg=90).upright(taken)
     assert (turned.width, turned.height, len(turned.data)) == (4, 6, 2 * 4 * 6)
 
 
 @pytest.mark.parametrize("mounting", WAYS, ids=str)
-def test_a_lesson_taught_head_down_drives_the_same_as_upright(mounting: Mounting) -> None:
+def test_a_lesson_taught_head_down_drives_the_same_as_upright(mounting: CameraCorrection) -> None:
     """The learner gets the same pictures, so it learns and drives the same."""
     clock = VirtualClock()
     policies, cameras = [make_policy("default-8") for _ in range(2)], []
-    for mounted in (Mounting(), mounting):
+    for mounted in (CameraCorrection(), mounting):
         camera = FakeCamera(clock)
-        camera.mount(mounted)
+        camera.mounting = mounted
         cameras.append(camera)
     proposals: list[list[Any]] = [[], []]
     for scene in range(24):
         pixels = np.random.default_rng(scene % 6).integers(0, 256, (12, 16, 3), np.uint8)
         pixels = pixels.repeat(10, axis=0).repeat(10, axis=1)
         frames = []
-        for camera, mounted in zip(cameras, (Mounting(), mounting), strict=True):
+        for camera, mounted in zip(cameras, (CameraCorrection(), mounting), strict=True):
             seen = hung(pixels, mounted)
             frames.append(
                 camera._publish(
@@ -123,7 +132,7 @@ def test_a_simulated_camera_is_turned_in_both_of_its_sizes() -> None:
     rig = build_rig("sim", learner="default-8")
     camera: Any = rig.camera
     before = to_rgb(camera.capture()).astype(int)
-    camera.mount(Mounting(turn_deg=90))
+    camera.mounting = CameraCorrection(turn_deg=90)
     frame = camera.capture()
     assert np.abs(np.rot90(before, -1) - to_rgb(frame)).mean() < 10, "but for its noise"
     camera.for_the_eye(camera.take_jpeg())
@@ -229,11 +238,11 @@ def test_values_out_of_range_are_refused() -> None:
 
 def test_a_body_of_moves_only_has_its_sides_swapped_by_their_names() -> None:
     body = FakeDriver()
-    assert body.possible_corrections == ("swap_sides",)
+    assert possible_corrections(body) == ("swap_sides",)
     body.correct(BodyCorrection(swap_sides=True))
     for meant, sent in (("left", "right"), ("right", "left"), ("forward", "forward")):
         assert body.drive(Action(meant)) is Action(meant), "what it means stays"
         assert body.now is Action(sent)
     for refused in (BodyCorrection(trim=0.1), BodyCorrection(reverse="left")):
         with pytest.raises(ConfigurationError, match="does not apply to the robot 'fake'"):
-            body.correct(refused)
+            check_correction(body, refused)

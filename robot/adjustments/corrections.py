@@ -1,4 +1,4 @@
-"""Corrections for a robot that is built or wired differently from what its driver expects. Pure.
+"""Corrections for a robot that is built or wired differently from what its driver expects.
 
 A correction changes the values sent to the motors and the orientation of the pictures. It never
 changes the meaning of a move: `left` means left on the page, in recordings and for the learner.
@@ -6,14 +6,17 @@ changes the meaning of a move: `left` means left on the page, in recordings and 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from robot.errors import ConfigurationError, need
-from robot.types import Encoding, Point
+from robot.camera import Camera, Mounting
+from robot.devices.rig import Rig
+from robot.driver import Correction, Driver, move_at, point_of
+from robot.errors import ConfigurationError, DriveError, PluginErrors, need
+from robot.types import Action, Encoding, Frame, Point
 
 MOST_TRIM = 0.3
 """Largest trim: if a robot needs a larger trim, a motor or a wheel is broken."""
@@ -22,10 +25,17 @@ TURNS_DEG = (0, 90, 180, 270)
 _JPEG_QUALITY = 90
 """Quality at which a turned JPEG is encoded again: almost without loss."""
 Pair = tuple[float, float]
+_OTHER = {"left": "right", "right": "left"}
+_NOT_CORRECTED = {
+    "reverse": "its own program turns the motors, so reverse them there",
+    "swap_sides": "it has no moves to the left and to the right",
+    "trim": "it is not steered by degrees",
+}
+"""The reason why a correction does not apply to a body."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BodyCorrection:
+@dataclass(frozen=True, kw_only=True)
+class BodyCorrection(Correction):
     """The differences between a body and what its driver expects.
 
     Args:
@@ -66,10 +76,23 @@ class BodyCorrection:
         left, right = (-1.0 if self.reverse in (side, "both") else 1.0 for side in REVERSED[1:3])
         return left, right
 
-    @property
-    def is_steering(self) -> bool:
-        """True if moves and points must be corrected, not only the motors."""
-        return self.swap_sides or self.trim != 0.0
+    def drive(
+        self, body: Driver, action: Action, point: Point | None, *, speed_scale: float
+    ) -> Action:
+        """Send the corrected move or point; return the uncorrected move. Raises as
+        `Driver.send_action`."""
+        if not self.swap_sides and self.trim == 0.0:
+            return super().drive(body, action, point, speed_scale=speed_scale)
+        by_degrees = point is not None and body.takes_points
+        meant = body.move_of(point) if point is not None and by_degrees else action
+        body.check_action(meant, speed_scale)
+        at = point if by_degrees else point_of(meant, body.declared_moves)
+        if at is not None and body.takes_points and meant is not Action.STOP:
+            body.send_point(self.point(at), speed_scale=speed_scale)
+        else:
+            sent = mirrored(meant, body) if self.swap_sides else meant
+            body.send_action(sent, speed_scale=speed_scale)
+        return meant
 
     def point(self, point: Point) -> Point:
         """Return the steering and throttle to send so that the robot drives `point`.
@@ -92,18 +115,37 @@ class BodyCorrection:
         return (right, left) if self.swap_sides else (left, right)
 
 
-@dataclass(frozen=True, slots=True)
-class RawPicture:
-    """The bytes of one picture, and how to read them."""
+def mirrored(action: Action, body: Driver) -> Action:
+    """Return the mirrored move of a body; a straight move is its own mirror image."""
+    name = Action("_".join(_OTHER.get(word, word) for word in action.split("_")))
+    at = point_of(action, body.declared_moves)
+    if name is not action and name in body.moves:
+        return name
+    if at is None or not at.steering:
+        return action
+    return move_at(Point(-at.steering, at.throttle), body.declared_moves) or action
 
-    data: bytes = field(repr=False)
-    width: int
-    height: int
-    encoding: Encoding
+
+def possible_corrections(body: Driver) -> tuple[str, ...]:
+    """Return the fields of `BodyCorrection` that apply to this body."""
+    names = ["reverse"] if body.turns_motors else []
+    if any(mirrored(move, body) is not move for move in body.moves):
+        names.append("swap_sides")
+    return (*names, "trim") if body.takes_points else tuple(names)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mounting:
+def check_correction(body: Driver, correction: BodyCorrection) -> None:
+    """Raise ConfigurationError, with the reason, if a correction does not apply to this body."""
+    possible, wanted = possible_corrections(body), BodyCorrection()
+    for name, reason in _NOT_CORRECTED.items():
+        if name not in possible and getattr(correction, name) != getattr(wanted, name):
+            raise ConfigurationError(
+                f"{name!r} does not apply to the robot {body.name!r}: {reason}"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraCorrection(Mounting):
     """The mounting of a camera.
 
     Args:
@@ -125,9 +167,9 @@ class Mounting:
     @property
     def is_upright(self) -> bool:
         """True if the camera's pictures need no change."""
-        return self == Mounting()
+        return self == CameraCorrection()
 
-    def upright(self, picture: RawPicture) -> RawPicture:
+    def upright(self, picture: Frame) -> Frame:
         """Return the picture as if the camera stood upright. An unreadable picture is unchanged.
 
         The values of raw pixels do not change. A JPEG is encoded again.
@@ -146,12 +188,12 @@ class Mounting:
         turned = np.rot90(pixels, -self.turn_deg // 90)
         return turned[:, ::-1] if self.is_mirrored else turned
 
-    def _rgb(self, picture: RawPicture) -> RawPicture:
+    def _rgb(self, picture: Frame) -> Frame:
         pixels = np.frombuffer(picture.data, np.uint8)
         turned = self._turned(pixels.reshape(picture.height, picture.width, 3))
-        return _made(turned.tobytes(), turned, Encoding.RGB)
+        return _made(picture, turned.tobytes(), turned)
 
-    def _yuyv(self, picture: RawPicture) -> RawPicture:
+    def _yuyv(self, picture: Frame) -> Frame:
         """Turn a YUYV picture. Two neighbours in a row share a colour; after a turn by 90 degrees
         these are other pixels."""
         rows, columns = picture.height, picture.width
@@ -163,9 +205,9 @@ class Mounting:
         pairs = colours[:, :columns].reshape(rows, columns // 2, 2, 2).astype(np.uint16)
         shared = (pairs.sum(axis=2) + 1) // 2
         turned = np.stack([luma, shared.reshape(rows, columns).astype(np.uint8)], axis=2)
-        return _made(turned.tobytes(), turned, Encoding.YUYV)
+        return _made(picture, turned.tobytes(), turned)
 
-    def _jpeg(self, picture: RawPicture) -> RawPicture:
+    def _jpeg(self, picture: Frame) -> Frame:
         cv2 = need("cv2", "turning a camera's pictures", "camera")
         data = np.frombuffer(picture.data, np.uint8)
         try:
@@ -176,17 +218,33 @@ class Mounting:
             return picture
         turned = np.ascontiguousarray(self._turned(pixels))
         _, jpeg = cv2.imencode(".jpg", turned, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-        return _made(jpeg.tobytes(), turned, Encoding.JPEG)
+        return _made(picture, jpeg.tobytes(), turned)
 
 
-def _made(data: bytes, pixels: NDArray[np.uint8], encoding: Encoding) -> RawPicture:
-    return RawPicture(data, pixels.shape[1], pixels.shape[0], encoding)
+def _made(picture: Frame, data: bytes, pixels: NDArray[np.uint8]) -> Frame:
+    return replace(picture, data=data, width=pixels.shape[1], height=pixels.shape[0])
+
+
+def check_mounting(camera: Camera, mounting: CameraCorrection) -> None:
+    """Check that this camera's pictures can be turned.
+
+    Raises:
+        ConfigurationError: If this camera's pictures must not be turned.
+        MissingExtraError: If turning needs OpenCV, and OpenCV is not installed.
+    """
+    if mounting.is_upright:
+        return
+    if not camera.can_be_turned:
+        raise ConfigurationError(f"pictures of the camera {camera.name!r} are not turned")
+    newest = camera.latest()
+    if newest is None or newest.encoding is Encoding.JPEG:
+        need("cv2", "turning a camera's pictures", "camera")
 
 
 _TURNS = {
-    Encoding.RGB: Mounting._rgb,
-    Encoding.YUYV: Mounting._yuyv,
-    Encoding.JPEG: Mounting._jpeg,
+    Encoding.RGB: CameraCorrection._rgb,
+    Encoding.YUYV: CameraCorrection._yuyv,
+    Encoding.JPEG: CameraCorrection._jpeg,
 }
 
 
@@ -195,7 +253,32 @@ class Corrections:
     """The corrections of one robot: those of its body and of its camera."""
 
     body: BodyCorrection = field(default_factory=BodyCorrection)
-    camera: Mounting = field(default_factory=Mounting)
+    camera: CameraCorrection = field(default_factory=CameraCorrection)
+
+    @classmethod
+    def of(cls, rig: Rig) -> Corrections:
+        """Return the current corrections of a robot."""
+        body, camera = rig.driver.correction, rig.camera.mounting
+        return cls(
+            body=body if isinstance(body, BodyCorrection) else BodyCorrection(),
+            camera=camera if isinstance(camera, CameraCorrection) else CameraCorrection(),
+        )
+
+    def apply(self, rig: Rig) -> None:
+        """Stop the robot, and correct body and camera; on the loop's thread, between two ticks.
+
+        Raises:
+            ConfigurationError: If a correction does not apply; then none is changed.
+            DriveError: If the body refuses the correction.
+        """
+        check_correction(rig.driver, self.body)
+        check_mounting(rig.camera, self.camera)
+        rig.camera.mounting = self.camera
+        if self.body != Corrections.of(rig).body:
+            named = PluginErrors("robot", rig.driver.name, DriveError).named("correct")
+            with rig.loop.watchdog.body, named:
+                rig.driver.stop()
+                rig.driver.correct(self.body)
 
     def described(self) -> dict[str, Any]:
         """Return plain values, keyed by the names of the options."""
@@ -218,5 +301,7 @@ class Corrections:
             body=BodyCorrection(
                 reverse=now["reverse"], swap_sides=now["swap_sides"], trim=now["trim"]
             ),
-            camera=Mounting(turn_deg=now["turn_picture"], is_mirrored=now["mirror_picture"]),
+            camera=CameraCorrection(
+                turn_deg=now["turn_picture"], is_mirrored=now["mirror_picture"]
+            ),
         )
