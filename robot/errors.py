@@ -148,15 +148,19 @@ KeyError: 'port'; the log has the traceback: send it to the plug-in's author
         except RobotError:
             raise
         except Exception as error:
-            self._first()
-            said = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_SAID]
-            said = f"{self._what} failed in {call}: {said.removesuffix(': ')}"
-            if said != self._said:  # once, not thirty times a second
-                self._said = said
-                log.exception(said)
-            raise self._error_type(
-                f"{said}; the log has the traceback: send it to the plug-in's author"
-            ) from error
+            raise self.converted(call, error) from error
+
+    def converted(self, call: str, error: Exception) -> RobotError:
+        """Log an error of one call, and return the error to raise in its place."""
+        self._first()
+        said = " ".join(f"{type(error).__name__}: {error}".split())[:_LONGEST_SAID]
+        said = f"{self._what} failed in {call}: {said.removesuffix(': ')}"
+        if said != self._said:  # once, not thirty times a second
+            self._said = said
+            log.error(said, exc_info=error)
+        return self._error_type(
+            f"{said}; the log has the traceback: send it to the plug-in's author"
+        )
 
 
 def install_command(extra: str) -> str:

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
-from functools import partial
+from typing import Any
 
 from robot.camera import Camera
 from robot.clock import Clock
@@ -24,11 +24,11 @@ from robot.control.gate import Gate, GateConfig
 from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, LinkState
 from robot.control.mailbox import Mailbox
 from robot.control.online_learning import OnlineLearning
-from robot.control.state import Tick, sum_up
+from robot.control.state import LATE_CYCLE_S, Tick
 from robot.control.steady_fault import SteadyFault
 from robot.control.watchdog import Watchdog
 from robot.driver import BodyButton, Driver
-from robot.errors import CameraError, DriveError, PluginErrors
+from robot.errors import CameraError, DriveError, PluginErrors, RobotError
 from robot.policy.policy import Policy
 from robot.types import (
     Action,
@@ -113,7 +113,8 @@ class ControlLoop:
         self.submit, self.wake = self._mailbox.put, self._mailbox.wake
         self._world_s = camera.world_s
         """Converts to the world's clock; the gate and the link governor only get such times."""
-        self._commands: _Commands = []
+        self._commands: list[tuple[PilotCommand, PilotCommand]] = []
+        """Commands of this tick: as received, and with the times of the world's clock."""
         self._asked: tuple[Action | None, Point | None] | None = None
         self._fault: str | None = None
         self._steady = SteadyFault()
@@ -122,8 +123,7 @@ class ControlLoop:
         self._listeners: list[Callable[[Tick], None]] = []
         self._enough_every_s = self._rest_every_s = 0.0
         self._stirred_s = clock.now_s()
-        self._sum_up = partial(sum_up, learning=self.learning, gate=self._gate, timing=self._timing)
-        self.state = self._sum_up(Tick(now_s=clock.now_s(), decision=self._gate.stand()))
+        self.state = self._summed_up(Tick(now_s=clock.now_s(), decision=self._gate.stand()), None)
         camera.listen(self._hear_camera)
 
     # Requests from other threads -------------------------------------------------------------
@@ -280,8 +280,7 @@ class ControlLoop:
         """Obey a button on the robot: every button stops the robot, and the start button starts a
         stopped robot."""
         try:
-            with self.watchdog.body, self._body.named("take_button"):
-                button = self._driver.take_button()
+            button = self._ask("take_button")
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return
@@ -299,8 +298,8 @@ class ControlLoop:
             self._gate.trip(StopReason.LINK_SLOW)
         if self._gate.mode is Mode.STOPPED:
             return [], []
-        taken = [one for one in commands if self._gate.receive(self._in_world(one), world_s)]
-        return taken, [command for command in commands if command not in taken]
+        taken = [one for one, there in commands if self._gate.receive(there, world_s)]
+        return taken, [one for one, _ in commands if one not in taken]
 
     def _look(self, now_s: float) -> Frame | None:
         """Process the newest frame; return the frame if it is new."""
@@ -343,9 +342,7 @@ class ControlLoop:
 
     def _sense(self, now_s: float) -> Sensors:
         try:
-            with self.watchdog.body, self._body.named("sense"):
-                sensors = self._driver.sense()
-            return self._dead_reckoning.locate(sensors, self.state, now_s)
+            return self._dead_reckoning.locate(self._ask("sense"), self.state, now_s)
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return Sensors()
@@ -374,10 +371,10 @@ class ControlLoop:
         until_s = self._gate.silent_at_s if is_move else math.inf
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):
-                with self.watchdog.order(until_s) as is_on_time, self._body.named("drive"):
-                    decision = decision if is_on_time else self._gate.stand()
+                with self.watchdog.body:
+                    decision = decision if self.watchdog.order(until_s) else self._gate.stand()
                     action, point, scale = decision.action, decision.point, decision.speed_scale
-                    sent = self._driver.drive(action, point, speed_scale=scale)
+                    sent: Action = self._ask("drive", action, point, speed_scale=scale)
                 if not self._is_held_up(self.clock.now_s() - started_s):
                     return decision, sent
         except DriveError as error:
@@ -387,10 +384,9 @@ class ControlLoop:
     def _publish(self, tick: Tick) -> Tick:
         """Pass the tick to all listeners; then complete the requests."""
         try:
-            before, self.state = self.state, self._sum_up(tick, self.state)
+            before, self.state = self.state, self._summed_up(tick, self.state)
             if tick.decision.mode is not before.decision.mode:
-                with self.watchdog.body, self._body.named("show"):
-                    self._driver.show(tick.decision.mode)
+                self._ask("show", tick.decision.mode)
             for listener in self._listeners:
                 listener(self.state)
         except Exception as error:  # a listener's error also stops the robot
@@ -399,6 +395,34 @@ class ControlLoop:
             self._mailbox.answer()
         self._rest_or_not(tick.now_s)
         return self.state
+
+    def _summed_up(self, tick: Tick, before: Tick | None) -> Tick:
+        """Return a tick whose events are filled in, with the state at its end; `before` is the
+        previous tick."""
+        learning, frame = self.learning, self.learning.frame
+        policy = learning.history.policy
+        return replace(
+            tick,
+            cycles=before.cycles + 1 if before else 0,
+            late_cycles=before.late_cycles + (tick.cycle_s > LATE_CYCLE_S) if before else 0,
+            prediction=learning.prediction,
+            history_events=learning.take_events(),
+            cycle_hz=learning.frame_rate_hz,
+            frame_id=frame.frame_id if frame else None,
+            frame_captured_s=frame.captured_s if frame else None,
+            agreement=learning.agreement.share,
+            agreement_frames=learning.agreement.n_examples,
+            emergency=self._gate.emergency,
+            fault=tick.fault or learning.fault,
+            stops=dict(self._gate.stops),
+            camera=self._timing.state,
+            taught=dict(learning.history.taught),
+            n_nodes=policy.learner.n_nodes_,
+            max_nodes=policy.max_nodes,
+            learner=policy.name,
+            moves=policy.moves,
+            learner_times=dict(learning.timings),
+        )
 
     def _rest_or_not(self, now_s: float) -> None:
         """Tell the camera whether it may rest."""
@@ -419,19 +443,15 @@ class ControlLoop:
     def _note(self, command: PilotCommand) -> None:
         """Record a command; a command that comes too late still measures the link."""
         times = self.learning.times_of(command.frame_id, command.seen_id)
+        proven_s = command.received_s if command.proven_s is None else command.proven_s
+        received_s = self._world_s(command.received_s)
+        there = replace(command, received_s=received_s, proven_s=self._world_s(proven_s))
         if times is not None:
             (captured_s, delivered_s), seen_s = times
             named_s = self._world_s(captured_s), self._world_s(delivered_s)
             seen_s, now_s = self._world_s(seen_s), self._world_s(self.clock.now_s())
-            command_there = self._in_world(command)
-            self._link.judge(command_there, named_s, seen_s, self._timing.state, now_s)
-        self._commands.append(command)
-
-    def _in_world(self, command: PilotCommand) -> PilotCommand:
-        """Return the command with its times converted to the world's clock."""
-        proven_s = command.received_s if command.proven_s is None else command.proven_s
-        received_s = self._world_s(command.received_s)
-        return replace(command, received_s=received_s, proven_s=self._world_s(proven_s))
+            self._link.judge(there, named_s, seen_s, self._timing.state, now_s)
+        self._commands.append((command, there))
 
     def _start(
         self, mode: Mode, proven_s: float | None = None, frame_id: int | None = None
@@ -452,8 +472,7 @@ class ControlLoop:
 
     def _latch_emergency(self) -> None:
         self._gate.latch_emergency()
-        with self.watchdog.body, self._body.named("stop"):
-            self._driver.stop()
+        self._ask("stop")
 
     def _forget_drive(self) -> None:
         """Forget the state of the drive that ends; earlier commands no longer count."""
@@ -465,6 +484,16 @@ class ControlLoop:
         self._stop_body()
         self._gate.trip(reason)
         self._fault = fault
+
+    def _ask(self, name: str, *args: object, **options: object) -> Any:
+        """Call a method of the driver, and convert its errors to DriveErrors."""
+        try:
+            with self.watchdog.body:
+                return getattr(self._driver, name)(*args, **options)
+        except RobotError:
+            raise
+        except Exception as error:  # a driver may be a plugin
+            raise self._body.converted(name, error) from error
 
     def _stop_body(self) -> None:
         with self.watchdog.body, contextlib.suppress(Exception):

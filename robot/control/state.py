@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
-from robot.control.camera_timing import CameraState, CameraTiming
-from robot.control.gate import Gate
+from robot.control.camera_timing import CameraState
 from robot.control.link_governor import LinkState
-from robot.control.online_learning import OnlineLearning, Timing
+from robot.control.online_learning import Timing
 from robot.policy.history import HistoryEvent
 from robot.types import Action, Decision, Frame, PilotCommand, Prediction, Sensors, StopReason
 
@@ -54,40 +53,3 @@ class Tick:
     learner: str = ""
     moves: tuple[Action, ...] = ()
     learner_times: Mapping[str, Timing] = field(default_factory=dict)
-
-
-def sum_up(
-    tick: Tick,
-    before: Tick | None = None,
-    *,
-    learning: OnlineLearning,
-    gate: Gate,
-    timing: CameraTiming,
-) -> Tick:
-    """Return a tick whose events are filled in, with the state at its end.
-
-    `before` is the previous tick; None: this is the first.
-    """
-    frame, policy = learning.frame, learning.history.policy
-    return replace(
-        tick,
-        cycles=before.cycles + 1 if before else 0,
-        late_cycles=before.late_cycles + (tick.cycle_s > LATE_CYCLE_S) if before else 0,
-        prediction=learning.prediction,
-        history_events=learning.take_events(),
-        cycle_hz=learning.frame_rate_hz,
-        frame_id=frame.frame_id if frame else None,
-        frame_captured_s=frame.captured_s if frame else None,
-        agreement=learning.agreement.share,
-        agreement_frames=learning.agreement.n_examples,
-        emergency=gate.emergency,
-        fault=tick.fault or learning.fault,
-        stops=dict(gate.stops),
-        camera=timing.state,
-        taught=dict(learning.history.taught),
-        n_nodes=policy.learner.n_nodes_,
-        max_nodes=policy.max_nodes,
-        learner=policy.name,
-        moves=policy.moves,
-        learner_times=dict(learning.timings),
-    )

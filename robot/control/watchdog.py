@@ -9,10 +9,9 @@ stops by its own time limit, `robot.driver.ACTION_TIMEOUT_S`.
 
 from __future__ import annotations
 
-import contextlib
 import math
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 from robot.clock import Clock, Worker
 from robot.types import StartStop
@@ -37,19 +36,17 @@ class Watchdog(StartStop):
         self._is_ending = False
         self._thread: Worker | None = None
 
-    @contextlib.contextmanager
-    def order(self, until_s: float) -> Iterator[bool]:
-        """Hold the body for one order that is valid until `until_s`; yield False if that time has
-        passed.
+    def order(self, until_s: float) -> bool:
+        """Set the deadline of an order; the caller holds the body until the order is sent. Return
+        False if `until_s` has passed.
 
         Infinite: the order needs no deadline, because the robot stands.
         """
-        with self.body:
-            is_on_time = self._clock.now_s() < until_s
-            self._due_s = until_s if is_on_time else math.inf
-            if self._due_s < self._wakes_s:
-                self._sooner.set()
-            yield is_on_time
+        is_on_time = self._clock.now_s() < until_s
+        self._due_s = until_s if is_on_time else math.inf
+        if self._due_s < self._wakes_s:
+            self._sooner.set()
+        return is_on_time
 
     def start(self) -> None:
         """Begin; idempotent."""

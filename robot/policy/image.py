@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 
 import numpy as np
@@ -159,7 +160,7 @@ def decode(data: bytes, *, colour: bool = True, is_reduced: bool = False) -> Pix
     Raises:
         MissingExtraError: If OpenCV is not installed.
     """
-    cv2 = need("cv2", "reading pictures", "camera")
+    cv2 = sys.modules.get("cv2") or need("cv2", "reading pictures", "camera")
     flag = cv2.IMREAD_COLOR if colour else cv2.IMREAD_GRAYSCALE
     if is_reduced:
         flag = cv2.IMREAD_REDUCED_GRAYSCALE_8

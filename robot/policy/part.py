@@ -66,7 +66,7 @@ class TaughtExample:
     Attributes:
         number: The example's number within the policy.
         picture: The frame's grey values.
-        is_learned: False if the example is only counted (`move_context.py`, `repeats.py`).
+        is_learned: False if the example is only counted (`example_selection.py`).
         contexts: The contexts in which the example counts, if a part sets them.
     """
 

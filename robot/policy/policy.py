@@ -11,13 +11,12 @@ from robot.learner.base import Learner, Mirror, NotFittedError, State, Vector, c
 from robot.learner.part import Stateful, Value
 from robot.learner.values import count, flag
 from robot.policy.action_filter import ActionFilter
+from robot.policy.example_selection import ExampleRate, MoveContext, Repeats
 from robot.policy.features import Features
 from robot.policy.light import LightAdaptation
-from robot.policy.move_context import ExampleRate, MoveContext
 from robot.policy.move_kinds import MoveKinds
 from robot.policy.part import USUAL_STEP_S, PolicyPart, Seen, TaughtExample
 from robot.policy.recognition import Degrees, Recognition
-from robot.policy.repeats import Repeats
 from robot.types import DEFAULT_MOVES, Action, Frame, Point, Prediction
 
 _DOUBT = 0.5
@@ -39,10 +38,10 @@ class Policy(Stateful):
         features: Converts a frame to a vector.
         moves: The moves that the policy may propose.
         action_filter: Makes the filter that turns votes on single frames into steady driving.
-        thins: Learn at most ten examples of the same label per second (`move_context.py`).
+        thins: Learn at most ten examples of the same label per second (`example_selection.py`).
         brighten: Returns a view with its grey values multiplied by a factor. If given, views are
             scaled to the brightness of the lesson (`light.py`).
-        knows_repeats: Learn a view that was taught before only if its label is new (`repeats.py`).
+        knows_repeats: Learn a view that was taught before only if its label is new.
 
     Attributes:
         kinds: The kinds of the moves (turns and straight moves); `describe` sets the kinds of a
@@ -187,7 +186,7 @@ class Policy(Stateful):
         """Learn one example.
 
         If times are given, at most ten examples per second are learned while the label stays the
-        same; the others are only counted (`move_context.py`).
+        same; the others are only counted (`example_selection.py`).
 
         Args:
             x: The frame's vector.

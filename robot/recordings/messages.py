@@ -6,14 +6,17 @@ A message's time is MCAP's log time, so the messages contain no time field.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Sequence
 from dataclasses import asdict
 from enum import StrEnum
 from functools import cache
 from typing import Any
 
+from robot.control.state import Tick
+from robot.policy.history import HistoryEvent, Taught
 from robot.recordings.reader import MessageChannel, Schema
-from robot.store.models.events import describe_point, to_json
-from robot.types import PilotCommand, Point, Prediction, Sensors
+from robot.store.models.events import describe_event, describe_point, to_json
+from robot.types import Mode, PilotCommand, Point, Prediction, Sensors
 
 
 class Topic(StrEnum):
@@ -140,6 +143,55 @@ def json_channel(topic: Topic) -> MessageChannel:
 def _finite(number: float) -> float:
     """Round to five digits: measurements are not more precise, and more digits waste disk space."""
     return float(f"{number:.5g}") if math.isfinite(number) else 1e300
+
+
+def describe_tick(
+    tick: Tick,
+    events: Sequence[HistoryEvent],
+    lost: Collection[int],
+    *,
+    is_shown: bool,
+    is_begun: bool,
+) -> list[tuple[Topic, Fields]]:
+    """Return the messages of one tick.
+
+    Args:
+        events: The changes of the learner to record.
+        lost: Ids of taught frames whose pictures are not recorded; their vectors are.
+        is_shown: True if the tick's picture is recorded.
+        is_begun: True if the mode has changed.
+    """
+    decision, seen = tick.decision, tick.prediction
+    found: list[tuple[Topic, Fields]] = []
+    if is_begun:
+        now = {"mode": decision.mode, "stop_reason": decision.stop_reason}
+        found.append((Topic.MODE, now))
+    if is_shown:
+        found.append((Topic.SENSORS, describe_sensors(tick.sensors)))
+        if seen is not None and tick.frame is not None and seen.frame_id == tick.frame.frame_id:
+            found.append((Topic.PREDICTION, describe_prediction(seen)))
+    found += [(Topic.COMMAND, describe_command(command)) for command in tick.commands]
+    if decision.mode is not Mode.STOPPED:
+        found.append((Topic.DECISION, _describe_decision(tick)))
+    for event in events:
+        is_lost = isinstance(event, Taught) and event.example.frame_id in lost
+        found.append((Topic.LESSON, describe_event(event, with_vector=is_lost)))
+    return found
+
+
+def _describe_decision(tick: Tick) -> Fields:
+    decision = tick.decision
+    return {
+        "action": decision.action,
+        "sent": tick.sent,
+        "driven_by": decision.driven_by,
+        "mode": decision.mode,
+        "speed_scale": decision.speed_scale,
+        "stop_reason": decision.stop_reason,
+        "asks_pilot": decision.asks_pilot,
+        "cycle_ms": round(tick.cycle_s * 1000, 4),
+        **describe_point(decision.point),
+    }
 
 
 def describe_command(command: PilotCommand) -> Fields:

@@ -7,7 +7,7 @@ import logging
 import shutil
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -35,7 +35,8 @@ class RecorderConfig:
     queue_bytes: int = 32 * 2**20
     """Most bytes of queued pictures; further pictures are dropped and counted."""
     queue_items: int = 4096
-    """Most queued items of any kind. Messages are dropped last, because they are small."""
+    """Most queued items: pictures, and the messages of one tick together. Messages are dropped
+    last, because they are small."""
     pause_s: float = 10.0
     """Time for which the robot must stand before the recording ends, in seconds."""
     trail_s: float = 1.0
@@ -100,9 +101,10 @@ class RecordingQueue:
             self.lost["frames"] += 1
         return is_kept
 
-    def write_message(self, topic: Topic, now_s: float, fields: Fields) -> None:
-        if not self._put(0, self._write, EpisodeWriter.write_message, topic, now_s, fields):
-            self.lost["messages"] += 1
+    def write_messages(self, now_s: float, messages: Sequence[tuple[Topic, Fields]]) -> None:
+        """Queue messages of one time, or drop them all if there is no room."""
+        if messages and not self._put(0, self._write, _write_messages, now_s, messages):
+            self.lost["messages"] += len(messages)
 
     def _put(self, size: int, job: Callable[..., None], *what: Any, must_go: bool = False) -> bool:
         """Queue a job; return False if the queue is full. Never waits for the disk."""
@@ -243,3 +245,10 @@ class RecordingQueue:
         self.episode_id = None
         log.warning(sentence)
         self.refuse(sentence)
+
+
+def _write_messages(
+    writer: EpisodeWriter, now_s: float, messages: Sequence[tuple[Topic, Fields]]
+) -> None:
+    for topic, fields in messages:
+        writer.write_message(topic, now_s, fields)

@@ -22,18 +22,11 @@ from robot.errors import MissingExtraError
 from robot.policy.history import HistoryEvent, Replaced, Taught, Undone
 from robot.recordings.ending import end_cut_recordings
 from robot.recordings.marks import FrameMarks
-from robot.recordings.messages import (
-    Fields,
-    Topic,
-    describe_command,
-    describe_prediction,
-    describe_sensors,
-)
+from robot.recordings.messages import Fields, Topic, describe_tick
 from robot.recordings.queue import RecorderConfig, RecordingQueue
 from robot.recordings.reader import require_mcap
 from robot.recordings.writer import describe_run
 from robot.store.disk import Announce, DiskThread, no_announcement
-from robot.store.models.events import describe_event, describe_point
 from robot.store.models.model import Model, take_model
 from robot.types import Action, Frame, Mode
 
@@ -138,7 +131,7 @@ class Recorder:
         """Add an extension's result to the current recording; drop it if there is no recording."""
         if self._is_open:
             now_s = self._loop.clock.now_s()
-            self.queue.write_message(Topic.RESULT, now_s, {"of": of, **fields})
+            self.queue.write_messages(now_s, [(Topic.RESULT, {"of": of, **fields})])
 
     def keep(self) -> None:
         """Keep the current recording in any case."""
@@ -183,55 +176,22 @@ class Recorder:
         self._taught = FrameMarks()
 
     def _record(self, tick: Tick, events: tuple[HistoryEvent, ...]) -> None:
-        now_s = tick.now_s
-        if tick.decision.mode is not self._mode:
-            now = {"mode": tick.decision.mode, "stop_reason": tick.decision.stop_reason}
-            self.queue.write_message(Topic.MODE, now_s, now)
+        is_shown = tick.frame is not None and tick.now_s - self._moved_s <= self._config.trail_s
+        if is_shown:
+            while self._lead:  # a command may label an earlier picture
+                self._keep(self._lead.popleft())
         if tick.frame is not None:
-            if now_s - self._moved_s <= self._config.trail_s:
-                while self._lead:  # a command may label an earlier picture
-                    self._keep(self._lead.popleft())
-                self._record_frame(tick)
-            else:
-                self._remember(tick.frame)
-        for command in tick.commands:
-            self.queue.write_message(Topic.COMMAND, now_s, describe_command(command))
-        if tick.decision.mode is not Mode.STOPPED:
-            self._record_decision(tick)
-        for event in events:
-            self._record_event(event, now_s)
-
-    def _record_decision(self, tick: Tick) -> None:
-        decision = tick.decision
-        self._is_kept |= tick.sent != Action.STOP and self._config.keeps_drives
-        fields = {
-            "action": decision.action,
-            "sent": tick.sent,
-            "driven_by": decision.driven_by,
-            "mode": decision.mode,
-            "speed_scale": decision.speed_scale,
-            "stop_reason": decision.stop_reason,
-            "asks_pilot": decision.asks_pilot,
-            "cycle_ms": round(tick.cycle_s * 1000, 4),
-            **describe_point(decision.point),
-        }
-        self.queue.write_message(Topic.DECISION, tick.now_s, fields)
-
-    def _record_frame(self, tick: Tick) -> None:
-        assert tick.frame is not None
-        self._keep(tick.frame)
-        self.queue.write_message(Topic.SENSORS, tick.now_s, describe_sensors(tick.sensors))
-        if tick.prediction is not None and tick.prediction.frame_id == tick.frame.frame_id:
-            self.queue.write_message(
-                Topic.PREDICTION, tick.now_s, describe_prediction(tick.prediction)
-            )
-
-    def _record_event(self, event: HistoryEvent, now_s: float) -> None:
-        self._is_kept = True
-        is_lost = isinstance(event, Taught) and event.example.frame_id not in self._kept
-        if isinstance(event, Taught):
+            (self._keep if is_shown else self._remember)(tick.frame)
+        taught = [event for event in events if isinstance(event, Taught)]
+        lost = [e.example.frame_id for e in taught if e.example.frame_id not in self._kept]
+        messages = describe_tick(
+            tick, events, lost, is_shown=is_shown, is_begun=tick.decision.mode is not self._mode
+        )
+        self.queue.write_messages(tick.now_s, messages)
+        for event in taught:
             self._taught.set_taught(event.example.frame_id, 1, event.at_s)
-        self.queue.write_message(Topic.LESSON, now_s, describe_event(event, with_vector=is_lost))
+        is_drive = tick.sent != Action.STOP and self._config.keeps_drives
+        self._is_kept |= is_drive or bool(events)
 
     def _remember(self, frame: Frame) -> None:
         self._lead.append(frame)

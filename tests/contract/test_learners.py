@@ -13,10 +13,10 @@ from robot.errors import MissingExtraError
 from robot.lab.baselines import RIVALS
 from robot.lab.variants import VARIANTS
 from robot.learner import Learner, State
+from robot.policy.example_selection import Repeats
 from robot.policy.history import TrainingHistory
 from robot.policy.policy import Policy
 from robot.policy.registry import learner_kinds, make_policy
-from robot.policy.repeats import Repeats
 from robot.types import Action, Encoding, Example, Frame
 from tests.kit.sizes import few, seeds
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.policy.move_context import ROOM_S, ExampleRate
+from robot.policy.example_selection import ROOM_S, ExampleRate
 from tests.robot.policy.passing import teach
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from robot.policy.move_context import BOTH, ONSET_S, STRAIGHT, TURNING, MoveContext
+from robot.policy.example_selection import BOTH, ONSET_S, STRAIGHT, TURNING, MoveContext
 from robot.policy.move_kinds import MoveKinds
 from robot.types import Action
 from tests.robot.policy.passing import see, teach

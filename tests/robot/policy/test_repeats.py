@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot.policy.example_selection import _SETS, _WAYS
 from robot.policy.registry import make_policy
-from robot.policy.repeats import _SETS, _WAYS
 from robot.types import Action
 
 MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
