@@ -24,17 +24,22 @@ class ChallengeExtension(Extension):
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
         self._services, self._loop = services, services.robot.loop
         self.challenge = Challenge()
-        self._unsubscribe: Callable[[], None] = lambda: None
+        self._unsubscribe: Callable[[], None] | None = None
 
     @property
     def routers(self) -> Sequence[APIRouter]:
         return (router,)
 
-    def start(self) -> None:
-        self._unsubscribe = self._loop.subscribe(self._note)
-
     def stop(self) -> None:
-        self._unsubscribe()
+        if self._unsubscribe is not None:
+            self._unsubscribe()
+
+    def arm(self) -> None:
+        """Count the robot's next autonomous drive as a try; on the loop's thread. The ticks are
+        followed from the first try on."""
+        self.challenge.arm()
+        if self._unsubscribe is None:
+            self._unsubscribe = self._loop.subscribe(self._note)
 
     def note_carried(self) -> None:
         self.challenge.cancel()
@@ -97,7 +102,7 @@ async def get_challenge(connection: HTTPConnection) -> ChallengeAnswer:
 async def post_try(connection: HTTPConnection) -> ChallengeAnswer:
     """Count the robot's next autonomous drive as a try."""
     services = services_of(connection)
-    await services.on_loop(services.extension(ChallengeExtension).challenge.arm)
+    await services.on_loop(services.extension(ChallengeExtension).arm)
     return _answer(connection)
 
 

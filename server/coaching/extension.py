@@ -16,8 +16,8 @@ class CoachingExtension(Extension):
     """Tracks the training for the page."""
 
     def __init__(self, services: Services, options: Mapping[str, Any]) -> None:
-        self._loop, persistence = services.robot.loop, services.persistence
-        self.progress = Progress(self._loop, lambda: persistence.run if persistence else None)
+        self._loop = services.robot.loop
+        self.progress = Progress(self._loop, services.persistence)
         self._unsubscribe: Callable[[], None] = lambda: None
 
     @property

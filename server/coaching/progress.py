@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import math
 from bisect import bisect_left
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from robot.coaching.gallery import LearnedImage, images
@@ -18,6 +17,7 @@ from robot.coaching.trail import Trail
 from robot.control.loop import ControlLoop
 from robot.control.state import Tick
 from robot.policy.history import Replaced, Taught, Undone
+from server.persistence import Persistence
 
 MARK_EVERY = 10
 """Examples between two points of the curve."""
@@ -41,9 +41,9 @@ class Mark:
 class Progress:
     """Tracks one robot's training; the server subscribes it to the loop's ticks."""
 
-    def __init__(self, loop: ControlLoop, episode: Callable[[], str | None]) -> None:
+    def __init__(self, loop: ControlLoop, persistence: Persistence | None = None) -> None:
         self._loop = loop
-        self._episode = episode
+        self._persistence = persistence
         self.readiness = Readiness()
         self.trail = Trail()
         self._marks: list[Mark] = []
@@ -78,7 +78,8 @@ class Progress:
         last = self._marks[-1].n_examples if self._marks else 0
         if agreement is None or n_examples - last < MARK_EVERY:
             return
-        mark = Mark(n_examples, agreement, self._loop.clock.wall_s(), self._episode())
+        run = self._persistence.run if self._persistence is not None else None
+        mark = Mark(n_examples, agreement, self._loop.clock.wall_s(), run)
         self._marks = [*self._marks[-_MARKS:], mark]
 
     def history(self) -> list[Mark]:

@@ -12,8 +12,8 @@ from fastapi import APIRouter, HTTPException, Request, Response
 
 from robot.devices.raw_value import text
 from robot.errors import RobotError
-from robot.store.models.model import decode_model
 from robot.store.models.store import StoredModel
+from server.library.models import ModelLibrary
 from server.routes.answers import PNG, Route, answer, attachment, media, png
 from server.routes.bodies import FREE_MODEL, NAMED, Key, Named, do
 from server.services import Extension, persistence_of
@@ -90,7 +90,7 @@ def save_model(request: Request) -> dict[str, str]:
 @router.post("/restore")
 def restore_model(request: Request, body: Key) -> dict[str, str]:
     """Restore a deleted model."""
-    return {"name": persistence_of(request).models.restore(body.undo)}
+    return {"name": library_of(request).restore(body.undo)}
 
 
 @router.post("/{name}/load", dependencies=[FREE_MODEL])
@@ -103,15 +103,15 @@ def load_model(request: Request, name: str) -> dict[str, str | bool]:
 @router.patch("/{name}")
 def change_model(request: Request, name: str, body: ModelChange) -> dict[str, str]:
     """Rename a model, or set the place where it was taught; both, or none."""
-    autosave = persistence_of(request).autosave
-    renamed = name if body.name is None or body.name == name else autosave.rename(name, body.name)
+    library = library_of(request)
+    renamed = name if body.name is None or body.name == name else library.rename(name, body.name)
     if body.place is not None:
         try:
-            autosave.set_place(renamed, body.place)
+            library.set_place(renamed, body.place)
         except (OSError, RobotError):
             if renamed != name:
                 with contextlib.suppress(OSError, RobotError):
-                    autosave.rename(renamed, name)
+                    library.rename(renamed, name)
             raise
     return {"name": renamed}
 
@@ -119,7 +119,7 @@ def change_model(request: Request, name: str, body: ModelChange) -> dict[str, st
 @router.post("/{name}/copy", status_code=201)
 def copy_model(request: Request, name: str, body: Named = NAMED) -> dict[str, str]:
     """Copy a model; the request body has the copy's name."""
-    return {"name": persistence_of(request).models.copy(name, body.name)}
+    return {"name": library_of(request).copy(name, body.name)}
 
 
 @router.delete("/{name}", dependencies=[FREE_MODEL])
@@ -131,8 +131,7 @@ def delete_model(request: Request, name: str) -> dict[str, str]:
 @router.get("/{name}/preview", **PNG)
 def preview_model(request: Request, name: str) -> Response:
     """Return the model's most used learned image, as PNG."""
-    model = decode_model(persistence_of(request).models.read_file(name))
-    return png(model.preview())
+    return png(library_of(request).preview(name))
 
 
 @router.get("/{name}/file", **media("application/zip"))
@@ -154,6 +153,12 @@ async def upload_model(request: Request, name: str) -> dict[str, str]:
     if not data:
         raise HTTPException(400, "The body must be a model's file.")
     return {"name": await do(persistence.models.add_file, name, data)}
+
+
+def library_of(request: Request) -> ModelLibrary:
+    """Return the library of the robot that got a request; 503 if nothing is saved."""
+    kept = persistence_of(request)
+    return ModelLibrary(kept.storage, kept.models, kept.autosave)
 
 
 def _in_use(request: Request, name: str) -> dict[str, str | bool]:

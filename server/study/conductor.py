@@ -91,19 +91,17 @@ class Conductor(StartStop):
         self._unsubscribe: Callable[[], None] = lambda: None
 
     def start(self) -> None:
-        self._unsubscribe = self._loop.subscribe(self.note)
         try:
             self._models.put_away()
         except (RobotError, OSError, TimeoutError) as error:  # the robot starts without the session
             log.warning("a session's model is still in use: %s", error)
 
     def stop(self) -> None:
-        """Leave the session and unsubscribe."""
+        """Leave the session."""
         try:
             self._end("server_ended")
         except (RobotError, OSError, TimeoutError) as error:
             log.warning("the session's model is put away at the next start: %s", error)
-        self._unsubscribe()
 
     @property
     def is_simulated(self) -> bool:
@@ -173,6 +171,7 @@ class Conductor(StartStop):
         event_log = EventLog(path, self._clock)
         event_log.start()
         self.study, self._log, self.session = study, event_log, session
+        self._unsubscribe = self._loop.subscribe(self.note)
         if not events:
             self._happen("session_begun", name=fingerprint(text), value=str(session.slot))
             event_log.flush()
@@ -270,6 +269,7 @@ class Conductor(StartStop):
             self._models.put_away()
         finally:
             self.session = self.study = self._log = None
+            self._unsubscribe()
             if event_log is not None:
                 event_log.stop()
         self._tell()

@@ -200,7 +200,7 @@ WORDS = {
     "devkit": r"\bdevkit\b|ConnectedDriver|WatchedCamera|UsbCamera",
     "exchange": r"donkeycar|lerobot",
     "lab": r"ablation|benchmark",
-    "library": r"/api/models|LibraryExtension",
+    "library": r"/api/models|LibraryExtension|ModelLibrary",
     "integrations": r"fast ?path|prometheus|/metrics|render_metrics|\bVLC\b|x-mixed-replace",
     "recordings": r"episode|recorder",
     "simulator": r"simulator|--robot sim|simulation",

@@ -89,7 +89,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         server.persistence.autosave.save()
         models = server.persistence.models
         for name in ("other", "gone"):
-            models.copy("bench", name)
+            models.add_file(name, models.read_file("bench"))
         models.delete("gone")
         server.forward(1.0)
     IdentityFile(root, "bench")

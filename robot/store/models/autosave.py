@@ -56,7 +56,8 @@ class Autosave:
         self._journal = journal
         self.name: str | None = None
         """Name of the model in use; None until the learner is taught."""
-        self._lock = self._clock.lock()
+        self.lock = self._clock.lock()
+        """Held while the model in use is saved or replaced."""
         self._is_due = False
         self._unsubscribe: Callable[[], None] | None = None
         self._mode = Mode.STOPPED
@@ -99,7 +100,7 @@ class Autosave:
         if not self.has_unsaved:
             return
         try:
-            with self._lock:  # wait while another model is being loaded or saved
+            with self.lock:  # wait while another model is being loaded or saved
                 if self.has_unsaved:
                     self.save()
         except Exception as error:  # the thread must go on after any error
@@ -110,7 +111,7 @@ class Autosave:
     def save(self, place: str | None = None) -> str:
         """Save the learner's current state, with a new place if one is given; return the model's
         name."""
-        with self._lock:
+        with self.lock:
             place = self._place if place is None else place
             copied = self._loop.submit(lambda: self._journal.copy(self._loop.history, place))
             model = self._clock.result(copied, 10.0)
@@ -138,7 +139,7 @@ class Autosave:
 
     def adopt(self, recovered: Recovered) -> None:
         """Use the recovered model, and save it at once if possible."""
-        with self._lock:
+        with self.lock:
             if self._lacks(recovered.model):
                 log.warning("the recovered model has moves that this robot does not have")
                 name = recovered.name or self.store.free_name(self._wanted_name)
@@ -152,7 +153,7 @@ class Autosave:
     def load(self, name: str) -> None:
         """Save the model in use, and load another; raises ConfigurationError unless the robot is
         stopped."""
-        with self._lock:
+        with self.lock:
             if self.has_unsaved:
                 self.save()
             model = self.store.load(name)
@@ -170,7 +171,7 @@ class Autosave:
         moves: tuple[Action, ...] | None = None,
     ) -> str:
         """Save the model in use, and begin an empty model; return the new model's name."""
-        with self._lock:
+        with self.lock:
             learner = learner or self._loop.state.learner
             place = self._place if place is None else place.strip()
             policy = make_policy(learner, moves or self._loop.state.moves)
@@ -211,23 +212,9 @@ class Autosave:
                 log.warning("the name of the model in use was not saved: %s", error)
         self.announce("model_loaded", model=name)
 
-    def rename(self, name: str, new_name: str) -> str:
-        with self._lock:
-            kept = self.store.rename(name, new_name)
-            if self.name == name:
-                self.name = kept
-            return kept
-
-    def set_place(self, name: str, place: str) -> None:
-        with self._lock:
-            if self.name == name:
-                self.save(place.strip())
-            else:
-                self.store.set_place(name, place.strip())
-
     def delete(self, name: str) -> str:
         """Delete a model. If the model is in use, the robot keeps the learner under a new name."""
-        with self._lock:
+        with self.lock:
             if self.name == name and self.has_unsaved:
                 self.save()
             key = self.store.delete(name)

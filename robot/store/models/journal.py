@@ -133,7 +133,7 @@ class Journal:
         events, must = tick.history_events, self._needs_checkpoint
         drives, self._drives = self._drives, history.drives
         if drives != history.drives and not must:
-            self._put("drive", history.changes - len(events))
+            self._put(({"kind": "drive", "change": history.changes - len(events)}, None))
         if must and tick.now_s < self._try_again_s:
             return
         if not events and not (must and self._try_again_s > 0.0):
@@ -141,33 +141,34 @@ class Journal:
         if must or not all(isinstance(event, Taught | Edited) for event in events):
             self._try_again_s = tick.now_s + _TRY_AGAIN_S
             self._needs_checkpoint = False
-            self._put("checkpoint", history.changes, self.copy(history, place), name=name)
+            head = {"kind": "checkpoint", "change": history.changes, "name": name}
+            self._put((head, self.copy(history, place)))
             return
         first = history.changes - len(events) + 1
-        for change, event in enumerate(events, start=first):
-            self._put("event", change, event)
+        heads = (
+            {"kind": "event", "change": change} for change in range(first, history.changes + 1)
+        )
+        self._put(*zip(heads, events, strict=True))
 
     def copy(self, history: TrainingHistory, place: str) -> Model:
         """Copy the learner's current state with its journal position; on the loop's thread."""
         position = self.position(history.changes)
         return take_model(history.policy, history.taught, place=place, position=position)
 
-    def _put(
-        self, kind: str, change: int, body: HistoryEvent | Model | None = None, **more: str | None
-    ) -> None:
+    def _put(self, *records: _Record) -> None:
         with self._lock:
             if len(self._queue) >= _MOST_WAITING:
                 self._queue.clear()
                 self._needs_checkpoint = True
                 return
-            self._queue.append(({"kind": kind, "change": change, **more}, body))
+            self._queue.extend(records)
         self._thread.wake()
 
     # Called on any thread ------------------------------------------------------------------------
 
     def note_saved(self, change: int) -> None:
         """Record that all changes up to this one are saved, so recovery does not need them."""
-        self._put("saved", change)
+        self._put(({"kind": "saved", "change": change}, None))
 
     async def written(self, change: int) -> bool:
         """Wait until this change is written, so that no kill can lose it once it is acknowledged.

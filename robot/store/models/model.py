@@ -77,15 +77,6 @@ class Model:
             policy.set_state(self.state)
         return policy
 
-    def preview(self) -> NDArray[np.uint8]:
-        """Return a small picture of the most used image; one black pixel if there are no
-        images."""
-        policy = self.to_policy()
-        nodes = policy.learner.nodes()
-        if not nodes:
-            return np.zeros((1, 1), np.uint8)
-        return policy.features.thumbnail(max(nodes, key=lambda node: node.frames).image)
-
 
 def take_model(
     policy: Policy,

@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from robot.clock import RealClock
-from robot.errors import ConfigurationError, NotFoundError, RecordingError, told_as
+from robot.errors import NotFoundError, RecordingError, told_as
 from robot.store.disk import Announce, no_announcement
 from robot.store.folder import (
     Storage,
     check_name,
-    fold,
     free_name,
     paths_in,
     set_aside,
@@ -127,7 +126,7 @@ class ModelStore:
 
     def load(self, name: str) -> Model:
         """Read the newest valid version; damaged versions are renamed and stay on the disk."""
-        for version in reversed(self._versions(self._check(name))):
+        for version in reversed(self._versions(self.require(name))):
             try:
                 model = decode_model(_read(version))
                 try_model(model)
@@ -187,7 +186,7 @@ class ModelStore:
     def note_failure(self, name: str, why: str) -> None:
         """Record that the model in use failed, so that the next start sets its newest version
         aside."""
-        write_whole(self._storage.models / self._check(name) / _FAILED, why.encode())
+        write_whole(self._storage.models / self.require(name) / _FAILED, why.encode())
 
     def set_failed_aside(self) -> list[str]:
         """Set the newest version of each failed model aside; return the models' names."""
@@ -225,7 +224,7 @@ class ModelStore:
                     yield other.name, self.load(other.name)
 
     def read_file(self, name: str) -> bytes:
-        for newest in self._versions(self._check(name))[-1:]:
+        for newest in self._versions(self.require(name))[-1:]:
             return _read(newest)
         raise RecordingError(f"the model {name!r} has no readable version")
 
@@ -239,45 +238,12 @@ class ModelStore:
     def free_name(self, wanted: str) -> str:
         return free_name(check_name(wanted), {p.name for p in paths_in(self._storage.models)})
 
-    def rename(self, name: str, new_name: str) -> str:
-        """Rename a model; return the new name in its stored form."""
-        was_current = self.current == self._check(name)
-        new_name = check_name(new_name)
-        others = {path.name for path in paths_in(self._storage.models)} - {name}
-        if fold(new_name) in set(map(fold, others)):
-            raise ConfigurationError(f"there is already a model {new_name!r}")
-        (self._storage.models / name).rename(self._storage.models / new_name)
-        if was_current:
-            try:
-                self.current = new_name
-            except OSError:  # undo: the disk must not keep a name that was refused
-                self._take_back(new_name, name)
-                raise
-        return new_name
-
-    def _take_back(self, moved: str, name: str) -> None:
-        """Rename a model back to its old name, if the disk allows it."""
-        with contextlib.suppress(OSError):
-            (self._storage.models / moved).rename(self._storage.models / name)
-        with contextlib.suppress(OSError):
-            self.current = name
-
-    def set_place(self, name: str, place: str) -> None:
-        self.save(name, stamp(self.load(name), place=place))
-
-    def copy(self, name: str, new_name: str | None = None) -> str:
-        return self.add_file(new_name or name, self.read_file(name))
-
     def delete(self, name: str) -> str:
-        """Move a model to the trash; return the key for `restore`."""
-        return self._storage.discard(self._storage.models / self._check(name))
+        """Move a model to the trash; return the key for `Storage.restore`."""
+        return self._storage.discard(self._storage.models / self.require(name))
 
-    def restore(self, key: str) -> str:
-        """Restore a deleted model; return its name, which is new if the old name is in use."""
-        [name] = self._storage.restore(key, self._storage.models)
-        return name
-
-    def _check(self, name: str) -> str:
+    def require(self, name: str) -> str:
+        """Return the name; raises NotFoundError if there is no such model."""
         if name not in self.names():
             raise NotFoundError(f"unknown model {name[:80]!r}")
         return name

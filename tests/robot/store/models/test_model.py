@@ -54,8 +54,6 @@ def test_a_model_comes_back_as_it_was(learner: str) -> None:
     back = decode_model(data)
     assert back.summary == model.summary == decode_summary(data)
     assert same(back.state, model.state)
-    assert np.array_equal(back.preview(), model.preview())
-    assert back.preview().size > 1
 
 
 @pytest.mark.parametrize("learner", LEARNERS)

@@ -100,23 +100,6 @@ def test_one_damaged_note_of_the_model_in_use_costs_nothing(
     assert store.current == "robot (2)"
 
 
-def test_rename_copy_delete_and_restore(store: ModelStore) -> None:
-    store.save("kitchen", some_model())
-    store.current = "kitchen"
-    assert store.rename("kitchen", " Küche ") == "Küche"
-    assert store.current == "Küche"
-    assert store.copy("Küche") == "Küche (2)"
-    undo = store.delete("Küche")
-    assert store.names() == ["Küche (2)"]
-    store.save("KÜCHE", some_model())
-    assert store.restore(undo) == "Küche (3)"
-    assert store.names() == ["KÜCHE", "Küche (2)", "Küche (3)"]
-    with pytest.raises(NotFoundError):
-        store.restore(undo)
-    with pytest.raises(NotFoundError):
-        store.delete("cellar")
-
-
 @pytest.mark.parametrize("name", [unicodedata.normalize("NFD", "Küche"), "x" * 65, "hall.", "_"])
 def test_a_model_whose_folder_somebody_named_is_saved_into_it(
     store: ModelStore, tmp_path: Path, name: str
@@ -127,23 +110,6 @@ def test_a_model_whose_folder_somebody_named_is_saved_into_it(
     store.current = name
     assert store.names() == [store.current]
     assert len(versions(store, tmp_path, name)) == 2
-
-
-def test_names_that_differ_in_how_an_accent_is_written_are_one(
-    store: ModelStore, tmp_path: Path
-) -> None:
-    (tmp_path / "models" / unicodedata.normalize("NFD", "Küche")).mkdir()
-    assert store.free_name("küche") == "küche (2)"
-    store.save("hall", some_model())
-    with pytest.raises(ConfigurationError, match="already"):
-        store.rename("hall", "Küche")
-
-
-def test_two_models_cannot_have_one_name(store: ModelStore) -> None:
-    store.save("a", some_model())
-    store.save("b", some_model())
-    with pytest.raises(ConfigurationError, match="already"):
-        store.rename("a", "B")
 
 
 def everything(folder: Path) -> list[Path]:
@@ -161,10 +127,8 @@ def test_a_name_that_leads_elsewhere_is_refused(
     before = everything(tmp_path)
     for attempt in (
         lambda: store.save(name, some_model()),
-        lambda: store.rename("kitchen", name),
         lambda: store.load(name),
         lambda: store.delete(name),
-        lambda: store.copy("kitchen", name or "."),
     ):
         with pytest.raises((ConfigurationError, NotFoundError)):
             attempt()

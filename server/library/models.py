@@ -1,0 +1,80 @@
+"""Renames, copies and restores the models of one robot; the core only saves and loads models."""
+
+from __future__ import annotations
+
+import contextlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from robot.errors import ConfigurationError
+from robot.store.folder import Storage, check_name, fold, paths_in
+from robot.store.models.autosave import Autosave
+from robot.store.models.model import decode_model, stamp
+from robot.store.models.store import ModelStore
+
+
+class ModelLibrary:
+    """The models in a data folder, and the model in use if there is an `autosave`."""
+
+    def __init__(
+        self, storage: Storage, store: ModelStore, autosave: Autosave | None = None
+    ) -> None:
+        self._storage, self._store, self._autosave = storage, store, autosave
+
+    def rename(self, name: str, new_name: str) -> str:
+        """Rename a model; return the new name in its stored form."""
+        if self._autosave is None:
+            return self._rename(name, new_name)
+        with self._autosave.lock:
+            kept = self._rename(name, new_name)
+            if self._autosave.name == name:
+                self._autosave.name = kept
+            return kept
+
+    def _rename(self, name: str, new_name: str) -> str:
+        store, folder = self._store, self._storage.models
+        was_current = store.current == store.require(name)
+        new_name = check_name(new_name)
+        others = {path.name for path in paths_in(folder)} - {name}
+        if fold(new_name) in set(map(fold, others)):
+            raise ConfigurationError(f"there is already a model {new_name!r}")
+        (folder / name).rename(folder / new_name)
+        if was_current:
+            try:
+                store.current = new_name
+            except OSError:  # undo: the disk must not keep a name that was refused
+                with contextlib.suppress(OSError):
+                    (folder / new_name).rename(folder / name)
+                with contextlib.suppress(OSError):
+                    store.current = name
+                raise
+        return new_name
+
+    def set_place(self, name: str, place: str) -> None:
+        """Set the place where a model was taught."""
+        autosave, store, place = self._autosave, self._store, place.strip()
+        if autosave is not None:
+            with autosave.lock:
+                if autosave.name == name:
+                    autosave.save(place)
+                    return
+        store.save(name, stamp(store.load(name), place=place))
+
+    def copy(self, name: str, new_name: str | None = None) -> str:
+        """Copy a model; return the copy's name."""
+        return self._store.add_file(new_name or name, self._store.read_file(name))
+
+    def restore(self, key: str) -> str:
+        """Restore a deleted model; return its name, which is new if the old name is in use."""
+        [name] = self._storage.restore(key, self._storage.models)
+        return name
+
+    def preview(self, name: str) -> NDArray[np.uint8]:
+        """Return a small picture of the most used image; one black pixel if there are no
+        images."""
+        policy = decode_model(self._store.read_file(name)).to_policy()
+        nodes = policy.learner.nodes()
+        if not nodes:
+            return np.zeros((1, 1), np.uint8)
+        return policy.features.thumbnail(max(nodes, key=lambda node: node.frames).image)
