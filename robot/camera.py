@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from abc import abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -125,15 +124,6 @@ class Camera(StartStop):
     def listen(self, on_frame: Callable[[], None] | None) -> None:
         """Call `on_frame`, which must be quick, after each new frame, on the camera's thread."""
         self._on_frame = on_frame or (lambda: None)
-
-    def _on_clock(self, taken_s: float) -> float:
-        """Return the time of `self.clock` when `time.monotonic()` was `taken_s`.
-
-        `self.clock` is read first: if the thread is held up between the two readings, the picture
-        seems older than it is, never younger.
-        """
-        clock_s = self.clock.now_s()
-        return clock_s - max(0.0, time.monotonic() - taken_s)
 
     def _publish(
         self, data: bytes, *, width: int, height: int, encoding: Encoding, captured_s: float

@@ -14,7 +14,7 @@ Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Limits for one client, and for all clients together."""
+    """Limits for one client."""
 
     messages_per_second: float = 60.0
     """Messages per second of one client on `/ws/drive`; a page sends about twelve."""
@@ -23,31 +23,12 @@ class Limits:
     """Acknowledgements per second of one client on `/ws/video`."""
     refused_before_closing: int = 500
     """Number of refusals after which a client is disconnected; late messages do not count."""
-    clients: int = 160
-    """Open websockets and streams of all clients together."""
-    clients_each: int = 8
-    """Open websockets and streams of one person; the page has two."""
-    connections_each: int = 24
-    """Connections of one person."""
-    requests_per_second: float = 50.0
-    """Average number of requests per second of one person, or of one address."""
-    requests_burst: float = 300.0
     body_bytes: int = 1_000_000
     """Maximum size of a request's body in bytes, unless the path has another limit."""
     upload_bytes: int = 64_000_000
     """Maximum size of an uploaded model in bytes."""
-    uploads: int = 2
-    """Maximum number of simultaneous uploads; one per person."""
     idle_s: float = 30.0
     """Idle timeout in seconds; a silent client is disconnected."""
-    pending: int = 384
-    """Maximum number of connections, of all addresses, that the guard has not admitted yet."""
-    pending_per_address: int = 384
-    """Maximum number of such connections of one address; for IPv6 of one /64."""
-    pending_s: float = 20.0
-    """Timeout of a pending connection after its last complete request, in seconds. It is long
-    enough for the TLS handshakes of a class with a busy laptop. A new connection that needs a slot
-    does not wait for this timeout."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar, Self
@@ -60,6 +61,15 @@ class ThreadedCamera(Camera):
         """Run each function on a thread; it must return soon after `_ending` is set."""
         self._ending.clear()
         self._threads = [self.clock.start_thread(work, f"{self.name}-camera") for work in works]
+
+    def _on_clock(self, taken_s: float) -> float:
+        """Return the time of `self.clock` when `time.monotonic()` was `taken_s`.
+
+        `self.clock` is read first: if the thread is held up between the two readings, the picture
+        seems older than it is, never younger.
+        """
+        clock_s = self.clock.now_s()
+        return clock_s - max(0.0, time.monotonic() - taken_s)
 
     def _show_picture(self, picture: Picture | Frame, captured_s: float) -> None:
         self._publish(

@@ -58,8 +58,8 @@ class ChangeOfMind(Stateful):
 
     fields = (
         Array("contradicted", np.float64, ("n_labels+1", "n_labels")),
-        Array("contradicted_since", np.int64, ("n_labels", "n_labels"), 0, WHOLE, "_since", 0),
-        Array("taken_up", np.int64, ("n_labels+1",), 0, WHOLE, "_kept_taken_up", 0),
+        Array("contradicted_since", np.int64, ("n_labels", "n_labels"), 0, WHOLE, "_since"),
+        Array("taken_up", np.int64, ("n_labels+1",), 0, WHOLE, "_kept_taken_up"),
         Value("outdated_before", count()),
     )
 

@@ -46,7 +46,6 @@ class Value:
         name: The value's name in a model.
         read: Reads and checks the value.
         attribute: The part's attribute that holds the value, or a dotted path; empty: `_name`.
-        older: A tuple with the default, for models saved before the value was introduced.
         is_fixed: True if the value is set when the part is made; a model with another value is
             refused.
     """
@@ -54,7 +53,6 @@ class Value:
     name: str
     read: Reader
     attribute: str = ""
-    older: tuple[Any, ...] = ()
     is_fixed: bool = False
 
     def save(self, part: Stateful) -> Any:
@@ -68,8 +66,8 @@ class Value:
 
     def load(self, part: Stateful, params: Params, names: Names) -> None:
         """Set the part's value from a model."""
-        demand(self.name in params or self.older != (), f"{self.name} is missing")
-        plain = params.pop(self.name, *self.older)
+        demand(self.name in params, f"{self.name} is missing")
+        plain = params.pop(self.name)
         value = self._read(plain, names)
         demand(not self.is_fixed or value == _get(part, self), f"{self.name} is {plain}")
         if not self.is_fixed:
@@ -102,7 +100,6 @@ class Array:
         low: The smallest allowed value.
         high: The largest allowed value.
         attribute: The part's attribute that holds the array, or a dotted path; empty: `_name`.
-        older: The value to fill the array with, for models saved before it was introduced.
         may_miss: The array is optional: omitted from the model when None or empty.
     """
 
@@ -112,7 +109,6 @@ class Array:
     low: float = 0.0
     high: float = LARGEST
     attribute: str = ""
-    older: float | None = None
     may_miss: bool = False
 
     def save(self, part: Stateful) -> NDArray[Any] | None:
@@ -127,8 +123,6 @@ class Array:
         array = arrays.pop(self.name, None)
         sides = [self._length(side, part, sizes) for side in self.shape]
         dtypes = self.dtype if isinstance(self.dtype, tuple) else (self.dtype,)
-        if array is None and self.older is not None:
-            array = np.full([side or 0 for side in sides], self.older, dtypes[0])
         demand(array is not None or self.may_miss, f"the array {self.name} is missing")
         if array is not None:
             self._fit(array, sides, sizes)

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from robot.learner.base import Vector
 from robot.learner.part import MOST_VALUES, Array, Arrays, Stateful
-from robot.learner.values import demand
 from robot.learner.votes import Floats
 
 Singles = NDArray[np.float32]
@@ -35,14 +34,12 @@ Angle = Floats | float
 """An angle and its magnitude, shape (2,), or 0 if no angle is learned."""
 _WAITING = 32
 """Number of pending updates of the inverse that are written together. With more, evaluating the
-pending updates would take longer than the writing that they save. Earlier versions had 8."""
+pending updates would take longer than the writing that they save."""
 _ROUNDED = 1e-5
 """Largest rounding error of an eigenvalue of the inverse, as a share of the largest possible
 eigenvalue. Each write in single precision adds an error of 6e-8 of it."""
 _MOST_INVERSE = 1e3
 """Upper bound of an inverse's values, which begin at 1 / penalty and shrink with every frame."""
-_EITHER = np.float32, np.float64
-"""Types of a saved inverse: earlier versions saved it in double precision."""
 MIRRORED = 0.3
 """Weight of a frame's mirror image, if left and right are alike. A weight of 1 helps as much after
 few frames, and harms more after many."""
@@ -127,16 +124,9 @@ class RecursiveRidge(LinearPart):
 
     knows_mirrors = True
     fields: Sequence[Array] = (
-        Array("triangle", _EITHER, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
+        Array("triangle", np.float32, ("n_triangle",), -_MOST_INVERSE, _MOST_INVERSE),
         Array("linear", np.float64, ("size", "n_labels"), -1e9, 1e9, attribute="_weights"),
-        Array(
-            "waiting",
-            _EITHER,
-            (_WAITING, "size"),
-            -MOST_VALUES,
-            MOST_VALUES,
-            attribute="_kept_waiting",
-        ),
+        Array("waiting", np.float32, (_WAITING, "size"), -MOST_VALUES, MOST_VALUES),
         Array("angles", np.float64, ("size", 2), -1e9, 1e9, may_miss=True),
     )
 
@@ -268,24 +258,10 @@ class RecursiveRidge(LinearPart):
         return self._inverse[_upper(self.size)]
 
     @_triangle.setter
-    def _triangle(self, triangle: Floats | Singles) -> None:
+    def _triangle(self, triangle: Singles) -> None:
         upper = _upper(self.size)
         self._inverse[upper] = triangle
         self._inverse.T[upper] = triangle
-
-    @property
-    def _kept_waiting(self) -> Singles:
-        return self._waiting
-
-    @_kept_waiting.setter
-    def _kept_waiting(self, waiting: Floats | Singles) -> None:
-        self._waiting = waiting.astype(np.float32)
-
-    def prepare(self, arrays: Arrays) -> None:
-        """Make room for more pending updates than models of November 2026 have."""
-        waiting = arrays.get("waiting")
-        if waiting is not None and waiting.shape == (8, self.size):
-            arrays["waiting"] = np.pad(waiting, ((0, _WAITING - 8), (0, 0)))
 
     def restored(self) -> None:
         self._n_waiting = int(self._waiting.any(axis=1).sum())
@@ -323,8 +299,6 @@ class ContextRidge(RecursiveRidge):
             (1 + N_CONTEXTS, "n_labels"),
             high=1e9,
             attribute="_counts",
-            older=1,
-            may_miss=True,
         ),
     )
 
@@ -403,10 +377,8 @@ class ContextRidge(RecursiveRidge):
 
     def prepare(self, arrays: Arrays) -> None:
         """Create as many ridges as were saved."""
-        super().prepare(arrays)
         every = (f"context{context}" for context in range(N_CONTEXTS))
         names = [name for name in every if any(key.startswith(f"{name}_") for key in arrays)]
-        demand(not names or "context_counts" in arrays, "context_counts is missing")
         self._ridges = [self._copy() for _ in names]
 
     def restored(self) -> None:

@@ -135,8 +135,8 @@ class Repeats(PolicyPart):
     """
 
     fields = (
-        Array("repeats", np.uint64, (_SETS, _WAYS), high=2.0**64, attribute="_sketches", older=0),
-        Array("repeats_labels", np.int16, (_SETS, _WAYS), attribute="_labels", older=0),
+        Array("repeats", np.uint64, (_SETS, _WAYS), high=2.0**64, attribute="_sketches"),
+        Array("repeats_labels", np.int16, (_SETS, _WAYS), attribute="_labels"),
     )
 
     def __init__(self, moves: Sequence[Action]) -> None:

@@ -55,7 +55,7 @@ class Policy(Stateful):
     fields = (
         Value("name", lambda plain, names: str(plain), "name", is_fixed=True),
         Value("lessons", count(), "n_seen"),
-        Value("alike", flag, "alike", older=(False,)),
+        Value("alike", flag, "alike"),
     )
 
     def __init__(
@@ -100,7 +100,6 @@ class Policy(Stateful):
             [part for _, part in parts if getattr(type(part), of) is not getattr(PolicyPart, of)]
             for of in ("on_frame", "on_example")
         )
-        self._begun, _ = self.save()
 
     @property
     def n_nodes(self) -> int:
@@ -254,7 +253,7 @@ class Policy(Stateful):
         Raises:
             ValueError: If `state` comes from another kind of policy.
         """
-        params = {**self._begun, **state.params}  # older models lack some: use initial values
+        params = dict(state.params)
         kind, own = state.kind.removeprefix("policy:"), self.array_names() & state.arrays.keys()
         theirs = {key: array for key, array in state.arrays.items() if key not in own}
         self.learner.set_state(

@@ -22,8 +22,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
+from server.access.config import NetworkLimits
 from server.access.rate_limits import RateLimits
-from server.config import Limits, as_address
+from server.config import as_address
 from server.gateway.roles import Role, Session
 
 log = logging.getLogger(__name__)
@@ -169,7 +170,7 @@ class ConnectionLimiter:
 class AdmissionControl:
     """Counts connections, websockets and requests."""
 
-    def __init__(self, limits: Limits, capacity: int) -> None:
+    def __init__(self, limits: NetworkLimits, capacity: int) -> None:
         self.limits = limits
         self.keeps: Callable[[str], bool] = lambda person: False
         """Returns True for the owner, the pilot and the teacher."""

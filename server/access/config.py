@@ -59,11 +59,37 @@ class PublicAddress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkLimits(Limits):
-    """Limits of a server that admits paired browsers."""
+    """Limits of a server for a network: for one client, and for all clients together."""
 
+    clients: int = 160
+    """Open websockets and streams of all clients together."""
+    clients_each: int = 8
+    """Open websockets and streams of one person; the page has two."""
+    connections_each: int = 24
+    """Connections of one person."""
+    requests_per_second: float = 50.0
+    """Average number of requests per second of one person, or of one address."""
+    requests_burst: float = 300.0
+    uploads: int = 2
+    """Maximum number of simultaneous uploads; one per person."""
+    pending: int = 384
+    """Maximum number of connections, of all addresses, that the guard has not admitted yet."""
+    pending_per_address: int = 384
+    """Maximum number of such connections of one address; for IPv6 of one /64."""
+    pending_s: float = 20.0
+    """Timeout of a pending connection after its last complete request, in seconds. It is long
+    enough for the TLS handshakes of a class with a busy laptop. A new connection that needs a slot
+    does not wait for this timeout."""
     pairing_failures: int = 10
     """Number of wrong tokens per minute from one address before it has to wait. The right token is
     accepted even during the wait."""
+
+    @classmethod
+    def of(cls, limits: Limits) -> Self:
+        """Return limits as `NetworkLimits`."""
+        if isinstance(limits, cls):
+            return limits
+        return cls(**{name: getattr(limits, name) for name in Limits.__dataclass_fields__})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,14 +106,15 @@ class NetworkConfig(Config):
     """The addresses at which people open the page if proxies serve it; the first is shown."""
     proxies: tuple[Network, ...] = ()
     """The networks from which the proxies connect."""
-    limits: Limits = field(default_factory=NetworkLimits)
+    limits: NetworkLimits = field(default_factory=NetworkLimits)
 
     @classmethod
     def of(cls, config: Config) -> Self:
         """Return a configuration as a `NetworkConfig`."""
         if isinstance(config, cls):
             return config
-        return cls(**{name: getattr(config, name) for name in Config.__dataclass_fields__})
+        given = {name: getattr(config, name) for name in Config.__dataclass_fields__}
+        return cls(**{**given, "limits": NetworkLimits.of(config.limits)})
 
     def __post_init__(self) -> None:
         if not self.needs_pairing and not is_loopback(self.host):

@@ -37,7 +37,6 @@ from server.access.proxies import PEER, Proxies
 from server.access.surroundings import Place, Surroundings, Watch
 from server.access.terminal_code import draw_qr
 from server.access.unknown_name import explain_unknown_name
-from server.cli.parser import host_name
 from server.config import Config
 from server.gateway.gateway import SLOT, Gateway
 from server.gateway.guard import VIDEO
@@ -58,6 +57,7 @@ _UNPAIRED = Refusal(
     "/pair",
 )
 _BAD_KEY = Refusal(401, "key", "The key in this address is not valid. Maybe it was replaced.")
+_LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
 _COOKIES = re.compile(rb"\r\ncookie:([^\r]*)\r\n", re.I)
 
 
@@ -114,7 +114,7 @@ class NetworkGateway(Gateway):
         add("--proxy-at", default="127.0.0.0/8,::1", metavar="ADDRESS", help=text)
         add("--tls", action="store_true", help="serve https, with a certificate of ours")
         text = f"with --lan, answer to this name with .local behind it{shown}"
-        add("--hostname", type=host_name, default=DEFAULT_HOSTNAME, help=text)
+        add("--hostname", type=_read_label, default=DEFAULT_HOSTNAME, help=text)
         text = "a further name that this machine has in its network, such as rover.fritz.box; may "
         text += "be repeated, or be several with commas"
         add("--also-at", action="append", default=[], metavar="NAME", help=text)
@@ -354,3 +354,12 @@ def _peer(scope: Scope) -> Peer:
     """Return the peer of the connection: the client or its proxy."""
     peer: Peer = scope.get(PEER) or tuple(scope.get("client") or ("", 0))
     return peer
+
+
+def _read_label(text: str) -> str:
+    """Read the first part of a name on the local network, as argparse's `type`."""
+    if not _LABEL.fullmatch(text):
+        raise argparse.ArgumentTypeError(
+            f"must be letters, digits and hyphens, at most 63 and none of them a dot, not {text!r}"
+        )
+    return text

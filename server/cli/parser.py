@@ -12,8 +12,6 @@ from robot.devices import raw_value
 from robot.devices.options import Option
 from robot.errors import ConfigurationError, did_you_mean, need
 
-_LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?", re.IGNORECASE)
-
 
 class Parser(argparse.ArgumentParser):
     """Explains an error in one sentence, and names the nearest known option or choice."""
@@ -59,15 +57,6 @@ def _read(kind: type[Any], declared: Any, text: str) -> Any:
         return raw_value.reader(kind, declared)(text)
     except ConfigurationError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
-
-
-def host_name(text: str) -> str:
-    """Read the first part of a name on the local network, as argparse's `type`."""
-    if not _LABEL.fullmatch(text):
-        raise argparse.ArgumentTypeError(
-            f"must be letters, digits and hyphens, at most 63 and none of them a dot, not {text!r}"
-        )
-    return text
 
 
 def declare(group: Any, option: Option) -> None:

@@ -18,14 +18,6 @@ from robot.errors import ConfigurationError, did_you_mean, told_as
 PREFIX = "DRIVELESSON_"
 TABLES = ("limits", "gate", "governor", "patience")
 """Tables of the file: settings that have no flag."""
-_RENAMED = {
-    "words_per_second": "messages_per_second",
-    "words_burst": "messages_burst",
-    "strangers": "pending",
-    "strangers_per_address": "pending_per_address",
-    "stranger_s": "pending_s",
-}
-"""Former names of settings, which a file may still contain."""
 _T = TypeVar("_T")
 _TRUE, _FALSE = ("1", "true", "yes", "on"), ("0", "false", "no", "off", "")
 
@@ -89,7 +81,6 @@ def _typed(action: argparse.Action, value: Any, at: str) -> Any:
 def build(kind: type[_T], table: Mapping[str, Any], name: str) -> _T:
     """Build a dataclass of numbers from a table of the file."""
     known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
-    table = {key if key in known else _RENAMED.get(key, key): table[key] for key in table}
     for key, value in table.items():
         if key not in known:
             hint = did_you_mean(key, known)

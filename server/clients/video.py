@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from bisect import bisect_left
 from collections import OrderedDict
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,8 +18,6 @@ from server.protocol import encode_picture
 
 _REMEMBERED_FRAMES = 256
 """Number of frames whose capture time is remembered."""
-_ROOM_EVERY_S = 0.01
-"""Interval at which a viewer without acknowledgements is polled for unread bytes, in seconds."""
 _FREQUENT_S = 0.06
 """Frame interval in seconds above which every frame is acknowledged, so that a pilot who sees
 nothing is noticed soon."""
@@ -53,6 +50,7 @@ class Encoder:
 
     def __init__(self, jpeg_quality: int) -> None:
         self._quality = jpeg_quality
+        self._last: tuple[Frame, bytes] | None = None
 
     @cached_property
     def _compress(self) -> Encode | None:
@@ -73,7 +71,9 @@ class Encoder:
             return frame.data
         if self._compress is None:
             raise MissingExtraError("JPEG from a camera of another format", "camera")
-        return self._compress(to_rgb(frame))
+        if self._last is None or self._last[0] is not frame:
+            self._last = frame, self._compress(to_rgb(frame))
+        return self._last[1]
 
 
 @dataclass(eq=False)
@@ -118,13 +118,11 @@ class VideoHub:
         self._clock = clock
         self._for_the_eye = for_the_eye
         self._viewers: dict[Viewer, None] = {}
-        self._streams = 0
+        self._watchers: list[Callable[[], None]] = []
         self.newest: Frame | None = None
         self._nonce = 0
         self._pictures: dict[bool, Frame] = {}
         self._messages: dict[tuple[bool, bool], bytes] = {}
-        self._jpeg: bytes | None = None
-        self._shown = asyncio.Event()
         self.captured_s: OrderedDict[int, float] = OrderedDict()  # by id, of the last frames
         self.frames_encoded = 0
         self.frames_sent = 0
@@ -132,7 +130,7 @@ class VideoHub:
 
     @property
     def viewers(self) -> int:
-        return len(self._viewers) + self._streams
+        return len(self._viewers) + len(self._watchers)
 
     @property
     def newest_bytes(self) -> int:
@@ -142,7 +140,7 @@ class VideoHub:
     @property
     def needed_every_s(self) -> float:
         """Shortest interval at which a viewer needs pictures, in seconds; infinite for none."""
-        if self._streams:
+        if self._watchers:
             return 0.0
         every_s = min((viewer.every_s for viewer in self._viewers), default=math.inf)
         return every_s if every_s > _SELDOM_S else 0.0
@@ -162,14 +160,12 @@ class VideoHub:
     def show(self, frame: Frame, nonce: int = 0) -> None:
         """Make `frame` the newest, and send it with `nonce` to each viewer whose window allows."""
         self.newest, self._nonce = frame, nonce
-        self._jpeg = None
         self._pictures, self._messages = {}, {}
         self.captured_s[frame.frame_id] = frame.captured_s
         if len(self.captured_s) > _REMEMBERED_FRAMES:
             self.captured_s.popitem(last=False)
-        if self._streams:
-            shown, self._shown = self._shown, asyncio.Event()
-            shown.set()
+        for watcher in list(self._watchers):
+            watcher()
         now_s = self._clock.now_s()
         for viewer in list(self._viewers):
             self.offer(viewer, now_s)
@@ -223,30 +219,14 @@ class VideoHub:
         own = (viewer for viewer in self._viewers if viewer.person == person)
         return max((one.drawn_id for one in own if one.drawn_id is not None), default=None)
 
-    async def stream(
-        self, has_room: Callable[[int], bool] = lambda n_bytes: True
-    ) -> AsyncGenerator[bytes, None]:
-        """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
-
-        `has_room` decides from the last frame's size whether another may be sent. A viewer that
-        does not read skips frames, and gets the newest as soon as it reads again.
-        """
-        last_id = n_bytes = 0
-        self._streams += 1
+    def watch(self, watcher: Callable[[], None]) -> Callable[[], None]:
+        """Count a viewer that reads `newest` by itself; `watcher`, which must be quick, is called
+        for each new frame. Return a function that ends this."""
+        self._watchers.append(watcher)
         self._on_viewers()
-        try:
-            while True:
-                if self.newest is None or self.newest.frame_id == last_id:
-                    await self._shown.wait()
-                elif not has_room(n_bytes):
-                    await self._clock.pause(_ROOM_EVERY_S)
-                else:
-                    last_id = self.newest.frame_id
-                    if self._jpeg is None:
-                        self._jpeg = self.encoder.encode_jpeg(self.newest)
-                    self.frames_sent += 1
-                    n_bytes = len(self._jpeg)
-                    yield self._jpeg
-        finally:
-            self._streams -= 1
+
+        def end() -> None:
+            self._watchers.remove(watcher)
             self._on_viewers()
+
+        return end

@@ -9,13 +9,11 @@ import gc
 import signal
 import socket
 import sys
-import threading
-from collections.abc import Coroutine, Iterator, Sequence
+from collections.abc import Coroutine, Sequence
 from typing import TYPE_CHECKING, Any
 
 from robot.entry_points import points
 from robot.errors import ConfigurationError, InUseError
-from server.config import Config
 from server.gateway.gateway import Gateway
 from server.services import gateway_of
 
@@ -90,7 +88,7 @@ def websocket_protocol() -> Any:
     return next(filter(None, found), "websockets")
 
 
-def _make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
+def make_server(app: Any, tls_files: tuple[str, str] | None) -> Server:
     """Return uvicorn's server with its newest websocket backend."""
     import uvicorn
 
@@ -130,7 +128,7 @@ def leave_out_of_collections() -> None:
 def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
     """Serve until SIGINT or SIGTERM."""
     gateway = gateway_of(app)
-    server = _make_server(app, gateway.tls_files)
+    server = make_server(app, gateway.tls_files)
     if gateway.tls_files is not None:
         server.config.load()
         if server.config.ssl is not None:
@@ -138,7 +136,7 @@ def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
     leave_out_of_collections()
     with contextlib.ExitStack() as stack:
         limited = [stack.enter_context(gateway.limit(one)) for one in listeners]
-        _run(_serve(server, gateway, *limited))
+        run(serve_until_told(server, gateway, *limited))
 
 
 def end_by_signals() -> None:
@@ -154,13 +152,13 @@ def end_by_signals() -> None:
             signal.signal(number, lambda *_: signal.raise_signal(signal.SIGTERM))
 
 
-def _run(served: Coroutine[Any, Any, None]) -> None:
+def run(served: Coroutine[Any, Any, None]) -> None:
     """Run on an event loop that calls the listener's `accept`; Windows' default loop does not."""
     with asyncio.Runner(loop_factory=asyncio.SelectorEventLoop) as runner:
         runner.run(served)
 
 
-async def _serve(server: Server, gateway: Gateway, *listeners: socket.socket) -> None:
+async def serve_until_told(server: Server, gateway: Gateway, *listeners: socket.socket) -> None:
     """Serve until told to end; then close hanging connections, such as uploads or handshakes."""
     serving = asyncio.ensure_future(server.serve(sockets=list(listeners)))
     # Newer uvicorns raise a signal again; retrieve the exception, or the loop would log it as an
@@ -175,22 +173,3 @@ async def _serve(server: Server, gateway: Gateway, *listeners: socket.socket) ->
         await asyncio.wait([serving], timeout=_END_S)
         server.force_exit = True
     await serving
-
-
-@contextlib.contextmanager
-def served(app: Any, config: Config) -> Iterator[str]:
-    """Serve on a separate thread inside the block; yield the address. For tests."""
-    gateway = gateway_of(app)
-    listener = gateway.limit(open_socket(config.host, config.port))
-    server = _make_server(app, gateway.tls_files)
-    thread = threading.Thread(target=lambda: _run(_serve(server, gateway, listener)), name="server")
-    thread.start()
-    try:
-        while not server.started and thread.is_alive():
-            thread.join(0.01)
-        scheme = "https" if gateway.tls_files else "http"
-        yield f"{scheme}://{config.host}:{listener.getsockname()[1]}"
-    finally:
-        server.should_exit = True
-        thread.join(10)
-        listener.close()

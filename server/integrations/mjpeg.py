@@ -6,6 +6,7 @@ connection.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import itertools
 from collections.abc import AsyncGenerator, AsyncIterator, Callable
@@ -13,6 +14,8 @@ from collections.abc import AsyncGenerator, AsyncIterator, Callable
 from fastapi import APIRouter, Request
 from fastapi.responses import StreamingResponse
 
+from robot.clock import Clock
+from server.clients.video import VideoHub
 from server.gateway.roles import Refusal, Session
 from server.routes.answers import Route
 from server.services import services_of
@@ -24,6 +27,8 @@ _LOOKS = 2000
 """Number of polls, 10 ms each, after which a viewer that seems not to read gets a frame."""
 _KEY_EVERY = 32
 """Number of frames between two checks of the key in the address."""
+_ROOM_EVERY_S = 0.01
+"""Interval at which a viewer is polled for unread bytes, in seconds."""
 _BOUNDARY, _END_OF_HEADER = b"--frame\r\nContent-Type: image/jpeg\r\n", b"\r\n"
 _MEDIA_TYPE = "multipart/x-mixed-replace; boundary=frame"
 
@@ -56,10 +61,37 @@ async def mjpeg(request: Request) -> StreamingResponse:
     if isinstance(gateway.session_by_address(request.scope), Session):
         headers["cross-origin-resource-policy"] = "cross-origin"
         headers["access-control-allow-origin"] = "*"
-    stream = hub.video.stream(has_room)
+    stream = frames_of(hub.video, hub.clock, has_room)
     parts = _parts(stream, is_allowed, for_browser=_is_browser(request))
     hub.show_newest()
     return StreamingResponse(parts, media_type=_MEDIA_TYPE, headers=headers)
+
+
+async def frames_of(
+    video: VideoHub, clock: Clock, has_room: Callable[[int], bool]
+) -> AsyncGenerator[bytes, None]:
+    """Yield the newest frames as JPEG, for viewers that cannot acknowledge.
+
+    `has_room` decides from the last frame's size whether another may be sent. A viewer that does
+    not read skips frames, and gets the newest as soon as it reads again.
+    """
+    shown, last_id, n_bytes = asyncio.Event(), 0, 0
+    end = video.watch(shown.set)
+    try:
+        while True:
+            frame = video.newest
+            if frame is None or frame.frame_id == last_id:
+                shown.clear()
+                await shown.wait()
+            elif not has_room(n_bytes):
+                await clock.pause(_ROOM_EVERY_S)
+            else:
+                last_id, jpeg = frame.frame_id, video.encoder.encode_jpeg(frame)
+                video.frames_sent += 1
+                n_bytes = len(jpeg)
+                yield jpeg
+    finally:
+        end()
 
 
 def _is_browser(request: Request) -> bool:

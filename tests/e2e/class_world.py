@@ -25,8 +25,8 @@ from server.board.class_key import ClassKey
 from server.board.classroom import Classroom
 from server.board.transport import NetworkTransport, RobotAddress
 from server.config import Config
-from server.hosting.serving import served
 from server.identity import COLOURS, IdentityFile
+from server.lab.served import served
 from server.persistence import Persistence
 from server.services import Services, make_services
 

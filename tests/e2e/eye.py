@@ -29,7 +29,7 @@ from robot.policy.registry import make_policy
 from robot.types import Action, Frame
 from server.app import create_app
 from server.config import Config
-from server.hosting.serving import served
+from server.lab.served import served
 from server.services import make_services
 from tests.e2e.world import running_chromium
 from tests.server.live_robot import WEB

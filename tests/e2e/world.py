@@ -22,7 +22,7 @@ from robot.types import Action, Mode, Pose
 from server.app import create_app
 from server.clients.hub import Hub
 from server.config import Config
-from server.hosting.serving import served
+from server.lab.served import served
 from server.persistence import Persistence
 from server.recordings.part import Recordings
 from server.services import Services, make_services

@@ -22,7 +22,8 @@ from server.access.gateway import NetworkGateway
 from server.access.pairing import Pairing
 from server.app import create_app
 from server.hosting.logs import start_logging
-from server.hosting.serving import leave_out_of_collections, served
+from server.hosting.serving import leave_out_of_collections
+from server.lab.served import served
 from server.services import make_services
 from tests.server.access.unpaired_flood import PATIENCE_S
 

@@ -24,7 +24,7 @@ from server.access.gateway import NetworkGateway
 from server.access.pairing import Pairing
 from server.app import create_app
 from server.config import Config
-from server.hosting.serving import served
+from server.lab.served import served
 from server.persistence import Persistence
 from server.protocol import encode_acknowledgement, parse_picture
 from server.services import Services, make_services

@@ -18,8 +18,9 @@ import httpx
 import pytest
 
 from robot.store.folder import Storage
+from server.access.config import NetworkLimits
 from server.access.pairing import Pairing
-from server.config import Config, Limits
+from server.config import Config
 from server.identity import IdentityFile
 from tests.kit.sizes import size
 from tests.robot.recordings.drives import record_drive
@@ -37,7 +38,7 @@ _VALUE = re.compile(rb'(?<=[:\[,])\s*("(?:[^"\\]|\\.)*"|-?\d[\d.eE+-]*|true|fals
 
 
 def served(root: Path) -> VirtualServer:
-    limits = Limits(requests_per_second=1e6, requests_burst=1e6)
+    limits = NetworkLimits(requests_per_second=1e6, requests_burst=1e6)
     return VirtualServer(Config(port=0, web=WEB, data=root, limits=limits), data=root)
 
 

@@ -13,7 +13,8 @@ from typing import Any
 import httpx
 import pytest
 
-from server.config import Config, Limits
+from server.access.config import NetworkLimits
+from server.config import Config
 from tests.kit.sizes import IS_FULL
 
 from .virtual_server import WEB, VirtualServer
@@ -70,7 +71,7 @@ PARTS = ["%00", "%ed%a0%bd", "..%2f..%2fetc", "x" * 1_000, "-1", "99999999999999
 
 @pytest.fixture
 def address(tmp_path: Path) -> Iterator[str]:
-    limits = Limits(requests_per_second=1e6, requests_burst=1e6)
+    limits = NetworkLimits(requests_per_second=1e6, requests_burst=1e6)
     config = Config(port=0, web=WEB, data=tmp_path, limits=limits)
     with VirtualServer(config, data=tmp_path) as server:
         yield server.address

@@ -12,7 +12,8 @@ import httpx
 import pytest
 
 from robot.store.folder import Storage
-from server.config import Config, Limits
+from server.access.config import NetworkLimits
+from server.config import Config
 from server.persistence import Persistence
 from tests.learners import installed
 from tests.robot.recordings.drives import record_drive
@@ -61,7 +62,7 @@ class Robot:
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     root: Path = tmp_path_factory.mktemp("hostile")
     episode = record_drive(Storage(root).folder("episodes"), frames=20).id
-    limits = Limits(requests_per_second=1e6, requests_burst=1e6)
+    limits = NetworkLimits(requests_per_second=1e6, requests_burst=1e6)
     config = Config(port=0, web=WEB, data=root, limits=limits)
     with (
         VirtualServer(config, data=root, name="bench") as server,

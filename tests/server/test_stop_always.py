@@ -22,9 +22,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect as real_connect
 
 from robot.clock import RealClock
-from server.access.config import NetworkConfig
+from server.access.config import NetworkConfig, NetworkLimits
 from server.access.pairing import Pairing
-from server.config import Limits
 from server.gateway.roles import Role
 from tests.kit.sizes import size
 from tests.kit.wait import wait_until
@@ -35,7 +34,7 @@ from .live_robot import WEB
 from .virtual_connections import VirtualSocket
 from .virtual_server import VirtualServer, connect
 
-LIMITS = Limits(
+LIMITS = NetworkLimits(
     clients=6,
     clients_each=3,
     requests_burst=8,

@@ -97,8 +97,6 @@ def _take(run: _Run, record: bytes) -> None:
         head, _, body = record.partition(HEAD)
         words: dict[str, Any] = json.loads(head)
         kind = words["kind"]
-        if kind == "begin":  # written by version 0.2
-            return
         change = int(words["change"])
         if kind == "drive":
             run.drives.add(change)

@@ -24,10 +24,12 @@ from robot.errors import ConfigurationError
 from robot.policy.registry import make_policy
 from robot.store.folder import Storage
 from robot.testing import FakeCamera, FakeDriver
+from server.access.config import NetworkLimits
 from server.app import create_app
-from server.config import Config, Limits
-from server.hosting.serving import leave_out_of_collections, served
+from server.config import Config
+from server.hosting.serving import leave_out_of_collections
 from server.lab.bench.peer import serve_plain
+from server.lab.served import served
 from server.persistence import Persistence
 from server.services import make_services
 
@@ -97,7 +99,7 @@ class ServerUnderTest:
 
 def _serve(line: Connection, kind: str, rate_hz: float) -> None:
     """Send the port, then answer each command until the pipe is closed."""
-    config = Config(port=0, limits=Limits(requests_burst=1e9))
+    config = Config(port=0, limits=NetworkLimits(requests_burst=1e9))
     driver, camera = FakeDriver(), FakeCamera(RealClock(), rate_hz)
     rig = Rig(driver, camera, make_policy(), camera.clock)
     ticked_s: list[float] = []

@@ -109,28 +109,3 @@ def test_its_inverse_is_symmetric_to_the_last_bit(lessons):
     for x, target in zip(*lessons, strict=True):
         ridge.learn(x, target)
     np.testing.assert_array_equal(ridge._inverse, ridge._inverse.T)
-
-
-def test_a_model_of_version_0_2_goes_on_where_it_was(lessons):
-    """It kept the inverse in double precision, and eight changes beside it."""
-    xs, targets = lessons
-    whole = RecursiveRidge(6, penalty=2.0, scale=1.0)
-    for _ in range(3):
-        whole.add_label()
-    for x, target in zip(xs[:40], targets[:40], strict=True):
-        whole.learn(x, target)
-    now = whole.save()[1]
-    older = now | {
-        "triangle": now["triangle"].astype(np.float64),
-        "waiting": np.pad(now["waiting"][:8], ((0, 24), (0, 0)))[:8].astype(np.float64),
-    }
-    inverse = whole._inverse - whole._waiting[8:].T @ whole._waiting[8:]
-    older["triangle"] = inverse[np.triu_indices(7)].astype(np.float64)
-    opened = RecursiveRidge(6, penalty=2.0, scale=1.0)
-    opened.load({}, older)
-    opened.check()
-    np.testing.assert_array_equal(opened.scores(xs[0]), whole.scores(xs[0]))
-    for ridge in (whole, opened):
-        for x, target in zip(xs[40:], targets[40:], strict=True):
-            ridge.learn(x, target)
-    np.testing.assert_allclose(opened.scores(xs[1]), whole.scores(xs[1]), atol=CLOSE)

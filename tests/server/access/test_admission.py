@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from server.access.admission import AdmissionControl, ConnectionLimiter, Peer, address_key
-from server.config import Limits
+from server.access.config import NetworkLimits
 from server.gateway.roles import Role, Session
 from tests.kit.sizes import examples
 
-LIMITS = Limits(
+LIMITS = NetworkLimits(
     pending=6, pending_per_address=4, pending_s=5.0, connections_each=4, clients=8, clients_each=3
 )
 CAPACITY = 16
@@ -156,7 +156,10 @@ def test_where_nobody_is_paired_an_answer_may_take_long(address: str) -> None:
 
 def test_nobody_s_answer_is_cut_short_for_another_s_request() -> None:
     """Pages that load together open more connections than there are places for admitted ones."""
-    admission, gone = AdmissionControl(Limits(pending=6, connections_each=6), 16), list[Peer]()
+    admission, gone = (
+        AdmissionControl(NetworkLimits(pending=6, connections_each=6), 16),
+        list[Peer](),
+    )
     people = [Session(role=Role.PILOT, name=name) for name in ("one", "other", "third")]
     busy = [(f"10.0.0.{n}", port) for port in range(5) for n in range(3)]
     for peer in busy:
@@ -176,7 +179,7 @@ def test_nobody_s_answer_is_cut_short_for_another_s_request() -> None:
 def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one() -> None:
     """A class whose pages load at once: on few places newcomers cut off what others waited for."""
     admission, gone, now_s = (
-        AdmissionControl(Limits(pending=6, connections_each=6), 16),
+        AdmissionControl(NetworkLimits(pending=6, connections_each=6), 16),
         list[Peer](),
         0.0,
     )
@@ -215,7 +218,7 @@ def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one() -> None
 
 
 def test_websockets_in_all_places_keep_no_stop_out() -> None:
-    admission, now_s = AdmissionControl(Limits(pending=6), 16), 0.0
+    admission, now_s = AdmissionControl(NetworkLimits(pending=6), 16), 0.0
     for port in range(16):
         admission.arrive(("10.0.0.1", port), now_s, lambda: None)
         admission.asked(("10.0.0.1", port), Session(Role.PILOT, f"page {port}"), now_s, lasts=True)
@@ -225,7 +228,10 @@ def test_websockets_in_all_places_keep_no_stop_out() -> None:
 
 
 def test_a_request_that_hangs_gives_way_in_the_end() -> None:
-    admission, gone = AdmissionControl(Limits(pending=6, connections_each=20), 16), list[int]()
+    admission, gone = (
+        AdmissionControl(NetworkLimits(pending=6, connections_each=20), 16),
+        list[int](),
+    )
     for port in range(10):
         admission.arrive(("10.0.0.1", port), 0.0, lambda port=port: gone.append(port))
         admission.asked(("10.0.0.1", port), Session(Role.VIEWER, "greedy"), 0.0, lasts=False)
@@ -237,7 +243,7 @@ def test_a_request_that_hangs_gives_way_in_the_end() -> None:
 
 
 def test_a_session_with_all_its_connections_busy_is_told_so_and_none_is_cut() -> None:
-    admission, gone = AdmissionControl(Limits(connections_each=4), 500), list[int]()
+    admission, gone = AdmissionControl(NetworkLimits(connections_each=4), 500), list[int]()
     session = Session(Role.PILOT, "a curl loop")
 
     def come(port: int, now_s: float, *, lasts: bool = False) -> bool:

@@ -16,8 +16,8 @@ import pytest
 from robot.errors import ConfigurationError
 from robot.testing import VirtualClock
 from server.access.admission import AdmissionControl
+from server.access.config import NetworkLimits
 from server.access.listener import AdmissionListener
-from server.config import Limits
 from server.gateway.roles import Role, Session
 from server.hosting.serving import open_socket
 
@@ -64,7 +64,7 @@ def test_a_listening_socket_counts_evicts_turns_away_and_lets_others_work(
 
 
 def a_connection_is_counted_from_accept_to_close() -> None:
-    admission = AdmissionControl(Limits(), 10)
+    admission = AdmissionControl(NetworkLimits(), 10)
 
     async def scenario() -> None:
         listener = _listener(admission)
@@ -82,7 +82,7 @@ def a_connection_is_counted_from_accept_to_close() -> None:
 
 
 def an_evicted_connection_sees_the_end() -> None:
-    admission = AdmissionControl(Limits(pending_per_address=1), 10)
+    admission = AdmissionControl(NetworkLimits(pending_per_address=1), 10)
 
     async def scenario() -> None:
         listener = _listener(admission)
@@ -109,7 +109,7 @@ def an_evicted_connection_sees_the_end() -> None:
 
 def who_uses_a_port_again_is_counted() -> None:
     """The one before is closed late: it must not free the place of the one that is there."""
-    admission = AdmissionControl(Limits(), 10)
+    admission = AdmissionControl(NetworkLimits(), 10)
 
     async def scenario() -> None:
         listener = _listener(admission)
@@ -137,7 +137,7 @@ def who_uses_a_port_again_is_counted() -> None:
 def without_descriptors_it_turns_away_and_does_not_spin(
     number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    admission = AdmissionControl(Limits(), 10)
+    admission = AdmissionControl(NetworkLimits(), 10)
     real = socket.socket.accept
     failures = iter([True, False, True, False])
 
@@ -162,7 +162,7 @@ def without_descriptors_it_turns_away_and_does_not_spin(
 
 
 def what_has_come_is_read_before_it_is_pushed_out() -> None:
-    admission = AdmissionControl(Limits(pending=40), 500)
+    admission = AdmissionControl(NetworkLimits(pending=40), 500)
 
     async def scenario() -> None:
         listener = _listener(admission)
@@ -182,7 +182,7 @@ def what_has_come_is_read_before_it_is_pushed_out() -> None:
 
 
 def of_all_that_wait_a_stop_is_handed_on_first_and_of_one_person_a_share() -> None:
-    admission = AdmissionControl(Limits(connections_each=8), 500)
+    admission = AdmissionControl(NetworkLimits(connections_each=8), 500)
 
     def recognise(head: bytes, address: str) -> Session | None:
         return Session(role=Role.VIEWER, name="greedy") if b"cookie: greedy" in head else None

@@ -31,7 +31,9 @@ from tests.server.virtual_server import VirtualServer, connect
 
 @pytest.fixture(scope="module")
 def here() -> Iterator[VirtualServer]:
-    with VirtualServer(Config(port=0, web=WEB, limits=Limits(requests_burst=5000))) as running:
+    with VirtualServer(
+        Config(port=0, web=WEB, limits=NetworkLimits(requests_burst=5000))
+    ) as running:
         yield running
 
 
@@ -202,7 +204,7 @@ def test_no_page_has_script_or_style_inside_but_the_first_one() -> None:
 
 
 def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
-    limits = Limits(clients=4, clients_each=3)
+    limits = NetworkLimits(clients=4, clients_each=3)
     config = NetworkConfig(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3)) as server:
         owner, greedy, second, third = (
@@ -255,7 +257,7 @@ def test_uploads_that_never_end_take_the_memory_of_two(tmp_path: Path) -> None:
 
 
 def test_too_many_requests_are_refused(tmp_path: Path) -> None:
-    limits = Limits(requests_burst=10, requests_per_second=1)
+    limits = NetworkLimits(requests_burst=10, requests_per_second=1)
     config = NetworkConfig(port=0, web=WEB, lan=True, limits=limits, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3)) as server, httpx.Client() as client:
         statuses = [client.get(server.address + "/healthz").status_code for _ in range(12)]

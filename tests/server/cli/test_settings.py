@@ -164,12 +164,6 @@ def test_a_table_changes_what_it_names() -> None:
         build(Limits, {"clients": 1.5}, "limits")
 
 
-def test_a_renamed_setting_is_still_read() -> None:
-    former = {"words_per_second": 7, "words_burst": 8, "strangers": 9, "stranger_s": 2.5}
-    wanted = Limits(messages_per_second=7, messages_burst=8, pending=9, pending_s=2.5)
-    assert build(Limits, former, "limits") == wanted
-
-
 def test_every_setting_is_in_the_reference() -> None:
     text = (REFERENCE / "configuration.md").read_text()
     parser = argparse.ArgumentParser(add_help=False)

@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 
 from robot.types import Frame
+from server.integrations.mjpeg import frames_of
 from server.protocol import encode_acknowledgement, parse_picture
 from tests.server.virtual import ServedWorld, virtually
 from tests.server.virtual_server import VirtualServer, connect
@@ -34,7 +35,7 @@ def test_a_player_is_told_the_length_of_each_picture(server: VirtualServer) -> N
 def test_a_viewer_that_does_not_read_is_sent_the_newest_and_none_between() -> None:
     async def scenario(world: ServedWorld) -> None:
         video, unread = world.hub.video, [0]
-        stream = video.stream(lambda n_bytes: unread[0] <= 1.5 * n_bytes)
+        stream = frames_of(video, world.hub.clock, lambda size: unread[0] <= 1.5 * size)
         world.hub.show_newest()
         first = await anext(stream)
         unread[0] = 2 * len(first)

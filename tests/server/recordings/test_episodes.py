@@ -13,7 +13,8 @@ import httpx
 import pytest
 
 from robot.types import Action, Mode, PilotCommand
-from server.config import Config, Limits
+from server.access.config import NetworkLimits
+from server.config import Config
 from server.persistence import Persistence
 from server.recordings.part import Recordings
 from tests.robot.recordings.drives import record_drive
@@ -25,7 +26,7 @@ Client = httpx.Client
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[VirtualServer]:
-    config = Config(port=0, web=WEB, data=tmp_path, limits=Limits(requests_burst=5000))
+    config = Config(port=0, web=WEB, data=tmp_path, limits=NetworkLimits(requests_burst=5000))
     with VirtualServer(config, data=tmp_path, name="bench") as server:
         server.wait_until(lambda: server.rig.loop.state.frame_id is not None)
         yield server

@@ -1,4 +1,4 @@
-"""What all cameras have in common."""
+"""The time of pictures that another clock stamped."""
 
 from __future__ import annotations
 
@@ -6,15 +6,22 @@ from types import SimpleNamespace
 
 import pytest
 
+from robot.devkit.watched_camera import ThreadedCamera
 from robot.testing import VirtualClock
-from tests.robot.bench_robot import BenchCamera
+
+
+class BenchCamera(ThreadedCamera):
+    name = "bench"
+
+    def _begin(self) -> None:
+        """Take no pictures."""
 
 
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> VirtualClock:
     """The machine's own clock, by which drivers of the kernel stamp their pictures."""
     clock = VirtualClock(50.0)
-    monkeypatch.setattr("robot.camera.time", SimpleNamespace(monotonic=clock.now_s))
+    monkeypatch.setattr("robot.devkit.watched_camera.time", SimpleNamespace(monotonic=clock.now_s))
     return clock
 
 
@@ -28,10 +35,10 @@ def test_a_camera_that_is_held_up_makes_no_picture_younger(machine: VirtualClock
             return read_s
 
     taken_s = machine.now_s()
-    assert BenchCamera(Slow())._on_clock(taken_s) <= taken_s
+    assert BenchCamera(None, Slow())._on_clock(taken_s) <= taken_s
 
 
 def test_a_moment_on_another_clock_keeps_its_age(machine: VirtualClock) -> None:
     taken_s = machine.now_s() - 0.25
     ahead = VirtualClock(machine.now_s() + 3600.0)
-    assert BenchCamera(ahead)._on_clock(taken_s) == pytest.approx(taken_s + 3600.0)
+    assert BenchCamera(None, ahead)._on_clock(taken_s) == pytest.approx(taken_s + 3600.0)
