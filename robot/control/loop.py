@@ -233,7 +233,7 @@ class ControlLoop:
             taken, refused = self._receive(link, world_s)
             frame = self._look(now_s)
             sensors = self._sense(now_s)
-            decision, sent = self._drive(self._decide(link, world_s), started_s)
+            decision, sent = self._drive(*self._decide(link, world_s), started_s)
             if self._gate.mode is not Mode.STOPPED:  # a stopped robot does not learn
                 self.learning.learn(
                     taken,
@@ -325,7 +325,7 @@ class ControlLoop:
         if may_move:
             self._fault = None  # of an earlier picture; the fault of a stop stays
         is_moving = may_move and not self._camera.world_waits
-        if not self.is_resting:
+        if not self._rest_every_s:
             times_s = self._world_s(frame.captured_s), self._world_s(delivered_s)
             self._timing.note(*times_s, is_moving=is_moving)
         return frame
@@ -347,8 +347,9 @@ class ControlLoop:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return Sensors()
 
-    def _decide(self, link: LinkState, world_s: float) -> Decision:
-        """Choose who drives, and the speed: the lowest of all limits."""
+    def _decide(self, link: LinkState, world_s: float) -> tuple[Decision, float]:
+        """Choose who drives, and the speed: the lowest of all limits. Also return the time until
+        which the order is valid."""
         frame, waits = self.learning.frame, self._camera.world_waits
         decision = self._gate.select(
             world_s,
@@ -359,16 +360,18 @@ class ControlLoop:
         )
         camera_scale = 1.0 if waits else self._timing.state.speed_scale
         scale = min(decision.speed_scale, link.speed_scale, camera_scale)
-        return replace(decision, speed_scale=scale * self.speed_share)
+        is_move = decision.action is not Action.STOP and not waits
+        until_s = self._gate.silent_at_s if is_move else math.inf
+        return replace(decision, speed_scale=scale * self.speed_share), until_s
 
-    def _drive(self, decision: Decision, started_s: float) -> tuple[Decision, Action]:
+    def _drive(
+        self, decision: Decision, until_s: float, started_s: float
+    ) -> tuple[Decision, Action]:
         """Send the decision to the motors; return the decision that was carried out and the action.
 
         The process may also be held up within a tick. So a decision is not sent if it is outdated
         or if the pilot has become silent since.
         """
-        is_move = decision.action is not Action.STOP and not self._camera.world_waits
-        until_s = self._gate.silent_at_s if is_move else math.inf
         try:
             if not self._is_held_up(self.clock.now_s() - started_s):
                 with self.watchdog.body:

@@ -99,8 +99,6 @@ class MoveContext(PolicyPart):
 
     def on_example(self, lesson: TaughtExample) -> None:
         label, at_s = lesson.label, lesson.at_s
-        if not lesson.is_learned:
-            return
         lesson.contexts = BOTH
         if at_s is None or not self._kinds.turns:
             self._move = None
@@ -146,8 +144,6 @@ class Repeats(PolicyPart):
         self._labels = np.zeros((_SETS, _WAYS), np.int16)  # 0: empty slot
 
     def on_example(self, lesson: TaughtExample) -> None:
-        if not lesson.is_learned:
-            return
         label = 1 + self._moves.index(lesson.label)
         sketch = self._sketch(lesson.x)
         row = sketch % _SETS

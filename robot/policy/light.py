@@ -50,9 +50,8 @@ class LightAdaptation(PolicyPart):
             seen.x = self._brighten(seen.x, gain)
 
     def on_example(self, lesson: TaughtExample) -> None:
-        if lesson.is_learned:
-            self._examples = min(self._examples + 1.0, EXAMPLES)
-            self._taught += (_brightness(lesson.picture) - self._taught) / self._examples
+        self._examples = min(self._examples + 1.0, EXAMPLES)
+        self._taught += (_brightness(lesson.picture) - self._taught) / self._examples
 
     def reset(self) -> None:
         self._driven = None

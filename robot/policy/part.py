@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +83,9 @@ class TaughtExample:
 
 class PolicyPart(Stateful):
     """Base of a policy's parts."""
+
+    counts_all: ClassVar[bool] = False
+    """True if the part also gets the examples that are only counted."""
 
     def on_frame(self, seen: Seen) -> None:
         """Process one frame, and add this part's results to `seen`."""

@@ -201,6 +201,7 @@ class PilotPace(PolicyPart):
         stands: The moves of unknown effect with which the pilot stood still on purpose.
     """
 
+    counts_all = True
     fields = (
         Value("longest_debt_s", number(0.0, LONGEST_DEBT_S), "longest_debt_s"),
         Value("pushes_s", many(number(0.0), _MEANT, _MEANT)),

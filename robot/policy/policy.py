@@ -212,7 +212,8 @@ class Policy(Stateful):
             point=point,
         )
         for part in self._learning:
-            part.on_example(lesson)
+            if lesson.is_learned or part.counts_all:
+                part.on_example(lesson)
         self.n_seen, self._n_values = self.n_seen + 1, len(x)
 
     def _check_move(self, label: Action) -> None:

@@ -151,14 +151,13 @@ class Recognition(PolicyPart):
         self._note(self.used, seen.evidence.node, seen.number)
 
     def on_example(self, lesson: TaughtExample) -> None:
-        if lesson.is_learned:
-            angle = self._degrees.angle_of(lesson)
-            if angle is None and not lesson.contexts:
-                self._learner.learn_one(lesson.x, lesson.label)
-            else:
-                self._learner.learn_in(lesson.x, lesson.label, lesson.contexts, angle)
-            self._degrees.note(lesson)
-            self._note(self.taught, self._learner.last_node_, lesson.number)
+        angle = self._degrees.angle_of(lesson)
+        if angle is None and not lesson.contexts:
+            self._learner.learn_one(lesson.x, lesson.label)
+        else:
+            self._learner.learn_in(lesson.x, lesson.label, lesson.contexts, angle)
+        self._degrees.note(lesson)
+        self._note(self.taught, self._learner.last_node_, lesson.number)
 
     def reset(self) -> None:
         self._learner.reset()

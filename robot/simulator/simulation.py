@@ -97,7 +97,7 @@ class Simulation:
         if measured_in is not self.world or measured_at != self.pose:  # some motion since
             free_m = sonar_m(self.world, self.pose)
             self._measured = self.world, self.pose, free_m
-        pressed = self.bumpers
+        pressed = bumpers(self._contacts_rad)
         return Sensors(
             distance_m=max(0.0, free_m + noise_m),
             bumped=any(pressed),

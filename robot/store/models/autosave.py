@@ -81,7 +81,6 @@ class Autosave:
 
     def note(self, tick: Tick) -> None:
         """Process one tick, on the loop's thread."""
-        self._journal.note(tick, self._loop.history, self.name, self._place)
         mode_changed = tick.decision.mode is not self._mode
         self._mode = tick.decision.mode
         is_more_than_teaching = not all(isinstance(e, Taught) for e in tick.history_events)
@@ -89,6 +88,7 @@ class Autosave:
         if is_due and self.has_unsaved:
             self._saved_s = tick.now_s
             self._is_due = True
+        self._journal.note(tick, self._loop.history, self.name, self._place)
 
     def save_if_due(self) -> None:
         if self._is_due:

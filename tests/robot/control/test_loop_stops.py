@@ -213,8 +213,8 @@ def test_it_is_stopped_before_it_is_logged(monkeypatch: pytest.MonkeyPatch) -> N
     before, stops = robot.driver.stops, []
     monkeypatch.setattr(
         logging.getLogger("robot.errors"),
-        "exception",
-        lambda *_: stops.append(robot.driver.stops),
+        "error",
+        lambda *_, **__: stops.append(robot.driver.stops),
     )
     robot.driver.sense = explode  # type: ignore[method-assign,assignment]
     robot.tick()
