@@ -204,9 +204,6 @@ class Driver(ABC):
     default_camera: ClassVar[str]
     options_type: ClassVar[type[Any]]
     declared_moves: tuple[Move, ...] = describe(DEFAULT_MOVES)
-    track_m: float | None = None
-    """Distance between the wheels of a differential drive, in metres, for dead reckoning.
-    None: the body has another kind of drive, or the distance is unknown."""
     takes_points: bool = False
     """True for a body that also accepts steering and throttle by degrees: see `send_point`."""
     turns_motors: ClassVar[bool] = False
@@ -328,15 +325,6 @@ class Driver(ABC):
             raise ValueError(f"the robot {self.name!r} has no move {action!r}; it has: {known}")
         if not 0.0 < speed_scale <= 1.0:
             raise ValueError(f"speed_scale must lie in (0, 1], not {speed_scale}")
-
-    def wheels_mps(self, action: Action, point: Point | None = None) -> tuple[float, float] | None:
-        """Return the speeds of the left and right wheel at full speed; None if unknown.
-
-        Args:
-            action: The action that was sent.
-            point: The point that was sent; None: only the action was sent.
-        """
-        return None
 
     def take_button(self) -> BodyButton | None:
         """Return the request of a button that was pressed since the last call, else None. Most

@@ -186,8 +186,6 @@ class Sensors:
     bumpers: tuple[bool, ...] = ()
     """State of each bumper, from left to right; `bumped` is true if any is pressed."""
     battery_share: float | None = None
-    wheels_m: tuple[float, float] | None = None
-    """Total distance of the left and the right wheel, in metres, forward minus backward."""
     pose: Pose | None = None
     game: Game | None = None
 

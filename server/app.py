@@ -15,7 +15,7 @@ from server.hosting.static_files import PageFiles
 from server.routes import routers
 from server.routes.answers import describe_routes
 from server.routes.bodies import HANDLERS
-from server.services import Services, keep_gateway
+from server.services import Services
 
 
 def create_app(services: Services) -> FastAPI:
@@ -33,7 +33,7 @@ def create_app(services: Services) -> FastAPI:
         strict_content_type=False,
     )
     app.state.services = services
-    keep_gateway(app, services.gateway)
+    app.state.gateway = services.gateway
     extensions = list(services.extensions.values())
     parts = [*routers(), *(router for each in extensions for router in each.routers)]
     for router in parts:

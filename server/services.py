@@ -162,17 +162,6 @@ def make_services(
     return services
 
 
-def keep_gateway(app: Any, gateway: Gateway) -> None:
-    """Store on an application the gateway in front of it."""
-    app.state.gateway = gateway
-
-
-def gateway_of(app: Any) -> Gateway:
-    """Return the gateway in front of an application."""
-    gateway: Gateway = app.state.gateway
-    return gateway
-
-
 def services_of(connection: HTTPConnection) -> Services:
     services: Services = connection.app.state.services
     return services

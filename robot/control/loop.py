@@ -19,7 +19,6 @@ from typing import Any
 from robot.camera import Camera
 from robot.clock import Clock
 from robot.control.camera_timing import CameraTiming, CameraTimingConfig
-from robot.control.dead_reckoning import DeadReckoning
 from robot.control.gate import Gate, GateConfig
 from robot.control.link_governor import LinkGovernor, LinkGovernorConfig, LinkState
 from robot.control.mailbox import Mailbox
@@ -108,7 +107,6 @@ class ControlLoop:
         self._gate = Gate(self.config.gate, on_stop=self._forget_drive)
         self._link = LinkGovernor(self.config.governor)
         self._timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)
-        self._dead_reckoning = DeadReckoning(driver)
         self._mailbox = Mailbox()
         self.submit, self.wake = self._mailbox.put, self._mailbox.wake
         self._world_s = camera.world_s
@@ -232,7 +230,7 @@ class ControlLoop:
             link = self._link.state(world_s + _STANDS_S, self._timing.state.sight_slack_s)
             taken, refused = self._receive(link, world_s)
             frame = self._look(now_s)
-            sensors = self._sense(now_s)
+            sensors = self._sense()
             decision, sent = self._drive(*self._decide(link, world_s), started_s)
             if self._gate.mode is not Mode.STOPPED:  # a stopped robot does not learn
                 self.learning.learn(
@@ -340,9 +338,10 @@ class ControlLoop:
         if not self.is_resting or self._is_due(self._camera.latest()):
             self.wake.set()
 
-    def _sense(self, now_s: float) -> Sensors:
+    def _sense(self) -> Sensors:
         try:
-            return self._dead_reckoning.locate(self._ask("sense"), self.state, now_s)
+            sensors: Sensors = self._ask("sense")
+            return sensors
         except DriveError as error:
             self._stop(StopReason.DRIVE_FAULT, str(error))
             return Sensors()

@@ -27,7 +27,6 @@ from server.gateway.rules import PUBLIC_PATHS
 from server.hosting.static_files import CompressedFiles
 from server.routes.bodies import HANDLERS, Short, do
 from server.routes.sockets import end_with_either
-from server.services import keep_gateway
 
 SEND_EVERY_S = 0.1
 """How long news and pictures are collected before they are sent together, in seconds."""
@@ -95,7 +94,7 @@ def create_board_app(
         return JSONResponse({"detail": sentence}, getattr(error, "status", 502))
 
     gateway = gateway_type()(config, clock)
-    keep_gateway(app, gateway)
+    app.state.gateway = gateway
     _add_routes(app, config, board, clock)
     app.mount("/", CompressedFiles(config.web), name="web")
 

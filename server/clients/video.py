@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -25,20 +24,6 @@ nothing is noticed soon."""
 _SELDOM_S, _EARLY_SHARE = 0.25, 0.95
 """Interval in seconds above which a viewer lets a standing robot rest; and the share of a viewer's
 interval after which a frame is due, because a camera does not keep its rate exactly."""
-
-
-class FrameAges:
-    """Histogram of the ages of frames at the time when a viewer has drawn them, in seconds."""
-
-    bounds = (0.025, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.5, 1.0, 2.0)
-
-    def __init__(self) -> None:
-        self.counts = [0] * (len(self.bounds) + 1)
-        self.total = 0.0
-
-    def note(self, age_s: float) -> None:
-        self.counts[bisect_left(self.bounds, age_s)] += 1
-        self.total += age_s
 
 
 class Encoder:
@@ -126,7 +111,8 @@ class VideoHub:
         self.captured_s: OrderedDict[int, float] = OrderedDict()  # by id, of the last frames
         self.frames_encoded = 0
         self.frames_sent = 0
-        self.frame_ages = FrameAges()
+        self.on_drawn: Callable[[float], None] = lambda age_s: None
+        """Called with a frame's age when a viewer has drawn it, in seconds."""
 
     @property
     def viewers(self) -> int:
@@ -211,7 +197,7 @@ class VideoHub:
         viewer.size.note(viewer.window.delay_s or 0.0, now_s)
         captured_s = self.captured_s.get(frame_id)
         if captured_s is not None:
-            self.frame_ages.note(now_s - captured_s)
+            self.on_drawn(now_s - captured_s)
         self.offer(viewer, now_s)
 
     def drawn_by(self, person: str) -> int | None:

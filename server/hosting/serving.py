@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from robot.entry_points import points
 from robot.errors import ConfigurationError, InUseError
 from server.gateway.gateway import Gateway
-from server.services import gateway_of
 
 if TYPE_CHECKING:
     from uvicorn import Server
@@ -126,8 +125,8 @@ def leave_out_of_collections() -> None:
 
 
 def serve(app: Any, listeners: Sequence[socket.socket]) -> None:
-    """Serve until SIGINT or SIGTERM."""
-    gateway = gateway_of(app)
+    """Serve until SIGINT or SIGTERM, behind the gateway `app.state.gateway`."""
+    gateway: Gateway = app.state.gateway
     server = make_server(app, gateway.tls_files)
     if gateway.tls_files is not None:
         server.config.load()

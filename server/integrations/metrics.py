@@ -11,6 +11,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import PlainTextResponse, Response
 
 from robot.types import Mode, StopReason
+from server.integrations.extension import FrameAges, IntegrationsExtension
 from server.protocol import ErrorCode
 from server.routes.answers import Route
 from server.services import Services, services_of
@@ -22,25 +23,27 @@ _CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 @router.get("/metrics", response_class=PlainTextResponse)
 async def metrics(request: Request) -> Response:
     """Return the measurements for Prometheus."""
-    return Response(render_metrics(services_of(request)), media_type=_CONTENT_TYPE)
+    services = services_of(request)
+    ages = services.extension(IntegrationsExtension).frame_ages
+    return Response(render_metrics(services, ages), media_type=_CONTENT_TYPE)
 
 
-def render_metrics(services: Services) -> bytes:
+def render_metrics(services: Services, ages: FrameAges) -> bytes:
     """Return the measurements as text. Imports prometheus-client only at the first call."""
     from prometheus_client import generate_latest
 
-    registry: Any = SimpleNamespace(collect=lambda: _measure(services))
+    registry: Any = SimpleNamespace(collect=lambda: _measure(services, ages))
     return bytes(generate_latest(registry))
 
 
-def _measure(services: Services) -> Iterator[Any]:
+def _measure(services: Services, ages: FrameAges) -> Iterator[Any]:
     from prometheus_client.core import CounterMetricFamily as Counter
     from prometheus_client.core import GaugeMetricFamily as Gauge
     from prometheus_client.core import HistogramMetricFamily as Histogram
     from prometheus_client.core import SummaryMetricFamily as Summary
 
     hub = services.hub
-    video, state, ages = hub.video, hub.robot.loop.state, hub.video.frame_ages
+    video, state = hub.video, hub.robot.loop.state
     age_s = hub.robot.clock.now_s() - state.now_s
     modes = {mode.value: int(state.decision.mode is mode) for mode in Mode}
     stops = {reason.value: state.stops.get(reason, 0) for reason in StopReason}

@@ -8,14 +8,14 @@ from collections.abc import Iterator
 from typing import Any
 
 from server.config import Config
+from server.gateway.gateway import Gateway
 from server.hosting.serving import make_server, open_socket, run, serve_until_told
-from server.services import gateway_of
 
 
 @contextlib.contextmanager
 def served(app: Any, config: Config) -> Iterator[str]:
     """Serve on a separate thread inside the block; yield the address."""
-    gateway = gateway_of(app)
+    gateway: Gateway = app.state.gateway
     listener = gateway.limit(open_socket(config.host, config.port))
     server = make_server(app, gateway.tls_files)
     thread = threading.Thread(

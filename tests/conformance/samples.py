@@ -14,6 +14,7 @@ from robot.exchange.sources import find_drives
 from robot.exchange.tub import write_tub
 from robot.recordings.edits import Notes
 from robot.recordings.episode import open_episode, taught_frames
+from server.integrations.extension import IntegrationsExtension
 from server.integrations.metrics import render_metrics
 from tests.robot.exchange.sim_drive import drive_in_simulator
 from tests.server.virtual import ServedWorld, virtually
@@ -66,7 +67,8 @@ def metrics_of_a_robot() -> str:
         pilot.hold("forward")
         await world.forward(1.0)
         world.services.turned_away["rate"] += 1
-        return render_metrics(world.services).decode()
+        ages = world.services.extension(IntegrationsExtension).frame_ages
+        return render_metrics(world.services, ages).decode()
 
     return virtually(scenario)
 

@@ -17,6 +17,7 @@ from robot.bodies.ev3.agent.body import BrickBody
 from robot.clock import Clock
 from robot.devices.options import Options, option
 from robot.devkit.connected_driver import ConnectedDriver
+from robot.devkit.dead_reckoning import DeadReckoning
 from robot.devkit.wheels import CLASSIC_POINTS, Pair, TwoWheels
 from robot.driver import ACTION_TIMEOUT_S, CLASSIC, BodyButton
 from robot.errors import ConfigurationError, MissingExtraError
@@ -124,13 +125,23 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         self._wheels = wheels_of(options)
         self._address = ""
         self._top_dps: Pair | None = None
-
-    @property
-    def track_m(self) -> float:  # type: ignore[override]
-        return self.options.track_m
+        self._reckoning = DeadReckoning(options.track_m)
 
     def wheels_mps(self, action: Action, point: Point | None = None) -> Pair:
+        """Return the speeds of the left and right wheel at full speed."""
+        if action is Action.STOP:
+            return 0.0, 0.0
         return self._in_m(*self._wheels.at(point or CLASSIC_POINTS[action], self._top_dps))
+
+    def drive(
+        self, action: Action, point: Point | None = None, *, speed_scale: float = 1.0
+    ) -> Action:
+        """See `Driver`; the uncorrected order also moves the estimated pose."""
+        sent = super().drive(action, point, speed_scale=speed_scale)
+        left_mps, right_mps = self.wheels_mps(sent, point)
+        speeds_mps = speed_scale * left_mps, speed_scale * right_mps
+        self._reckoning.tell(speeds_mps, self._clock.now_s())
+        return sent
 
     def _in_m(self, left_deg: float, right_deg: float) -> Pair:
         """Convert the angles of the motors to the distances that the wheels roll ahead."""
@@ -185,9 +196,11 @@ class ChassisDriver(ConnectedDriver[ChassisBody]):
         turned_deg = read.pop("wheels_deg", None)  # agents of other releases do not send it
         wheels_m = self._in_m(*self.correction.wheels(turned_deg)) if turned_deg else None
         bumpers = tuple(read.pop("bumpers", None) or ())
-        return Sensors(**read, bumpers=bumpers, wheels_m=wheels_m)
+        pose = self._reckoning.locate(wheels_m, self._clock.now_s())
+        return Sensors(**read, bumpers=bumpers, pose=pose)
 
     def stop(self) -> None:
+        self._reckoning.tell((0.0, 0.0), self._clock.now_s())
         if self._connection is not None:
             self._connection.stop()
 

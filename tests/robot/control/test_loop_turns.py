@@ -93,19 +93,6 @@ def test_a_tick_that_takes_longer_than_a_tenth_of_a_second_is_late(
     assert robot.loop.state.late_cycles == late_cycles
 
 
-def test_the_estimate_of_where_it_is_follows_what_the_motors_were_told(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    robot = BenchRobot()
-    robot.driver.track_m = 0.1
-    monkeypatch.setattr(robot.driver, "wheels_mps", lambda action: (0.2, 0.2))
-    robot.start(Mode.TRAIN)
-    for _ in range(11):
-        robot.step(1, F)
-    pose = robot.loop.state.sensors.pose
-    assert pose is not None and pose.x_m == pytest.approx(0.2 * 11 * 0.05)
-
-
 # The limits of a tick ---------------------------------------------------------------------------
 
 

@@ -83,6 +83,9 @@ def test_one_taught_tick_runs_through_few_modules(served: VirtualServer) -> None
     for file in sorted(modules):
         names = sorted({name for one, name in called if one == file})
         print(file.relative_to(ROOTS[0].parent), len(file.read_text().splitlines()), names)
+    walk = (ROOTS[0].parent / "docs/explanation/architecture.md").read_text("utf-8")
+    named = {file: file.relative_to(ROOTS[0].parent).as_posix() for file in modules}
+    assert [name for name in named.values() if f"`{name}`" not in walk] == []
     print(f"one taught tick: {len(modules)} modules, {changes} changes of module, {lines} lines")
     assert len(modules) <= LOOSE * MODULES
     assert changes <= LOOSE * CHANGES

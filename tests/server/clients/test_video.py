@@ -7,6 +7,7 @@ from typing import Any
 import httpx
 
 from robot.types import Frame
+from server.integrations.extension import IntegrationsExtension
 from server.integrations.mjpeg import frames_of
 from server.protocol import encode_acknowledgement, parse_picture
 from tests.server.virtual import ServedWorld, virtually
@@ -118,7 +119,9 @@ def test_metrics_tell_of_everything_that_is_promised(server: VirtualServer) -> N
         pilot.socket.send("nonsense")
         pilot.wait_for(lambda m: m.get("code") == "malformed")
         httpx.get(server.address, headers={"host": "evil.example"})
-        server.wait_until(lambda: sum(server.hub.video.frame_ages.counts) == 3)
+        server.wait_until(
+            lambda: sum(server.services.extension(IntegrationsExtension).frame_ages.counts) == 3
+        )
         server.wait_until(lambda: server.rig.loop.state.cycle_hz > 20)
         text = httpx.get(server.address + "/metrics").text
     values = {

@@ -1,0 +1,56 @@
+"""Dead reckoning: estimates a robot's pose from its wheels, relative to its start. Pure.
+
+The wheel encoders are used if the driver reads them, else the commands to the motors, which do not
+show slip or walls. Either estimate drifts, so the pose is marked as estimated.
+"""
+
+from __future__ import annotations
+
+import math
+
+from robot.driver import ACTION_TIMEOUT_S
+from robot.types import Pose
+
+Pair = tuple[float, float]
+"""Values of the left and the right wheel."""
+
+
+class DeadReckoning:
+    """Follows a body with two wheels.
+
+    Args:
+        track_m: Distance between the wheels, in metres.
+    """
+
+    def __init__(self, track_m: float) -> None:
+        self._track_m = track_m
+        self._pose = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0, is_estimate=True)
+        self._wheels_m: Pair | None = None
+        self._speeds_mps = self._told_m = (0.0, 0.0)
+        self._told_s = self._rolled_s = -math.inf
+
+    def tell(self, speeds_mps: Pair, now_s: float) -> None:
+        """Record the speeds that the wheels were sent; without another command they end by
+        themselves."""
+        self._roll(now_s)
+        self._speeds_mps, self._told_s = speeds_mps, now_s
+
+    def locate(self, wheels_m: Pair | None, now_s: float) -> Pose:
+        """Return the pose; `wheels_m` are the distances that the encoders counted, None if
+        unknown."""
+        self._roll(now_s)
+        before_m, self._wheels_m = self._wheels_m or wheels_m, wheels_m
+        (left_m, right_m), self._told_m = self._told_m, (0.0, 0.0)
+        if wheels_m is not None and before_m is not None:
+            left_m, right_m = wheels_m[0] - before_m[0], wheels_m[1] - before_m[1]
+        self._pose = self._pose.along((right_m - left_m) / self._track_m, (left_m + right_m) / 2)
+        return self._pose
+
+    def _roll(self, now_s: float) -> None:
+        """Add the distances that the last command rolled since the last call."""
+        until_s = min(now_s, self._told_s + ACTION_TIMEOUT_S)
+        seconds = max(until_s - max(self._rolled_s, self._told_s), 0.0)
+        left_m, right_m = self._told_m
+        left_mps, right_mps = self._speeds_mps
+        self._told_m = left_m + left_mps * seconds, right_m + right_mps * seconds
+        self._rolled_s = now_s
