@@ -109,7 +109,7 @@ class ControlLoop:
         self._timing = CameraTiming(self.config.gate.frame_timeout_s, self.config.camera)
         self._mailbox = Mailbox()
         self.submit, self.wake = self._mailbox.put, self._mailbox.wake
-        self._world_s = camera.world_s
+        self._world_s = camera.world_s if camera.world_waits else lambda at_s: at_s
         """Converts to the world's clock; the gate and the link governor only get such times."""
         self._commands: list[tuple[PilotCommand, PilotCommand]] = []
         """Commands of this tick: as received, and with the times of the world's clock."""

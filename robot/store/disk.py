@@ -33,6 +33,7 @@ class DiskThread(StartStop):
         self._every_s = every_s
         self._turns: list[Callable[[], None]] = []
         self._wake = threading.Event()
+        self.wake = self._wake.set
         self._is_ending = False
         self._thread: Worker | None = None
 
@@ -43,9 +44,6 @@ class DiskThread(StartStop):
         if self._thread is None:
             self._is_ending = False
             self._thread = self._clock.start_thread(self._run, self._name)
-
-    def wake(self) -> None:
-        self._wake.set()
 
     def stop(self) -> None:
         """Run the turns once more, and end; if the disk hangs, give up after ten seconds."""

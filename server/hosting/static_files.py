@@ -48,19 +48,21 @@ class PageFiles(CompressedFiles):
             # site's.
             response.headers["referrer-policy"] = "same-origin"
             # Answers without a body need it too: their headers replace the cached ones.
+            html = (Path(self.directory or "") / "index.html").read_text("utf-8")
             response.headers["content-security-policy"] = content_policy(
-                scope["scheme"], Headers(scope=scope).get("host", ""), self._inline()
+                scope["scheme"], Headers(scope=scope).get("host", ""), _hashes(html)
             )
         if _HASHED.match(path):
             response.headers["cache-control"] = _FOR_EVER
         return response
 
-    def _inline(self) -> list[str]:
-        """Return the hashes of the inline script and style in the document."""
-        html = (Path(self.directory or "") / "index.html").read_text("utf-8")
-        parts = re.findall(r"<(?:script|style)>(.*?)</(?:script|style)>", html, re.DOTALL)
-        hashes = [hashlib.sha256(part.encode()).digest() for part in parts]
-        return [f"'sha256-{b64encode(each).decode()}'" for each in hashes]
+
+@lru_cache(maxsize=4)
+def _hashes(html: str) -> list[str]:
+    """Return the hashes of the inline script and style in a document."""
+    parts = re.findall(r"<(?:script|style)>(.*?)</(?:script|style)>", html, re.DOTALL)
+    hashes = [hashlib.sha256(part.encode()).digest() for part in parts]
+    return [f"'sha256-{b64encode(each).decode()}'" for each in hashes]
 
 
 def _compress(response: Response, scope: Scope) -> Response:
