@@ -6,8 +6,6 @@ show slip or walls. Either estimate drifts, so the pose is marked as estimated.
 
 from __future__ import annotations
 
-import math
-
 from robot.driver import ACTION_TIMEOUT_S
 from robot.types import Pose
 
@@ -27,7 +25,7 @@ class DeadReckoning:
         self._pose = Pose(x_m=0.0, y_m=0.0, heading_rad=0.0, is_estimate=True)
         self._wheels_m: Pair | None = None
         self._speeds_mps = self._told_m = (0.0, 0.0)
-        self._told_s = self._rolled_s = -math.inf
+        self._told_s = self._rolled_s = 0.0
 
     def tell(self, speeds_mps: Pair, now_s: float) -> None:
         """Record the speeds that the wheels were sent; without another command they end by

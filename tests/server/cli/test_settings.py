@@ -18,10 +18,10 @@ from robot.control.gate import GateConfig
 from robot.control.link_governor import LinkGovernorConfig
 from robot.errors import ConfigurationError
 from robot.store.folder import default_root
+from server.access.config import NetworkLimits
 from server.cli import serve
 from server.cli.main import main, make_parser
 from server.cli.settings import apply_to, build, read_settings
-from server.config import Limits
 from server.routes import routers
 from tests.kit.sizes import crossed
 
@@ -161,7 +161,7 @@ def test_a_broken_table_is_refused(table: dict[str, Any], said: str) -> None:
 def test_a_table_changes_what_it_names() -> None:
     assert build(LinkGovernorConfig, {"stop_s": 0.4}, "governor") == LinkGovernorConfig(stop_s=0.4)
     with pytest.raises(ConfigurationError, match="whole number"):
-        build(Limits, {"clients": 1.5}, "limits")
+        build(NetworkLimits, {"clients": 1.5}, "limits")
 
 
 def test_every_setting_is_in_the_reference() -> None:
@@ -171,7 +171,7 @@ def test_every_setting_is_in_the_reference() -> None:
     flags = [action.option_strings[-1] for action in parser._actions]
     tables = [
         field.name
-        for kind in (GateConfig, LinkGovernorConfig, CameraTimingConfig, Limits)
+        for kind in (GateConfig, LinkGovernorConfig, CameraTimingConfig, NetworkLimits)
         for field in fields(kind)
     ]
     assert [name for name in flags + tables if f"`{name}`" not in text] == []
