@@ -203,7 +203,13 @@ def _ros() -> Drawing:
         "drivelesson", 16, 16, 190, (), ("velocities", "pictures", "advice"), "drives and learns"
     )
     bridge = Box(
-        "rosbridge", 280, 16, 330, ("in", "out", "in "), (options.cmd_vel_topic, IMAGES, ADVICE)
+        "rosbridge, or DDS itself",
+        280,
+        16,
+        330,
+        ("in", "out", "in "),
+        (options.cmd_vel_topic, IMAGES, ADVICE),
+        "with --transport dds no program is in between",
     )
     base = Box("base", 700, 16, 190, ("takes velocities",), note="must stop by itself")
     camera = Box("camera", 700, 110, 190, ("JPEG pictures",))
