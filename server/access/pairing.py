@@ -35,7 +35,11 @@ log = logging.getLogger(__name__)
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """The characters of a token; letters and digits that look alike are left out."""
 TOKEN_LETTERS, _GROUP = 16, 4  # 16 letters of 30: 78 bits
-_TOKEN = re.compile(rf"\b(?:[{ALPHABET}]{{{_GROUP}}}\W?){{{TOKEN_LETTERS // _GROUP}}}(?!\w)")
+_COLOURS = re.compile(r"\x1b\[[0-9;]*m")
+"""Codes of a terminal, which some terminals and pagers copy."""
+_TOKEN = re.compile(
+    rf"(?<![^\W_])(?:[{ALPHABET}]{{{_GROUP}}}[\W_]{{0,3}}){{{TOKEN_LETTERS // _GROUP}}}(?![^\W_])"
+)
 ROLES = "drivelesson.roles"
 """Group of the entry points of roles that browsers can get."""
 FOLDER = FolderKind(name="tls", files=("paired.json",), secrets=("paired.json", "tls/", "*.key"))
@@ -268,15 +272,17 @@ def token_in(text: str) -> str:
     """Return the letters of the token in a text that a person pastes or types.
 
     The text may be the token with or without hyphens, in any case or width, or the whole address,
-    also with an encoded `#`, or the terminal's line with the address.
+    also with an encoded `#` or in another address, or the terminal's lines, with colours or not. Of
+    several addresses the first counts.
 
     Example:
         >>> token_in("or open http://robot.local:8000/pair%23abcd-efgh-jkmn-pqrs")
         'ABCDEFGHJKMNPQRS'
     """
-    last = unquote(unicodedata.normalize("NFKC", text[:LONGEST_TEXT])).rpartition("#")[2].upper()
-    found = _TOKEN.search(last)
-    letters = found[0] if found else last
+    plain = unicodedata.normalize("NFKC", _COLOURS.sub("", text[:LONGEST_TEXT]))
+    before, *parts = unquote(unquote(plain)).upper().split("#")
+    found = next(filter(None, map(_TOKEN.search, [*parts, before])), None)
+    letters = found[0] if found else (parts or [before])[-1]
     return "".join(letter for letter in letters if letter in ALPHABET)[:TOKEN_LETTERS]
 
 

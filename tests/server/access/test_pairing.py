@@ -23,29 +23,45 @@ def invited(pairing: Pairing, before: str = "") -> str:
 
 
 def forms(token: str) -> Iterator[str]:
-    """Yield what a person has in hand: the token, its address, or a line of the terminal."""
+    """Yield what a person has in hand: the token, its address, or lines of the terminal."""
     joined = token.replace("-", "")
-    texts = [token, token.lower(), joined, token.replace("-", " "), token.replace("-", "–")]
+    texts = [token, token.lower(), joined, f"#{token}#", f"\ufeff{token}", f"pair#token={token}"]
+    texts += [
+        token.replace("-", mark)
+        for mark in (" ", " - ", "–", "—", "‑", "−", "_", ".", ",", "/", ":")
+    ]
     for page in ("http://10.0.0.2:8000/pair", "https://drivelesson.local/robot/pair", "pair", ""):
         texts += [f"{page}#{token}", f"{page}#{joined.lower()}", f"{page}%23{token}"]
-        texts += [quote(f"{page}#{token}", safe="")]
+        texts += [f"{page}%2523{token}", f"{page}#{token}#top", quote(f"{page}#{token}", safe="")]
+    texts.append(f"https://www.google.com/url?q=http%3A%2F%2F10.0.0.2%2Fpair%2523{token}&sa=D")
+    texts.append(f"http://[fe80::1]:8000/pair#{token}")
     for text in texts:
         yield from (text, f"  or open   {text}", f"To watch: {text}", f"{text} .", f"<{text}>")
         yield f"The next one that is to drive: {text}\n\n"
+        yield f"\x1b[1m{text}\x1b[0m"
+    other = "http://10.0.0.2:8000/pair#VVVV-WWWW-XXXX-YYYY"
+    yield f"  or open   http://h/pair#{token}\n  at one of http://10.0.0.2\n  To watch: {other}\n"
+    yield f"[Drive](http://h/pair#{token})"
+    yield f"http://h/pair#{token[:10]}\n{token[10:]}"  # the terminal's narrow window broke it
     yield " ".join(joined)  # typed letter by letter
+    yield "-".join(joined)
     yield "".join(chr(ord(letter) + 0xFEE0) for letter in joined)  # full width, as in Chinese
 
 
 def test_a_token_is_taken_in_every_form_that_a_person_has_in_hand() -> None:
     pairing = Pairing(10)
     every = list(forms("ABCD-EFGH-JKMN-PQRS"))
-    assert len(every) > 100
+    assert len(every) >= 200
     for form in every:
         pairing.tokens[Role.PILOT] = "ABCD-EFGH-JKMN-PQRS"
         assert isinstance(pairing.redeem(form, 0.0), Paired), form
-    for wrong in ("", "#", "ABCD-EFGH-JKMN", "#ABCD-EFGH-JKMN-PQRT", "x" * 5000):
+    for wrong in (
+        *("", "#", "##", "ABCD-EFGH-JKMN", "#ABCD-EFGH-JKMN-PQRT", "x" * 5000, "%23" * 600),
+        *("http://10.0.0.2:8000", "0BCD-EFGH-JKMN-PQRS", "\x00", "\ud800", "%ff%fe", "pair#\x1b["),
+    ):
         pairing.tokens[Role.PILOT] = "ABCD-EFGH-JKMN-PQRS"
-        assert isinstance(pairing.redeem(wrong, 0.0), Refusal), wrong
+        refused = pairing.redeem(wrong, 0.0)
+        assert isinstance(refused, Refusal) and refused.sentence, wrong
 
 
 def test_redeeming_again_renews_the_session_that_a_browser_has() -> None:
