@@ -14,7 +14,7 @@ from server.board.board import Board
 from server.board.class_orders import give_order
 from server.board.transport import NetworkTransport
 from server.config import Config
-from server.hosting.serving import served
+from server.lab.served import served
 from tests.server.virtual_server import WEB
 
 from .classroom_world import KEY
