@@ -126,7 +126,7 @@ class PluginErrors:
         ...     {}["port"]
         Traceback (most recent call last):
         robot.errors.DriveError: the driver of the robot 'wheely' failed in connect: \
-KeyError: 'port'; the log has the traceback: send it to the plug-in's author
+KeyError: 'port'; the log has the traceback: send that to the plug-in's author
     """
 
     def __init__(

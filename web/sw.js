@@ -1,15 +1,15 @@
-// Keeps the page's own files from the first visit on, so that it opens without the robot and says so.
+// Caches the page's files at the first visit, so that later the page opens without the robot and says that it is away.
 //
-// A file whose name begins with a hash never changes: it is fetched once, and a kept one is as good as
-// the robot's. The document and the icons are asked of the robot first: an update is never hidden by an
-// old copy. A robot that does not answer in time counts as away.
+// A file whose name begins with a hash never changes, so it is fetched only once. The document and the icons are
+// requested from the robot first, so that no old copy hides an update. A robot that does not answer in time counts
+// as away.
 
 const HOME = new URL('.', location).pathname; // a proxy may serve several robots, each under a path
 const SHELL = `shell${HOME.slice(0, -1)}`;
 const PATIENCE_MS = 2500;
 const HASHED = /^(css|js)\/[0-9a-f]{10}-/;
 
-/** The address of a file below the page's own, as shell.json has it; null elsewhere. @param {string} url */
+/** The path of a file relative to the page, as in shell.json; null for an address elsewhere. @param {string} url */
 const below = (url) => (url.startsWith(location.origin + HOME) ? new URL(url).pathname.slice(HOME.length) || './' : null);
 
 self.addEventListener('install', (event) => {
@@ -26,7 +26,7 @@ self.addEventListener('fetch', (event) => {
   else if (file === './' || /^icons\/|\.webmanifest$/.test(file)) event.respondWith(fromRobot(event));
 });
 
-/** Fetch what is missing, and drop what no page asks for any more. */
+/** Fetch the missing files, and delete the files that no page needs any more. */
 async function keepAll() {
   const cache = await caches.open(SHELL);
   const files = await (await fetch('shell.json')).json();
@@ -35,7 +35,7 @@ async function keepAll() {
   for (const old of kept) if (!files.includes(old) && !old.includes('-apart-')) await cache.delete(old);
 }
 
-/** What is kept of it. A device whose storage fails, or is full, has the robot alone, as without us. */
+/** The cached answer; undefined if there is none, or if the device's storage fails. */
 async function recall(request) {
   try {
     return await (await caches.open(SHELL)).match(request, { ignoreSearch: true });

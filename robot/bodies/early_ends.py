@@ -27,7 +27,7 @@ SOON_S = 5.0
 ENOUGH = 2
 """Number of such ends in a row that cannot be chance."""
 _AGAIN_S = 60.0
-"""Pause of the watch after a drive, in seconds, because each marker is a disk write."""
+"""Least time between two markers, in seconds, because each marker is a disk write."""
 
 
 class EarlyEnds:

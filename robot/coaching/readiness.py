@@ -30,9 +30,9 @@ RARE_SHARE = 0.02
 """A move with a smaller share of the examples is rare, and must be begun `2 * STARTS` times. If a
 pilot drives straight for minutes, the few examples of the turn at a wall have little weight."""
 _SLIP_S, _MEANT_S = 0.35, 0.9
-"""A press shorter than the first time, in seconds, counts as a slip of the finger. A rare move is
-in use as soon as it was held for the second time in total, without slips. Otherwise the robot would
-ask for a move that the pilot never meant."""
+"""A press shorter than `_SLIP_S` seconds counts as a slip of the finger. A rare move is in use once
+its other presses add up to `_MEANT_S` seconds. Otherwise the robot would ask for a move that the
+pilot never meant."""
 _FEWEST = 5
 """Least number of examples of a move in use, independent of their share."""
 CLEAN_S = 45.0
@@ -50,7 +50,7 @@ _LONGEST_STEP_S, _PAUSE_S = 0.25, 0.5
 _COVERED_S = 10.0
 _GAPS, _CHANGES = 6, 40
 _FORGOTTEN_S = 2 * CLEAN_S
-"""Length of a trial after which half of it is forgotten, in seconds: old driving says little."""
+"""Length of a trial above which its values are halved, in seconds: old driving says little."""
 
 
 class Stage(StrEnum):

@@ -502,7 +502,7 @@ class ControlLoop:
             self._driver.stop()  # a body that cannot be reached ends its move by itself
 
     def _break_down(self, error: Exception) -> None:
-        before, fault = self._fault, f"Something went wrong inside: {error}"
+        before, fault = self._fault, f"An internal error occurred: {error}"
         self._stop(StopReason.LOOP_FAULT, fault)
         self.error = error
         if fault != before:  # once, not thirty times a second

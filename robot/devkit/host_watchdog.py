@@ -185,7 +185,9 @@ class HostWatchdog(ConnectedDriver[_C]):
     def disconnect(self) -> None:
         ender, self.__ender = self.__ender, None
         if ender is not None and not ender.end():
-            _LOG.warning("the robot %r took no stop before its line was closed", self.name)
+            _LOG.warning(
+                "the robot %r did not accept a stop before its connection was closed", self.name
+            )
         super().disconnect()
 
     def send_action(self, action: Action, *, speed_scale: float = 1.0) -> Action:

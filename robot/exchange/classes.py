@@ -96,8 +96,8 @@ def _read(
         told = ", ".join(f"{name[:40]} ({len(classes[name])} pictures)" for name in unknown[:8])
         asked = ",".join(f"{name[:40]}=MOVE" for name in unknown[:3])
         raise RecordingError(
-            f"{folder} has pictures named {told}, which is not the name of a move; say which move "
-            f'each is by --moves "{asked}", with stop for none'
+            f"{folder} has pictures named {told}, which is not the name of a move; name the "
+            f'move of each with --moves "{asked}", or stop for none'
         )
 
     def read(place: str, of: tuple[Path, Action | None]) -> FrameEvent:
@@ -185,6 +185,6 @@ def _divides(folder: Path, names: list[re.Match[str]]) -> bool:
         return True
     raise RecordingError(
         f"the pictures' names in {folder} all have one dash before the steering, as in "
-        f"{names[0].string}: it may be a minus, or only divide; bring a table of the pictures and "
-        "their steering"
+        f"{names[0].string}: it may be a minus sign or only a separator; import a table of the "
+        "pictures and their steering"
     )

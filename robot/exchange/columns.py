@@ -279,6 +279,6 @@ def _check(columns: Mapping[str, int], names: list[str], of_pictures: list[int])
         there = [name for name in names if name]
         told = f"; its columns: {', '.join(there)[:200]}" if there else ""
         raise ValueError(
-            f"it has no column label or angle, nor of two wheels or velocities{told}; say which "
-            "has the steering by --columns steering=NAME"
+            f"it has no column for a label, steering, two wheels or velocities{told}; name the "
+            "column of the steering with --columns steering=NAME"
         )

@@ -145,10 +145,10 @@ def drive_of(
     if not shots:
         raise RecordingError(f"{what} to use{report.why_nothing()}")
     if others := sum(shot.is_others for shot in shots):
-        report.remark(f"not driven by the pilot, so no examples: {others} pictures")
+        report.remark(f"left out, as the pilot did not drive: {others} pictures")
     stands = sum(shot.label is None and shot.steering is not None for shot in shots) - others
     if stands > 0:
-        report.remark(f"standing or driving backward, so no examples: {stands} pictures")
+        report.remark(f"left out, as the car stood or drove backward: {stands} pictures")
     moves = _moves_with(shot.label for shot in shots)
     known = {"moves": moves, "declared_moves": _declared(shots)}
     return Drive(shots=shots, report=report, **{**known, **about})

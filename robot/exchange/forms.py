@@ -181,8 +181,8 @@ FORMS: tuple[Form, ...] = (
         name="OpenBot session",
         there="`images/N_crop.jpeg`, `sensor_data/rgbFrames.txt` and `ctrlLog.txt`, or its "
         "notebook's `matched_frame_ctrl_cmd_processed.txt`",
-        label="left and right wheel, -255 to 255, ahead positive; the left one faster is a turn to "
-        "the right; a control holds until the next",
+        label="left and right wheel, -255 to 255, ahead positive; a faster left wheel turns right; "
+        "a control holds until the next",
         time="nanoseconds",
         find=_one(_folder(is_openbot), read_openbot),
     ),
@@ -227,7 +227,7 @@ FORMS: tuple[Form, ...] = (
     Form(
         name="steering in pictures' names",
         there="`000123-0.50.jpg`: six digits and the steering",
-        label="-1 to 1, right positive; whether the dash is a minus, the other names tell",
+        label="-1 to 1, right positive; the other names tell whether the dash is a minus sign",
         time=_NO_TIME,
         find=_one(_folder(are_steered), read_steered),
     ),
@@ -257,17 +257,17 @@ UNUSABLE: dict[tuple[str, ...], str] = {
         "learn from; import the pictures that it was trained with"
     ),
     (".mp4", ".avi", ".mov", ".mkv", ".webm"): (
-        "a film without labels: it does not say what was right at each picture"
+        "a film without labels: it does not contain the right move for each picture"
     ),
     (".hdf5", ".tfrecord", ".tfrec", ".parquet", ".arrow"): (
-        "tables of another program's own form; export the pictures, and a CSV table of what was "
-        "right at each"
+        "tables in another program's own format; export the pictures and a CSV table with the "
+        "right move for each"
     ),
     (".pkl", ".pickle", ".npy"): (
-        "data of Python, which may run code when it is read; save the pictures, and a CSV table of "
-        "what was right at each"
+        "Python data, which may run code when it is read; save the pictures and a CSV table with "
+        "the right move for each"
     ),
-    (".zip", ".tar", ".gz", ".7z", ".rar"): "archives within: unpack them, and import each",
+    (".zip", ".tar", ".gz", ".7z", ".rar"): "it contains archives: unpack them, and import each",
     (".webp", ".bmp", ".gif", ".tif", ".tiff"): "pictures that are neither JPEG nor PNG",
     (".json", ".xml", ".txt", ".yaml", ".csv"): "text, but no table that names pictures",
 }

@@ -134,7 +134,7 @@ class LerobotDataset:
         angle = self._place_of(*ANGLES) if PILOT not in self._info.features else None
         said_by = next((n for n in (PILOT, *_INTERVENTIONS) if n in self._info.features), None)
         if said_by in _INTERVENTIONS:
-            report.remark(f"only {said_by} says who drove: the rest is no example")
+            report.remark(f"only frames in which {said_by} says that the pilot drove are examples")
 
         def read_row(place: str, record: Record) -> FrameEvent:
             is_pilots = said_by is None or _flat(record.get(said_by))[:1] not in ([-1], [0], [])
@@ -173,10 +173,10 @@ class LerobotDataset:
             if of.get("dtype") in ("video", "image") and not _is_depth(of)
         ]
         if not cameras:
-            raise RecordingError(f"{self.folder} has no camera for colours")
+            raise RecordingError(f"{self.folder} has no colour camera")
         best = next((n for n in cameras if "front" in n), cameras[0])
         if len(cameras) > 1:
-            report.remark(f"taken of {len(cameras)} cameras: {best}")
+            report.remark(f"of {len(cameras)} cameras, this one is used: {best}")
         return best
 
     def _film(self, camera: str, episode: int) -> Callable[[Record], Callable[[], Picture]]:
@@ -208,7 +208,7 @@ class LerobotDataset:
         def picture_of(record: Record) -> Callable[[], Picture]:
             at_s = self._seconds(record)
             if at_s is None:
-                raise ValueError("it has no time, so its picture cannot be told")
+                raise ValueError("it has no time, so its picture is unknown")
             return partial(film.at, begin + at_s)
 
         return picture_of

@@ -163,7 +163,7 @@ def _points(path: Path, arrays: dict[str, NDArray[Any]], n_frames: int) -> tuple
         return (None,) * n_frames
     steered = [arrays[name] for name in names]
     if any(of.shape != (n_frames,) or of.dtype.kind != "f" for of in steered):
-        raise RecordingError(f"the recording {path} has an angle or throttle of another form")
+        raise RecordingError(f"the recording {path} has an angle or throttle of an unexpected form")
     if any((np.abs(of) > 1.0).any() for of in steered):
         raise RecordingError(f"the recording {path} has an angle or throttle beyond -1 and 1")
     found = zip(*(of.tolist() for of in steered), strict=True)

@@ -56,7 +56,8 @@ class Reading:
         share, trim = written / self.full_lock, self.trim / self.full_lock
         if not -1.0 <= share <= 1.0:
             raise ValueError(
-                f"steering is {written:g}, beyond full lock; --full-lock says how much that is"
+                f"steering is {written:g}, which is more than full lock; set full lock with "
+                "--full-lock"
             )
         return (share - trim) / (1.0 - trim if share > trim else 1.0 + trim)
 

@@ -31,7 +31,7 @@ class ReplayCameraOptions(Options):
 
     recording: str = option("", "a recording (.npz), or a folder whose recordings are played")
     episode: str = option("", "a recorded run (.mcap) to play instead")
-    loop: bool = option(True, "yes: begin again at the end; no: stop")
+    loop: bool = option(True, "at the end, begin again (yes) or stop (no)")
 
 
 Footage = list[tuple[float, Callable[[], Picture | Frame]]]

@@ -83,7 +83,7 @@ def _read_manifest(
     if not isinstance(named, list):
         there = (p.name for p in folder.glob("[!.]*.catalog"))
         names = sorted(there, key=lambda name: (int("0" + re.sub(r"[^0-9]", "", name)[:18]), name))
-        report.skip(path.name, "it is lost, so records that had been deleted cannot be told")
+        report.skip(path.name, "it is lost, so deleted records cannot be recognised")
         return names, set(), None
     deleted = catalogs.get("deleted_indexes")
     if not isinstance(deleted, list):

@@ -239,8 +239,8 @@ class _Run:
         worker.is_used = not differs
         if differs:
             sentence = (
-                f"the worker at {worker.name} is not used, its figures would be others: "
-                f"{'; '.join(differs)}; install the same there"
+                f"the worker at {worker.name} is not used, because its results would differ: "
+                f"{'; '.join(differs)}; install the same versions there"
             )
             self._refused[address] = sentence
             self._say(sentence)

@@ -89,7 +89,7 @@ def run_all(
         if task.key() != key:
             raise ConfigurationError(
                 f"a file of the task {task.kind} was changed while it ran; start it again: "
-                "what was finished before is kept"
+                "finished results are kept"
             )
         store.put(task, result, key)
         done[key] = result
@@ -105,7 +105,7 @@ def _run_here(waiting: Mapping[str, Task], jobs: int) -> Iterator[tuple[str, Out
     except BrokenProcessPool as error:
         raise ConfigurationError(
             "a process that ran trials was killed, perhaps because the memory is full; start it "
-            "again with a smaller --jobs: what was finished before is kept"
+            "again with a smaller --jobs: finished results are kept"
         ) from error
 
 

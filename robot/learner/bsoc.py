@@ -222,7 +222,7 @@ class BSOC(Clusters):
             yield "an image was touched by a frame that was not learned"
         with np.errstate(all="ignore"):
             if not self._misfit()[0] <= 1.0:
-                yield "the distances do not fit the images"
+                yield "the distances do not match the images"
 
     def _misfit(self) -> tuple[float, Floats]:
         """Return the error of the stored distances, and the exact distances between the images.

@@ -7,11 +7,11 @@ label if it is clearly nearer to that label's images than to the images of drivi
 own label's images are no nearer. After a change of mind most examples contradict the old label; in
 a lesson in the opposite direction few do.
 
-A label that was contradicted often enough loses most of its votes to other labels at views whose
-nearest image of this label was last taught before the contradictions began. The label also loses
-them if another label's image is at least as near and was taught much later. Both rules apply only
-when votes are counted: no histogram changes, so using the old label again at such views reverses
-them.
+Once a label was contradicted often enough, it loses most of its votes to other labels in two cases:
+if the image of this label that is nearest to the view was last taught before the contradictions
+began; or if another label's image is at least as near and was taught much later. Both rules apply
+only when votes are counted. No histogram changes, so using the old label again at such views
+reverses the rules.
 
 The pilot can also say so, which is better evidence: `outdate`. From then on a label whose nearest
 image was taught earlier passes its votes to the nearest image that was taught since.

@@ -330,11 +330,11 @@ class BSOCClassifier(Stateful, Learner):
 
     def faults(self) -> Iterator[str]:
         if len(set(self.labels_)) < len(self.labels_):
-            yield "a label is there twice"
+            yield "a label occurs twice"
         if self.n_nodes_ > 0 and not self.labels_:  # without images: the last was deleted
             yield "it has images without labels"
         if self.cluster.groups_.max(initial=-1) >= len(self.labels_):
-            yield "an image has no such label"
+            yield "an image has a label that does not exist"
         if self._node_angles is not None and (self._node_angles[:, 1:] < 0.0).any():
             yield "the sizes or the squares of some angles are below zero"
 

@@ -96,9 +96,9 @@ class Clusters(Stateful, ABC):
         last_merge_: The kept and the removed node of the latest merge; the newest frame got the
             removed node's index. None if the frame became a node without a merge, or was merged
             into the node that `train` returned.
-        last_distance_: Squared distance of the latest frame from the nearest earlier node that
-            none of the `HELD_OUT` frames before it was merged into (from the nearest of all nodes,
-            if there is no such node); None for the first frames, and if it is not measured.
+        last_distance_: Squared distance of the latest frame from the nearest node that got none of
+            the previous `HELD_OUT` frames (from the nearest of all nodes, if each got one of them).
+            None for the first frames, and if it is not measured.
         last_distances_: Squared distances of the latest frame from the nodes before any merge.
         last_touched_: `touched_` as it was before the latest frame.
     """
@@ -236,10 +236,10 @@ class Clusters(Stateful, ABC):
         """Yield the contradictions between the nodes."""
         size, ids, pinned = self.n_nodes_, self.ids_, self._edges.pinned
         if size > self.max_nodes or size > self.n_trained_:
-            yield f"size is {size}, and next_id {self.n_trained_}"
+            yield f"size {size} is above max_nodes or above next_id {self.n_trained_}"
         if len(np.unique(ids)) < size or ids.max(initial=-1) >= self.n_trained_:
             yield "two images have one id, or an id is above next_id"
         if self.counts_.min(initial=1) < 1:
-            yield "an image stands for no frame"
+            yield "an image represents no frame"
         if pinned.sum() > max(self.max_nodes - 1, 0) or pinned[size:].any():
-            yield "all images are pinned, or one that is none"
+            yield "all images are pinned, or a pinned image does not exist"

@@ -107,7 +107,8 @@ class Images(Stateful):
         return self._rows[:size]
 
     def follow(self, counts: NDArray[np.int64]) -> None:
-        """Compute the values that depend on the number of frames per image; means do not."""
+        """Recompute the values that depend on the number of frames per image; here there are
+        none."""
 
     def faults(self) -> Iterator[str]:
         norms = 0.5 * np.einsum("ij,ij->i", self._rows, self._rows)

@@ -246,7 +246,7 @@ class Stateful:
                 part._take(params, arrays, names, sizes)
                 continue
             values = params.pop(own, {})
-            demand(isinstance(values, Mapping), f"{own} is no table")
+            demand(isinstance(values, Mapping), f"{own} is not a table")
             part.load(values, taken(arrays, _inner(own, "")), names, sizes)
         for field in self.fields:
             if isinstance(field, Value):

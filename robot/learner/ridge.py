@@ -95,7 +95,7 @@ class LinearPart(Stateful, ABC):
         self, x: Vector, targets: Floats, angle: Angle = 0.0, contexts: Collection[int] = EVERY
     ) -> None:
         """Add the mirror image of a frame; all arguments are already mirrored."""
-        raise ValueError("it knows no mirror images")
+        raise ValueError("it does not support mirror images")
 
     def reflect(self, places: Places, columns: Sequence[int], on: bool) -> None:
         """Add the mirror images of all frames so far, or remove them again.
@@ -105,7 +105,7 @@ class LinearPart(Stateful, ABC):
             columns: For each label the column of its mirrored label.
             on: True: add the mirror images.
         """
-        raise ValueError("it knows no mirror images")
+        raise ValueError("it does not support mirror images")
 
 
 class RecursiveRidge(LinearPart):
@@ -280,7 +280,7 @@ class RecursiveRidge(LinearPart):
     def faults(self) -> Iterator[str]:
         held = np.asarray(self._waiting.any(axis=1))
         if held[self._n_waiting :].any() or self._n_waiting == _WAITING:
-            yield "the array waiting is over-full, or has gaps"
+            yield "the array waiting is too full, or has gaps"
         if self.is_indefinite:
             yield "the array triangle is the inverse of nothing that was learned"
 

@@ -1,8 +1,8 @@
 """Decides which examples are learned, and in which contexts: driving straight, or turning.
 
-Frames less than a tenth of a second apart show almost the same picture. So one example is learned
-per tenth of a second; it may come a little early. So a camera with an unsteady frame rate teaches
-as much as a steady camera, and eleven frames a second teach as much as thirty.
+Frames less than a tenth of a second apart show almost the same picture. So only one example is
+learned per tenth of a second, and it may come a little early. A camera with an unsteady frame rate
+therefore teaches as much as a steady one, and eleven frames a second teach as much as thirty.
 
 An example counts in the context of its own move. The first half second of a move also counts in the
 context of the previous move, so that the robot learns when to end that move. After a pause the

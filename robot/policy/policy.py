@@ -163,7 +163,7 @@ class Policy(Stateful):
         known = seen.evidence
         confidence = self._chance(seen.shares, seen.action, known.novelty)
         if not math.isfinite(confidence):
-            raise ValueError("what it makes of the picture is no number")
+            raise ValueError("its output for the picture is not a number")
         return Prediction(
             frame_id=frame_id,
             action=seen.action,

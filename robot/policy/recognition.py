@@ -32,7 +32,7 @@ BAND = 2.5
 make no difference on recorded drives. A narrow band changes the end of a curve, which would stay as
 sharp as most of the curve."""
 _LEAST = 1e-6
-"""Least votes for a move that was taught, so that it has more votes than a move that never was."""
+"""Least votes for a move that was taught, to distinguish it from a move that was never taught."""
 _FEW = 64
 
 

@@ -24,7 +24,7 @@ def greet_next(address: str, role: Role, token: str) -> str:
     """Return the text on pairing the next browser, with a QR code for a pilot."""
     there = pairing_address(address, token)
     code = "\n" + draw_qr(there) if role is Role.PILOT else ""
-    return f"A browser was paired. The next one that is to {role.purpose}: {there}{code}"
+    return f"A browser was paired. To pair another one that may {role.purpose}: {there}{code}"
 
 
 def pairing_address(address: str, token: str) -> str:

@@ -108,9 +108,9 @@ class NetworkGateway(Gateway):
         add, shown = parser.add_argument_group("network").add_argument, " (default: %(default)s)"
         add("--lan", action="store_true", help="serve the local network, to paired browsers only")
         text = "a proxy serves the page at this address, such as https://home.example/robot/, to "
-        text += "paired browsers only; several with commas in between"
+        text += "paired browsers only; separate several with commas"
         add("--behind-proxy", default="", metavar="URL", help=text)
-        text = "where this proxy connects from, an address or a network (default: this machine)"
+        text = "address or network from which this proxy connects (default: this machine)"
         add("--proxy-at", default="127.0.0.0/8,::1", metavar="ADDRESS", help=text)
         add("--tls", action="store_true", help="serve https, with a certificate of ours")
         text = f"with --lan, answer to this name with .local behind it{shown}"
@@ -327,7 +327,9 @@ class NetworkGateway(Gateway):
         limiter = self.admission.uploads if is_upload else self.admission.sockets
         slot = limiter.take(person, self.clock.now_s(), end)
         if slot is None:
-            return Refusal(503, "clients", "Too many pages are open, or models on their way.")
+            return Refusal(
+                503, "clients", "Too many pages are open, or too many models are being transferred."
+            )
         scope[SLOT] = slot
         return None
 
@@ -347,7 +349,9 @@ class NetworkGateway(Gateway):
 def advise(name: str | None, address: str) -> str:
     """Return advice for a client that used a wrong name or address."""
     known = f" If this is its name, start it with --also-at {name}." if name is not None else ""
-    return f"{known} If a proxy has passed this on, start the robot with --behind-proxy {address}"
+    return (
+        f"{known} If a proxy forwarded this request, start the robot with --behind-proxy {address}"
+    )
 
 
 def _peer(scope: Scope) -> Peer:

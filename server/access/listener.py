@@ -78,7 +78,7 @@ class AdmissionListener(socket.socket):
             self._waiting.append(None)
         connection = self._waiting.popleft()
         if connection is None:
-            raise BlockingIOError(errno.EAGAIN, "enough for now")
+            raise BlockingIOError(errno.EAGAIN, "no connection is ready")
         return connection, connection.peer
 
     def _gather(self) -> None:

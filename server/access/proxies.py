@@ -49,9 +49,9 @@ class Proxies:
             if not said or not self._admits_all:
                 return scope
             sentence = (
-                f"{next(iter(said)).title()} tells of a proxy that this robot does not know, and "
-                "without pairing everybody could drive: start it with --behind-proxy and the "
-                "address that people open."
+                f"{next(iter(said)).title()} shows that an unknown proxy forwarded this request. "
+                "Without pairing, everybody could drive through it: start the robot with "
+                "--behind-proxy and the address that people open."
             )
             return Refusal(403, "proxy", sentence)
         peer = tuple(scope.get("client") or ("", 0))

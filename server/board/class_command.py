@@ -25,17 +25,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
     text += "dated copy of each model; reset: save it and start over; hand-over: reset, and sign "
     text += "out the phones; undo the last order (default: start a class)"
     add("order", nargs="?", choices=ORDERS, metavar="ORDER", help=text)
-    text = "how many simulated ones; HOST:PORT of real ones, or a file of such lines; or both, "
-    text += f"with commas in between{shown}"
+    text = "number of simulated robots; HOST:PORT of real ones, or a file of such lines; or both, "
+    text += f"separated by commas{shown}"
     add("--robots", default="10", metavar="LIST", help=text)
     add("--world", help="where the simulated ones drive (default: the lesson's place, or box)")
     text = "the lesson to begin with; fair-data: robots that know left turns only"
     add("--lesson", choices=tuple(LESSONS), help=text)
-    text = "address for the pupils; 127.0.0.1: only for this computer (default: all it has)"
+    text = "address for the pupils; 127.0.0.1: only for this computer (default: all its addresses)"
     add("--host", default="0.0.0.0", help=text)
-    text = f"the board's port; the robots have those that follow{shown}"
+    text = f"the board's port; the robots use the ports after it{shown}"
     add("--port", type=whole(1024, 65535 - MOST), default=PORT, help=text)
-    text = f"folder for the class's key, and for what each robot keeps{shown}"
+    text = f"folder for the class key and for each robot's data{shown}"
     add("--data", type=Path, default=default_root(), help=text)
     add("-v", "--verbose", action="store_true", help="log more")
 

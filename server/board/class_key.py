@@ -32,7 +32,7 @@ class ClassKey:
         if len(self.secret) < SHORTEST or not self.secret.isascii():
             raise ConfigurationError(
                 f"a class key has at least {SHORTEST} letters and digits; drivelesson board makes "
-                "one where there is none"
+                "one if there is none"
             )
 
     def prove(self, who: str, board_nonce: str, robot_nonce: str, endpoint: str) -> str:

@@ -25,7 +25,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add, shown = parser.add_argument, " (default: %(default)s)"
     text = "HOST:PORT,... or a file of such lines (default: all that the network announces)"
     add("--robots", default=_NETWORK, metavar="LIST", help=text)
-    text, file = f"made if it is not there; the robots need a copy{shown}", "class.key"
+    text = f"file of the class key, made if it is missing; the robots need a copy{shown}"
+    file = "class.key"
     add("--class-key", type=Path, default=default_root() / file, metavar="FILE", help=text)
     add("--port", type=whole(0, 65535), default=8080, help=f"port{shown}")
     text, hz = f"pictures a second of each robot{shown}", number(above=0, most=10)

@@ -190,7 +190,7 @@ class ClassroomExtension(Extension):
     def take_signed_out(self, key: str) -> Sessions:
         """Remove and return the sessions of a key; NotFoundError if there are none."""
         if key not in self._signed_out:
-            raise NotFoundError("these phones were signed in again, or too long ago signed out")
+            raise NotFoundError("these phones signed in again, or were signed out too long ago")
         return self._signed_out.pop(key)
 
     def start(self) -> None:
@@ -213,5 +213,5 @@ class ClassroomExtension(Extension):
 
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:
-        text = "obey the board that has this key; drivelesson board makes it"
+        text = "obey the board that has this class key; drivelesson board makes the key"
         parser.add_argument("--class-key", type=Path, metavar="FILE", help=text)

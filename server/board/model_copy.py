@@ -30,10 +30,10 @@ async def copy_model(source: RobotLink, targets: Sequence[RobotLink]) -> list[st
 
 
 async def _give(target: RobotLink, name: str, data: bytes) -> str | None:
-    so_far = "did not take it, nothing changed"
+    so_far = "did not accept the model, and nothing was changed"
     try:
         kept = name_in(await target.ask("PUT", f"/api/models/{quote(name, safe='')}/file", data))
-        so_far = f"has it as {kept} and goes on with its own"
+        so_far = f"stored the model as {kept}, but keeps using its own"
         await target.ask("POST", f"/api/models/{quote(kept, safe='')}/load", {})
     except RobotError as error:
         return f"{target.name} {so_far}: {error}"

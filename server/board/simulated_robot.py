@@ -172,7 +172,10 @@ def simulated_robots(
         picture_s = next((one.picture_s for one in nurseries), None) or 1 / PER_CORE_HZ
         rate_hz = max(1, min(RATE_HZ, int(cores / picture_s / max(1, count))))
         if rate_hz < RATE_HZ:
-            text = "%d robots on %d cores: %d pictures a second each (%.1f ms of a core a picture)"
+            text = (
+                "%d robots on %d cores: %d pictures a second each (a picture takes %.1f ms of a "
+                "core)"
+            )
             log.warning(text, count, cores, rate_hz, 1000 * picture_s)
         for robot in robots:
             starting.submit(start, robot, rate_hz)

@@ -57,7 +57,7 @@ class RobotAddress:
             if parts.hostname and parts.scheme in ("http", "https") and parts.path in ("", "/"):
                 return cls(parts.hostname, port, parts.scheme == "https")
         raise ConfigurationError(
-            f"{text.strip()!r} is no robot's address; write HOST:PORT, or https://HOST:PORT"
+            f"{text.strip()!r} is not a robot's address; write HOST:PORT, or https://HOST:PORT"
         )
 
     def __str__(self) -> str:

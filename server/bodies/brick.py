@@ -33,7 +33,8 @@ from server.cli.parser import whole
 from server.config import Config
 
 CONSENT = (
-    "The wheels will turn for ten seconds. Lift the robot; then Enter to turn them, n to not: "
+    "The wheels will turn for ten seconds. Lift the robot, then press Enter; or type n to skip "
+    "this: "
 )
 PYTHON_FOLDERS = ("usr/lib/python3.*", "usr/lib/python3/dist-packages")
 
@@ -48,14 +49,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add(
         "address",
         nargs="?",
-        help="the brick: robot@ev3dev.local, root@... to install; to pack, the file to make",
+        help="the brick, such as robot@ev3dev.local (for install: root@...); for pack, the file to "
+        "make",
     )
     add("--port", type=whole(1, 65535), default=PORT, help=f"the agent's port{shown}")
     add(
         "--keep",
         type=Path,
         default=default_root() / "brick",
-        help=f"folder where the brick's Debian is kept{shown}",
+        help=f"folder for the brick's Debian{shown}",
     )
     add(
         "--release",
@@ -63,14 +65,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
         choices=tuple(PYTHON_VERSIONS),
         help=f"Debian release for the brick{shown}",
     )
-    add("--mirror", default="", help="address of a Debian mirror; else this machine's own")
+    add("--mirror", default="", help="address of a Debian mirror (default: this machine's own)")
     add("--from", dest="packed", type=Path, help="install from a file that pack made")
     add(
         "--autostart",
         action="store_true",
         help="have the brick start the agent whenever it starts (asks for the brick's password)",
     )
-    add("--fake", action="store_true", help="let the doctor examine a brick made of files")
+    add("--fake", action="store_true", help="let the doctor examine a simulated brick")
     add("--yes", action="store_true", help="let the doctor turn the wheels without asking")
     add("--script", action="store_true", help="only print what would run on the brick")
 

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     said = ", ".join(f"{name} = {value}" for name, value in measures.items())
     brick = f" --brick {args.brick}" if args.robot == "ev3-remote" else ""
     print(
-        f"\nKept in {args.config}: {said}.\nDrive with: "
+        f"\nSaved in {args.config}: {said}.\nDrive with: "
         f"drivelesson serve --robot {args.robot}{brick} --config {quoted(str(args.config))}"
     )
     return 0
@@ -115,12 +115,12 @@ def correction(measured: float, expected: float, unit: str) -> float:
     """
     if expected <= 0:
         raise ConfigurationError(
-            f"the wheels made {expected:.3g} {unit} of it: check --left-port, --right-port and "
+            f"the wheels measured {expected:.3g} {unit}: check --left-port, --right-port and "
             "--reversed-motors"
         )
     if not 1 / LARGEST_CORRECTION < measured / expected < LARGEST_CORRECTION:
         raise ConfigurationError(
-            f"{measured:.3g} {unit} do not go with the wheels, which make it {expected:.3g}; "
+            f"{measured:.3g} {unit} do not match the wheels, which measured {expected:.3g}; "
             "measure again"
         )
     return measured / expected
@@ -165,5 +165,7 @@ def keep(file: Path, values: Mapping[str, float]) -> None:
             made = parse_settings(head + rest)
         if made != wanted:  # for example, a list over several lines looks like a table
             lines = "; ".join(f"{name} = {value}" for name, value in values.items())
-            raise ValueError(f"its lines cannot be told apart; write into it yourself: {lines}")
+            raise ValueError(
+                f"it cannot be changed automatically; set these values in it yourself: {lines}"
+            )
         write_whole(file, (head + rest).encode())

@@ -48,23 +48,31 @@ def configure(parser: argparse.ArgumentParser) -> None:
     default = default_driver()
     text = f"one of {', '.join(driver_names())}{shown if default else ''}"
     add("--robot", default=default, help=text)
-    text = "where pictures come from; as a rule the robot's own; one of "
+    text = "the camera (default: the robot's own); one of "
     add("--camera", help=text + ", ".join(camera_names()))
-    add("--learner", help="what learns (default: default), also as KIND-NUMBER")
+    add("--learner", help="the learner (default: default), also as KIND-NUMBER")
     number_of_nodes = whole(1, MOST_NODES, or_word="auto")
-    text = "how many images it remembers (default: 32); auto: as many as --rate allows here"
+    text = (
+        "number of images that it remembers (default: 32); auto: as many as --rate allows on this "
+        "computer"
+    )
     add("--max-nodes", type=number_of_nodes, metavar="N", help=text)
-    text = f"frames a second that --max-nodes auto keeps to{shown}"
+    text = f"frames a second that must be possible with --max-nodes auto{shown}"
     add("--rate", type=number(above=0), default=14.0, metavar="HZ", help=text)
     add("--host", help="address to serve on (default: 127.0.0.1)")
     add("--port", type=whole(0, 65535), default=8000, help=f"port{shown}")
     gateway_type().configure(parser)
-    add("--data", type=Path, default=default_root(), help=f"folder for what is kept{shown}")
-    add("--model", metavar="NAME", help="go on with this model, or begin it")
-    add("--name", help="what people call this robot (default: one that it keeps)")
-    text = f"of pictures that the camera does not give as JPEG{shown}"
+    add(
+        "--data",
+        type=Path,
+        default=default_root(),
+        help=f"data folder: models, recordings and settings{shown}",
+    )
+    add("--model", metavar="NAME", help="continue this model; a new name begins a new one")
+    add("--name", help="the robot's name (default: a name that it chose at its first start)")
+    text = f"quality of pictures that the camera does not give as JPEG{shown}"
     add("--jpeg-quality", type=whole(1, 100), default=75, help=text)
-    add("--no-page", action="store_true", help="open no page in this machine's browser")
+    add("--no-page", action="store_true", help="do not open the page in this machine's browser")
     add("--config", type=Path, help="TOML file of settings")
     for extension in installed():
         extension.configure(parser)
@@ -197,7 +205,7 @@ def _name_learner(args: argparse.Namespace) -> str:
 
     cost = choose_max_nodes(args.rate, kind=split_name(full_name(learner, None, 32))[0])
     print(
-        f"This machine holds {args.rate:g} frames a second with {cost.max_nodes} images "
+        f"This machine sustains {args.rate:g} frames a second with {cost.max_nodes} images "
         f"({1000 * cost.frame_s:.1f} ms a frame).",
         flush=True,
     )

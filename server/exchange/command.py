@@ -54,11 +54,18 @@ def configure_export(parser: argparse.ArgumentParser) -> None:
     add("episodes", nargs="+", metavar="EPISODE", help=EPISODE_HELP)
     add("--as", dest="form", required=True, choices=EXPORTS)
     add("--out", type=Path, help="new folder or file")
-    add("--fps", type=whole(1, 240), help="pictures a second: of films, and of datasets (20)")
-    text = "tub: also pictures nobody taught"
+    add(
+        "--fps",
+        type=whole(1, 240),
+        help="pictures a second, for films and datasets (default for datasets: 20)",
+    )
+    text = "tub: also export pictures that nobody taught"
     add("--all", dest="taught_only", action="store_const", const=False, help=text)
-    add("--task", help="lerobot: what the robot does, as a sentence")
-    text = "lerobot: only what LeRobot itself records of the robot, so that both merge"
+    add("--task", help="lerobot: the robot's task, as a sentence")
+    text = (
+        "lerobot: only the features that LeRobot itself records, so that both datasets can be "
+        "merged"
+    )
     add("--plain", action="store_const", const=True, help=text)
 
 
@@ -66,19 +73,19 @@ def configure_import(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("path", type=Path)
     add("--name", help="name of the episode")
-    text = "steering beyond it is a turn, 0 to 1 (default: %(default)s)"
+    text = "larger steering counts as a turn, 0 to 1 (default: %(default)s)"
     add("--threshold", type=float, default=DEFAULT_THRESHOLD, help=text)
-    text = "steering, as it is written, at which the car drives straight on (default: 0)"
+    text = "recorded steering at which the car drives straight on (default: 0)"
     add("--trim", type=float, default=0.0, help=text)
-    text = "steering, as it is written, at full lock (default: 1)"
+    text = "recorded steering at full lock (default: 1)"
     add("--full-lock", type=float, default=1.0, help=text)
-    text = "which move a class is, as free=forward,blocked=left; stop: no example"
+    text = "move of each class, such as free=forward,blocked=left; stop: not an example"
     add("--moves", type=parse_moves, default={}, help=text)
-    text = "what a table's columns are, as picture=1,steering=angle"
+    text = "meaning of a table's columns, such as picture=1,steering=angle"
     add("--columns", type=partial(parse_columns, known=tuple(MEANINGS)), default={}, help=text)
-    text = "ROS bags: the camera's topic and that of the velocities, with a comma between"
+    text = "ROS bags: the topics of camera and velocities, separated by a comma"
     add("--topics", help=text)
-    text = "refuse what would be skipped, and import nothing"
+    text = "import nothing if any picture would be skipped"
     add("--strict", action="store_true", help=text)
 
 
@@ -190,7 +197,10 @@ def _export(
         if line.remark:
             print(f"  {episode.id}: {line.remark}")
         if form == "lerobot" and line.fps != (rate := fps or FPS):
-            print(f"  {episode.id}: {line.fps} pictures a second became {rate}; --fps says another")
+            print(
+                f"  {episode.id}: {line.fps} pictures a second became {rate}; "
+                "--fps chooses another rate"
+            )
 
 
 @contextlib.contextmanager

@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=number(above=0.0, most=1.0),
         default=1.0,
         metavar="SHARE",
-        help="how much of the light is left in the test (default: 1.0)",
+        help="share of the light that is left in the test pictures (default: 1.0)",
     )
     parser.add_argument(
         "--examples",

@@ -26,12 +26,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     text = "names, beginnings of names, files, or last"
     add("episodes", nargs="+", metavar="EPISODE", help=text)
     add("--learner", help="kind of learner, also as KIND-NUMBER (default: as driven)")
-    text = "images it remembers (default: as driven)"
+    text = "number of images that it remembers (default: as driven)"
     add("--max-nodes", type=whole(1, MOST_NODES), metavar="N", help=text)
-    text = "begin with what the robot knew when the first episode began, not with nothing"
+    text = (
+        "begin with the model that the robot had when the first episode began, not with an empty "
+        "one"
+    )
     add("--continue", dest="goes_on", action="store_true", help=text)
     add("--out", metavar="MODEL", help="a name among the models, or a file (.npz)")
-    text = "fail unless the nodes are those that driving made"
+    text = "fail unless the nodes are the same as those learned while driving"
     add("--check", action="store_true", help=text)
     add_data(parser)
 

@@ -46,10 +46,10 @@ _LETTERS = {"forward": "F", "left": "L", "right": "R", "backward": "B", "stop": 
 _AXIS = 96
 _RANGED = {
     "trim": "keep only a range; `undo` takes it back",
-    "delete": "delete a range, or without --from and --to all of it, or of several",
+    "delete": "delete a range; without --from and --to, the whole recording, or several",
     "relabel": "give a range another label; `undo` takes it back",
 }
-_SEARCH_HELP = "those with these words in name, title, date, labels, robot or learner"
+_SEARCH_HELP = "only those with these words in name, title, date, labels, robot or learner"
 VERBS = "drivelesson.episode-commands"
 """Entry points of further verbs: each an `EpisodeVerb`."""
 
@@ -67,7 +67,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
     listed = add("list", list_episodes, "list all episodes, the newest first", of_one=False)
     listed.add_argument("--search", metavar="TEXT", help=_SEARCH_HELP)
-    add("show", show, "show one along its time: labels, and what the robot said")
+    add("show", show, "show one as a timeline: labels, and what the robot proposed")
     for verb, text in _RANGED.items():
         ranged = add(verb, edit, text, of_one=verb != "delete")
         if verb == "delete":
@@ -78,22 +78,27 @@ def configure(parser: argparse.ArgumentParser) -> None:
         if verb == "relabel":
             text = "name of a move, such as left"
             ranged.add_argument("--label", required=True, metavar="MOVE", help=text)
-    add("undo", undo, "take the last edit back")
+    add("undo", undo, "undo the last edit")
     zipped = add("zip", write_zip, "write several into one zip file, with edits", of_one=False)
     add_several(zipped)
     zipped.add_argument("--out", type=Path, metavar="FILE", help="new file (default: in exports/)")
     text = "delete them once the zip file is complete; `restore` brings them back"
     zipped.add_argument("--delete", action="store_true", help=text)
     restore = add("restore", restore_episode, "bring back what was deleted", of_one=False)
-    restore.add_argument("key", nargs="?", metavar="WORD", help="as `delete` printed it")
-    add("compact", compact, "work the edits into the recording")
+    restore.add_argument("key", nargs="?", metavar="WORD", help="the word that `delete` printed")
+    add("compact", compact, "apply the edits to the recording itself")
     add("title", set_title, "give one a title").add_argument("title")
-    add("protect", protect, "never offer one for deletion")
-    add("unprotect", protect, "offer it again")
+    add("protect", protect, "protect one: never offer it for deletion")
+    add("unprotect", protect, "remove the protection: offer it for deletion again")
     for point in points(VERBS):
         added: EpisodeVerb = point.load()
         added.configure(add(point.name, added.run, added.help, of_one=False))
-    budget = add("budget", show_budget, "what is kept, and what could go", of_one=False)
+    budget = add(
+        "budget",
+        show_budget,
+        "show the space that is used, and what could be deleted",
+        of_one=False,
+    )
     budget.add_argument("--gigabytes", type=number(least=0), help="space for episodes")
     text = f"delete for good what was deleted; after {TRASH_DAYS} days it goes by itself"
     add("empty-trash", empty_trash, text, of_one=False)
@@ -154,8 +159,8 @@ def _print_half_done(storage: Storage) -> None:
     for path in storage.half_done():
         what = path.relative_to(storage.root).as_posix()
         print(
-            f"unfinished: {what}, {size_of(path) / 1e6:.1f} MB: what wrote it was ended; the next "
-            "start of the robot, or the next import, removes it"
+            f"unfinished: {what}, {size_of(path) / 1e6:.1f} MB: the program that wrote it was "
+            "ended; the next start of the robot, or the next import, removes it"
         )
 
 

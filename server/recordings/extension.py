@@ -29,7 +29,7 @@ class RecordingsExtension(Extension):
 
     @classmethod
     def configure(cls, parser: argparse.ArgumentParser) -> None:
-        text = "keep recordings in which nothing was taught, too: for research"
+        text = "also keep recordings in which nothing was taught (for research)"
         parser.add_argument("--keep-drives", action="store_true", help=text)
 
 

@@ -26,7 +26,7 @@ class EpisodeVerb(NamedTuple):
 
 
 def add_data(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--data", type=Path, default=None, help="folder for what is kept")
+    parser.add_argument("--data", type=Path, default=None, help="data folder of the robot")
 
 
 def find_id(store: EpisodeStore, name: str) -> str:

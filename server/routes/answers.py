@@ -21,9 +21,9 @@ _T = TypeVar("_T")
 _WHY = {
     400: "the body or the path is malformed",
     401: "this browser is not admitted",
-    403: "this browser may not",
+    403: "this browser does not have the right",
     404: "not there",
-    409: "not now, or not with this value",
+    409: "not possible now, or not with this value",
     413: "the body is too large",
     421: "addressed to another name",
     422: "a value cannot be used",

@@ -18,11 +18,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--trial", type=int, choices=tuple(TRIALS), default=1, help="which (default: %(default)s)"
     )
     new.set_defaults(action=_new)
-    check = commands.add_parser("check", help="read a plan and say what it comes to")
+    check = commands.add_parser("check", help="check a plan and print a summary")
     check.add_argument("plan", type=Path, metavar="PLAN.toml", help="the plan")
     check.set_defaults(action=_check)
-    report = commands.add_parser("report", help="make the table again from a zip")
-    report.add_argument("zip", type=Path, metavar="ZIP", help="as the page gave it")
+    report = commands.add_parser("report", help="rebuild the table from a zip")
+    report.add_argument(
+        "zip", type=Path, metavar="ZIP", help="the zip file that was downloaded from the page"
+    )
     report.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="folder for the table"
     )

@@ -47,13 +47,17 @@ def check_body(body: Any, condition: Condition) -> None:
     if here not in (None, place):
         do = f"choose {place!r} under Settings, Place, while no session is on"
         if place not in worlds:
-            do = "that is no place under Settings: start the robot with --world and its TOML file"
+            do = (
+                "this place is not offered under Settings: start the robot with --world and its "
+                "TOML file"
+            )
         raise ConfigurationError(
-            f"this is driven in the world {condition.world!r}, and this is {here!r}; {do}"
+            f"this condition needs the world {condition.world!r}, but the robot is in {here!r}; "
+            f"{do}"
         )
     missing = set(condition.moves) - set(body.moves)
     if missing:
-        raise ConfigurationError(f"this robot cannot {', '.join(sorted(missing))}")
+        raise ConfigurationError(f"this robot lacks the moves {', '.join(sorted(missing))}")
 
 
 def _in_turn(act: _Act) -> _Act:

@@ -35,16 +35,16 @@ def rooms(root: Path, package: str) -> set[str]:
     }
 
 
-def drawn_floors(root: Path, package: str) -> list[set[str]]:
-    """Return the floors of a package as the architecture page draws them, top first."""
+def drawn_layers(root: Path, package: str) -> list[set[str]]:
+    """Return the layers of a package as the architecture page draws them, top first."""
     page = (root / "docs/explanation/architecture.md").read_text("utf-8")
-    found = re.search(rf"```floors {package}\n(.*?)```", page, re.DOTALL)
+    found = re.search(rf"```layers {package}\n(.*?)```", page, re.DOTALL)
     assert found, f"the page has no map of {package}"
     return [set(line.split("  ")[0].split(" | ")) for line in found[1].splitlines() if line.strip()]
 
 
-def contracted_floors(root: Path, package: str) -> list[set[str]]:
-    """Return the floors of a package as the contract in pyproject.toml has them, top first."""
+def contracted_layers(root: Path, package: str) -> list[set[str]]:
+    """Return the layers of a package as the contract in pyproject.toml has them, top first."""
     settings = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))
     [layers] = [
         contract["layers"]

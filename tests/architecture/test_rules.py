@@ -37,9 +37,9 @@ def test_a_class_name_used_twice_is_found(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("package", rules.PACKAGES)
 def test_the_map_shows_the_folders_that_there_are(package: str) -> None:
-    drawn = rules.drawn_floors(ROOT, package)
+    drawn = rules.drawn_layers(ROOT, package)
     assert set().union(*drawn) == rules.rooms(ROOT, package)
-    assert drawn == rules.contracted_floors(ROOT, package)
+    assert drawn == rules.contracted_layers(ROOT, package)
 
 
 @pytest.mark.parametrize("package", rules.PACKAGES)

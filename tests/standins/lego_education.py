@@ -38,7 +38,7 @@ class FakeDoubleMotor:
     """`told` has (direction, percent, milliseconds); `cut` carries it out of reach.
 
     What one program has set (`end_state`, `acceleration`, `steering`) holds in the next one, as in
-    the motor. `others` are motors that are in reach as well.
+    the motor. `others` are motors that are in range as well.
     """
 
     def __init__(self, address: str = "A4:34:F1:00:00:01") -> None:

@@ -42,7 +42,7 @@ LOST_AFTER_S = 1.0
 class FakeHub:
     """`ends_s` says of each motor when its firmware ends what it was told last.
 
-    `others` are hubs that are in reach as well.
+    `others` are hubs that are in range as well.
     """
 
     def __init__(self, name: str = "Pybricks Hub", address: str = "00:16:53:00:00:01") -> None:

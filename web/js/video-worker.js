@@ -1,4 +1,4 @@
-// Receives, decodes, draws and acknowledges pictures off the page's main thread, which so has time for
+// Receives, decodes, draws and acknowledges pictures in a worker, so that the page's main thread has time for
 // touches and for the heartbeat.
 //
 // The page posts `{canvas, originMs}` once, then `{open: url}` or `{close: true}`; it receives `'ready'`,
@@ -12,7 +12,7 @@ const page = /** @type {any} */ (self);
 let socket = null;
 /** @type {Painter | null} */
 let painter = null;
-let aheadMs = 0; // by which the clock of this thread is ahead of the clock of the page
+let aheadMs = 0; // the lead of this thread's clock over the page's clock
 
 page.onmessage = (/** @type {MessageEvent} */ { data }) => {
   if (data.canvas) {

@@ -1,8 +1,8 @@
-// Redeems the one-time token behind the # of the address, or one typed by hand, for a cookie.
-// What stands behind the # is never sent to a server or written into a log. This page speaks for
-// itself: an unpaired browser gets nothing else of the program, and its words come inside it.
+// Exchanges the one-time token after the # of the address, or a typed token, for a cookie.
+// Browsers send the part after the # to no server, so it appears in no log. This page contains its own
+// sentences, because an unpaired browser gets no other file of the program.
 
-/** How long a sentence stands before the page behind it opens. */
+/** Time for which a sentence is shown before the robot's page opens. */
 const READ_MS = 6000;
 
 /** @type {Record<string, Record<string, string>>} in each language */
@@ -85,7 +85,7 @@ form.addEventListener('submit', (event) => {
   redeem(field.value);
 });
 
-/** A new token behind the # of an address that is open already loads no page. */
+/** Also called for a new token after the # of the open address, because that loads no page. */
 function redeemAddress() {
   const token = location.hash.slice(1);
   if (!token) return;

@@ -86,7 +86,8 @@ def _versions(facts: BrickFacts) -> Iterator[Finding]:
         f"agent {there['release']}, Python {there['python']}, Linux {there['kernel']} "
         f"on {there['machine']}",
         note=there["release"] != facts.release
-        and f"the agent is another than this program's; drivelesson brick agent {host}",
+        and "this agent has another version than this program; update it: drivelesson brick agent "
+        f"{host}",
     )
 
 
@@ -107,7 +108,7 @@ def _line(facts: BrickFacts) -> Iterator[Finding]:
 def _clock(facts: BrickFacts) -> Iterator[Finding]:
     hours = facts.clock_ahead_s / 3600
     if abs(hours) < 1 / 60:
-        yield _judge("clock", "as on this computer, to the minute")
+        yield _judge("clock", "agrees with this computer's to the minute")
         return
     yield _judge(
         "clock",
@@ -162,7 +163,7 @@ def _faults(facts: BrickFacts, turn: WheelTurn) -> Iterator[tuple[str, str]]:
         elif turn.is_stalled[index] or abs(turned) < 0.1 * abs(asked):
             yield (
                 f"{where} did not turn when it was driven",
-                "turn it by hand: does something hold it fast? Then check the gears and the cable",
+                "turn it by hand: is it blocked? Then check the gears and the cable",
             )
         elif turned * asked < 0:
             yield f"{where} turned backward", "serve with --reversed-motors yes"
@@ -176,7 +177,8 @@ def _faults(facts: BrickFacts, turn: WheelTurn) -> Iterator[tuple[str, str]]:
 def _sensors(facts: BrickFacts) -> Iterator[Finding]:
     found = facts.inspected["sensors"]
     welcome = (
-        "the robot drives without; an ultrasonic and two touch sensors are welcome at any port"
+        "the robot can drive without sensors; it uses an ultrasonic and two touch sensors at any "
+        "port"
     )
     yield _judge("sensors", _listed(found), note=not found and welcome)
 
@@ -232,10 +234,11 @@ def _offers(camera: dict[str, Any]) -> Iterator[Finding]:
         text = "; ".join(f"{kind} {', '.join(sizes)}" for kind, sizes in offers.items())
         advice = (
             "YUYV" not in offers
-            and "serve beside the brick, not on it: the brick cannot read MJPEG"
+            and "run the server on another computer, not on the brick, which cannot read MJPEG"
         ) or (
             "160x120" not in offers.get("YUYV", ())
-            and "pictures come more slowly: the brick's bus carries ten of 160x120 a second"
+            and "expect a lower frame rate: the brick's USB bus carries ten pictures of 160x120 a "
+            "second"
         )
         yield _judge("camera", f"{camera['device']}: {text}", note=advice)
 
@@ -248,10 +251,10 @@ def _pictures(pictures: Sequence[RemotePicture]) -> Finding:
     rate_hz = (len(pictures) - 1) / span_s if span_s > 0 else 0.0
     return _judge(
         "pictures",
-        f"{rate_hz:.1f} a second, {1000 * usual:.0f} ms old, 19 of 20 under {1000 * old:.0f}; "
+        f"{rate_hz:.1f} a second, {1000 * usual:.0f} ms old (95 % under {1000 * old:.0f} ms); "
         f"{last.width}x{last.height} {last.encoding}",
         wrong=usual > 0.3
         and "too old to drive at speed; look at the Wi-Fi and the camera's cable first",
         note=(usual > 0.18 or rate_hz < 7)
-        and "the robot will slow down; is the hub shared with more than camera and Wi-Fi?",
+        and "the robot will slow down; is anything besides camera and Wi-Fi on the USB hub?",
     )

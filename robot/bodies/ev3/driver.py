@@ -32,25 +32,25 @@ class ChassisOptions(Options):
     left_port: str = option("outB", "port of the left motor")
     right_port: str = option("outC", "port of the right motor")
     ultrasonic_port: str = option(
-        "auto", "port of the ultrasonic sensor; auto takes one if it is there, or none"
+        "auto", "port of the ultrasonic sensor; auto uses one if it is plugged in; none ignores it"
     )
     touch_port: str = option(
         "auto",
-        "ports of the bumpers (touch sensors) from left to right, as in4,in1; "
-        "auto takes all that are there, by port; or none",
+        "ports of the bumpers (touch sensors) from left to right, such as in4,in1; auto uses all "
+        "that are plugged in, ordered by port; none ignores them",
     )
     wheel_diameter_m: float = option(
-        0.0509, "wheel diameter in metres, as calibrate measures it", range=(0.005, 1.0)
+        0.0509, "wheel diameter in metres; calibrate measures it", range=(0.005, 1.0)
     )
     track_m: float = option(0.124, "distance between the wheels in metres", range=(0.01, 2.0))
     forward_speed_mps: float = option(0.16, "straight speed in metres a second", range=(0.005, 5.0))
     turn_rate_deg_s: float = option(18.5, "turning rate in degrees a second", range=(0.5, 720.0))
     turn_by: str = option(
         "backward",
-        "a turn drives one wheel backward (as the paper's), one forward, or both",
+        "how to turn: one wheel backward (as in the paper), one wheel forward, or both",
         choices=("backward", "forward", "both"),
     )
-    reversed_motors: bool = option(False, "both motors are mounted the other way round")
+    reversed_motors: bool = option(False, "both motors are mounted in reverse")
 
     def check(self) -> None:
         if self.left_port == self.right_port:

@@ -42,7 +42,9 @@ class BrickConnection:
         self._seal: Seal | None = None
         hello = self._next_message()
         if hello["hello"] != PROTOCOL:
-            raise ValueError(f"it speaks version {hello['hello']}, this program version {PROTOCOL}")
+            raise ValueError(
+                f"it speaks protocol version {hello['hello']}, this program {PROTOCOL}"
+            )
         theirs, ours = str(hello["nonce"]), secrets.token_hex(16)
         proof = prove(secret, "controller", theirs, ours)
         self.send({"do": "join", "nonce": ours, "proof": proof})

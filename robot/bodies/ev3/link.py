@@ -85,7 +85,10 @@ class BrickLink:
     def fault(self) -> str | None:
         """The connection's fault, as a sentence; None if the brick answers."""
         if self._lost is None and self.clock.now_s() - self._received_s > SILENCE_S:
-            return f"the brick at {self.address} does not answer; is it on, and in the network?"
+            return (
+                f"the brick at {self.address} does not answer; is it switched on, and in this "
+                "network?"
+            )
         return self._lost
 
     def _say_lost(self, why: object) -> str:
@@ -142,7 +145,7 @@ class BrickLink:
             if not self._answers and not self.clock.wait(
                 self._answered, max(0.0, deadline_s - self.clock.now_s())
             ):
-                raise DriveError(f"the brick at {self.address} gives no answer")
+                raise DriveError(f"the brick at {self.address} does not answer")
             message = self._answers.popleft()
             if "failed" in message:
                 raise DriveError(f"brick {self.address}: {message['failed']}")

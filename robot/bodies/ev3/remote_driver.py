@@ -67,9 +67,9 @@ class RemoteBody:
 class Ev3RemoteOptions(ChassisOptions):
     """The robot's dimensions, and its brick's address."""
 
-    brick: str = option("", "address of the brick, as ev3dev.local or 192.168.1.7:8765")
+    brick: str = option("", "address of the brick, such as ev3dev.local or 192.168.1.7:8765")
     brick_secret: str = option(
-        "", "secret shared with the agent; else the one that `brick agent` kept", secret=True
+        "", "secret shared with the agent (default: the one that `brick agent` stored)", secret=True
     )
 
 

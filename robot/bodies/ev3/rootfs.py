@@ -65,7 +65,7 @@ def build_userland(folder: Path, release: str = DEFAULT_RELEASE, mirror: str = "
     if shutil.which("mmdebstrap") is None:
         raise ConfigurationError(
             "mmdebstrap is not installed; on Debian and Ubuntu: apt install mmdebstrap "
-            "debian-archive-keyring; elsewhere do this inside a Debian container"
+            "debian-archive-keyring; on other systems, run this command in a Debian container"
         )
     done = subprocess.run(
         [

@@ -156,7 +156,10 @@ class Ev3StockOptions(ChassisOptions):
     """The robot's dimensions, and its brick's connection."""
 
     line: str = option("usb", "way to the brick", choices=("usb", "bluetooth", "wifi"))
-    brick: str = option("", "its ID, as 00:16:53:3f:0c:1e: for Bluetooth, or if there are several")
+    brick: str = option(
+        "",
+        "its ID, such as 00:16:53:3f:0c:1e; needed for Bluetooth, or if there are several bricks",
+    )
     beacon_port: int = option(BEACON_PORT, "UDP port of bricks on Wi-Fi", range=(1, 65535))
 
 

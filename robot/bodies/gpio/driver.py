@@ -37,9 +37,11 @@ class GpioOptions(Options):
     )
     bumper_pin: str = option("", "pin of a bumper's switch to ground; empty: none")
     straight_speed: float = option(
-        0.6, "share of the motors' full speed, straight on", range=(0.01, 1.0)
+        0.6, "speed straight ahead, as a share of the motors' full speed", range=(0.01, 1.0)
     )
-    turn_speed: float = option(0.4, "share of it in turns", range=(0.01, 1.0))
+    turn_speed: float = option(
+        0.4, "speed in turns, as a share of the motors' full speed", range=(0.01, 1.0)
+    )
 
     def check(self) -> None:
         self.settings()
@@ -53,7 +55,7 @@ class GpioOptions(Options):
         used = [*motors[0], *motors[1], *bumper]
         if len(set(used)) != len(used):
             named = (f"{_flag(n)} {getattr(self, n) or 'none'}" for n in (*names, "bumper_pin"))
-            raise ConfigurationError(f"a pin is named twice in {', '.join(named)}")
+            raise ConfigurationError(f"a pin is used twice in {', '.join(named)}")
         return {
             "motor_board": self.motor_board,
             "motor_pins": motors,

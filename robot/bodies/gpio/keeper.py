@@ -46,7 +46,7 @@ def make_motors(settings: dict[str, Any]) -> TimedMotors:
 
 
 def keep(motors: TimedMotors, line: Connection, clock: Clock) -> None:
-    """Obey orders until the connection ends, as after the robot's program; then stop."""
+    """Obey orders until the connection ends, usually with the robot's program; then stop."""
     try:
         while True:
             left_ms = motors.left_ms(_ms(clock))
@@ -84,7 +84,7 @@ def _kill(pid: int, *_: object) -> None:
 
 
 def outlive(work: Callable[[], None]) -> None:
-    """Run the work in a child; replace a killed child, until a child ends by itself.
+    """Run the work in a child process; replace the child if it is killed, until one ends by itself.
 
     SIGUSR1 kills a child that hangs. The next child has the pins within milliseconds, and stops the
     motors. A newly started program would need seconds, while the motors run on.

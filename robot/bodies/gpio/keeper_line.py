@@ -53,11 +53,11 @@ class KeeperLine:
             self._waits_s = now_s  # its answer came after the timeout
         silent_s = now_s - self._waits_s
         if self._has_ended or silent_s > START_S:
-            self._trouble = self._trouble or "it ended, and another one starts"
+            self._trouble = self._trouble or "it ended, and is being restarted"
             self._end()
             self._start()
         elif not self._trouble and silent_s > HANGS_S:
-            self._trouble = "it hung, and another one takes the pins"
+            self._trouble = "it hung, and is being replaced"
             self._process.send_signal(signal.SIGUSR1)
         if self._trouble:
             raise ConnectionError(self._trouble)

@@ -26,7 +26,7 @@ _MOST_NUMBERS = 64
 _MOST_MOVES = 32
 """Maximum number of moves in a model."""
 _NO_BOUND = 1e6
-"""A larger bound of a space only says "no bound"."""
+"""A larger bound of a space means "no bound"."""
 _LONGEST_NAME, _LONGEST_LABEL = 32, 24
 _CAR_RACING = (
     "left=-0.6,0.1,0; right=0.6,0.1,0; forward=0,0.3,0; brake=0,0,0.5; coast=0,0,0",
@@ -198,13 +198,13 @@ def _numbers_in(space: Any, name: str, whose: str) -> Iterator[Number]:
         least, most = space.low, space.high
     else:
         raise ConfigurationError(
-            f"the actions of {whose} are {str(space)[:200]}: a {kind} is more than numbers, and "
-            "this robot gives numbers"
+            f"the actions of {whose} are {str(space)[:200]}: this robot can only send numbers, not "
+            f"a {kind}"
         )
     if np.size(least) > _MOST_NUMBERS:
         raise ConfigurationError(
-            f"an action of {whose} has {np.size(least)} numbers; more than {_MOST_NUMBERS} are no "
-            "moves for a thumb. Wrap it in an environment of your own with fewer"
+            f"an action of {whose} has {np.size(least)} numbers, too many to drive with a thumb "
+            f"(at most {_MOST_NUMBERS}). Wrap it in an environment of your own with fewer"
         )
     unit = name or ("button" if kind == "MultiBinary" else "axis")
     is_whole = kind != "Box" or not np.issubdtype(space.dtype, np.floating)
@@ -246,13 +246,13 @@ def _read(table: str, form: ActionForm) -> _Chosen:
         except ValueError as error:
             raise ConfigurationError(f"{bad} is unclear: {error}; {_help(form)}") from error
         if move is Action.STOP or move in {other for other, _ in chosen}:
-            why = "the robot stands without it" if move is Action.STOP else "it is there twice"
+            why = "stopping is not a move" if move is Action.STOP else "it is named twice"
             raise ConfigurationError(f"{bad} cannot be a move: {why}")
         if len(values) != len(form.numbers):
             raise ConfigurationError(f"{bad} has {len(values)}; {_help(form)}")
         for value, number in zip(values, form.numbers, strict=True):
             if not number.accepts(value):
-                raise ConfigurationError(f"{bad} is no action: {value:g} is not {number}")
+                raise ConfigurationError(f"{bad} is not an action: {value:g} is not {number}")
         chosen.append((move, values))
     return chosen
 

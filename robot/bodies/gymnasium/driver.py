@@ -25,17 +25,19 @@ class GymnasiumOptions(Options):
     env: str = option("CarRacing-v3", "name of a Gymnasium environment, or module:NAME")
     env_moves: str = option(
         "",
-        "its moves, as 'left=-0.6,0,0; right=0.6,0,0' or 'left=0; right=1'; default: its own "
-        "names, or each number by itself",
+        "its moves, such as 'left=-0.6,0,0; right=0.6,0,0' or 'left=0; right=1' (default: its own "
+        "names, or a move for each number)",
     )
-    env_options: str = option("", "for its maker, as obs_width=160,obs_height=120")
+    env_options: str = option(
+        "", "options for making the environment, such as obs_width=160,obs_height=120"
+    )
     env_picture: str = option(
-        "auto", "what is seen: its observation, or what it renders", choices=PICTURES
+        "auto", "the picture: its observation, or what it renders", choices=PICTURES
     )
     env_steps: int = option(
-        0, "its steps for each picture; 0: 5 for CarRacing, else 1", range=(0, 50)
+        0, "steps for each picture; 0 means 5 for CarRacing, and 1 otherwise", range=(0, 50)
     )
-    env_seed: int = option(1, "of the first game", range=(0, 2**31))
+    env_seed: int = option(1, "seed of the first game", range=(0, 2**31))
 
 
 class GymnasiumDriver(ConnectedDriver[bool]):

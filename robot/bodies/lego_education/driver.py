@@ -77,12 +77,13 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         if not found:
             name = f" with {self.options.hub!r} in its name" if self.options.hub else ""
             raise DriveError(
-                f"no double motor{name} is in reach; is it on, and not connected elsewhere?"
+                f"no double motor{name} is in range; is it switched on, and not connected "
+                "elsewhere?"
             )
         nameless = [one for one in found if one.address == one.name]
         if nameless and len(found) < len(searched):  # the library logs only their names
             raise DriveError(
-                f"which double motor? Several in reach are called {nameless[0]}; give each a name "
+                f"which double motor? Several in range are called {nameless[0]}; give each a name "
                 "of its own, or install a newer version of LEGO's library, which shows addresses"
             )
         with told_as(DriveError, "which double motor?", ConnectionError):
@@ -107,7 +108,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
                 raise errors[0]
         except Exception as error:
             why = name_trouble(error) or f"{error}; is Bluetooth on?"
-            raise DriveError(f"no double motor can be sought: {why}") from error
+            raise DriveError(f"cannot search for double motors: {why}") from error
         return [one for one in found or () if name or _as_found(one).is_called(wanted)]
 
     @property
@@ -130,7 +131,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
 
     def _set_up(self, motor: Any) -> None:
         """Set every value that a motor may retain from another program, for example its braking."""
-        with told_as(DriveError, "the double motor takes no settings", Exception):
+        with told_as(DriveError, "the double motor did not accept its settings", Exception):
             motor.movement_set_end_state(self._library.MOTOR_END_STATE_BRAKE)
             motor.movement_set_acceleration(FULL_PERCENT, FULL_PERCENT)
             motor.movement_set_turn_steering(TURN_STEERING)
@@ -147,7 +148,7 @@ class LegoEducationDriver(ConnectedDriver[Any]):
             return
         is_straight = action in (Action.FORWARD, Action.BACKWARD)
         percent = self.options.straight_percent if is_straight else self.options.turn_percent
-        with told_as(DriveError, "the double motor takes no command", Exception):
+        with told_as(DriveError, "the double motor did not accept a command", Exception):
             connection.movement_move_for_time(
                 round(1000 * ACTION_TIMEOUT_S),
                 direction=getattr(self._library, _DIRECTIONS[action]),
@@ -190,7 +191,8 @@ class LegoEducationDriver(ConnectedDriver[Any]):
         silent_s = self._clock.now_s() - self._heard_s
         if not motor.connected or silent_s > GONE_S:
             raise DriveError(
-                f"the double motor has told nothing for {silent_s:.1f} s; is it on and in reach?"
+                f"the double motor has sent nothing for {silent_s:.1f} s; is it switched on and in "
+                "range?"
             )
 
 

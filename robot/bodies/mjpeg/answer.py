@@ -49,7 +49,7 @@ class Answer(HTTPResponse):
                 raise
             self._is_silent = True
         if not head.strip():
-            raise ConnectionError("it hung up without a word")
+            raise ConnectionError("it closed the connection without an answer")
         picture = _START.search(head)
         end = picture.start() if picture else len(head)
         if head.lstrip().startswith(b"--"):  # no head: the stream began at once
@@ -132,13 +132,13 @@ class PictureFinder:
         if self.n_whole:
             return None
         if self._n_cut:
-            return "its pictures are cut or damaged; choose smaller ones, or a lower rate"
+            return "its pictures are cut off or damaged; choose smaller ones, or a lower rate"
         if self.has_begun:
-            return "a picture has begun and does not end; choose a smaller one in its settings"
+            return "a picture began but did not end; choose smaller pictures in its settings"
         if not self._received:
-            return "it has answered and sends nothing; end its other viewers, or restart it"
+            return "it answered, but sends nothing; close its other viewers, or restart it"
         kind = self._type or "something"
-        return f"it sends {kind} in which there is no JPEG or PNG; choose MJPEG in its settings"
+        return f"it sends {kind} without any JPEG or PNG picture; choose MJPEG in its settings"
 
     def _go_to_start(self) -> bool:
         start = _START.search(self._buffer)

@@ -26,7 +26,7 @@ class MjpegOptions(Options):
     """The source of the pictures."""
 
     source: str = option(
-        "", "address (URL) of the stream, as http://192.168.4.1:81/stream", secret=True
+        "", "address (URL) of the stream, such as http://192.168.4.1:81/stream", secret=True
     )
 
 
@@ -81,7 +81,7 @@ class MjpegCamera(WatchedCamera):
             try:
                 data = self._line.read1(65_536)
             except TimeoutError as error:
-                why = finder.explain() or self._reason or "nothing has come for 2 s"
+                why = finder.explain() or self._reason or "nothing was received for 2 s"
                 raise CameraError(why) from error
             now_s = self.clock.now_s()
             if not data:
@@ -137,5 +137,8 @@ class MjpegCamera(WatchedCamera):
 
 def _ended(n_pictures: int) -> str:
     if n_pictures == 1:
-        return "it hangs up after one picture; give the address of its stream, not of one picture"
+        return (
+            "it closes the connection after one picture; give the address of its stream, not of "
+            "one picture"
+        )
     return "the stream ended"

@@ -25,9 +25,9 @@ _MOVED = (301, 302, 303, 307, 308)
 _PAGES = ("text/", "application/json", "application/xml", "application/xhtml")
 _ADVICE = {
     401: "it wants a user and a password, as in --source http://USER:PASSWORD@ADDRESS/PATH",
-    403: "it lets nobody in from here; look into its settings",
+    403: "it refuses connections from this computer; check its settings",
     404: "there is nothing at this path; look up the address of the stream in its manual",
-    503: "it is busy; end its other viewers, or restart it",
+    503: "it is busy; close its other viewers, or restart it",
 }
 
 
@@ -57,7 +57,7 @@ class CameraLine:
             if isinstance(error, CameraError):
                 raise
             why = (
-                "leads in a circle, or to an address that is none; look up that of its stream"
+                "redirects in a circle, or to an invalid address; look up the address of its stream"
                 if isinstance(error, ValueError)
                 else f"does not answer ({error}); is it switched on and in the same network, and "
                 "is the port right?"
@@ -121,9 +121,12 @@ class CameraLine:
         if answer.status // 100 != 2:
             advice = _ADVICE.get(answer.status, "restart it, or look up the address in its manual")
             if answer.status == 401 and self._user:
-                advice = "it does not take this user and password; look them up in its settings"
+                advice = "it does not accept this user and password; look them up in its settings"
         elif kind.startswith(_PAGES):
-            advice = "that is a page; give the address of the stream itself, as its manual names it"
+            advice = (
+                "this is the address of a web page; give the address of the stream, as in the "
+                "camera's manual"
+            )
         else:
             return
         said = f"{answer.status} {kind}".rstrip()
@@ -143,8 +146,8 @@ class CameraLine:
             words = _Digest(passwords).get_authorization(asked, challenge)
         if words is None:
             raise CameraError(
-                f"the camera at {asked.host} asks for a password in a way that is not known here; "
-                "choose Basic, or Digest with MD5 or SHA-256, in its settings"
+                f"the camera at {asked.host} uses an unsupported kind of password; choose Basic, "
+                "or Digest with MD5 or SHA-256, in its settings"
             )
         return f"Digest {words}".encode().decode("latin-1")  # UTF-8 bytes, as text for a head
 
@@ -178,5 +181,5 @@ def _checked(url: SplitResult) -> str:
     """Return an address without user and password; ValueError if it cannot be a camera."""
     host = url.netloc.rpartition("@")[2].encode("idna").decode()
     if url.scheme not in _LINES or not url.hostname or url.port == 0:
-        raise ValueError("no address of a camera")
+        raise ValueError("not the address of a camera")
     return url._replace(netloc=host).geturl()

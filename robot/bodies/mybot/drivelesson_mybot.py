@@ -15,7 +15,7 @@ from robot.types import Action, Point, Sensors
 class MybotOptions:
     """Each field becomes a flag of the command line."""
 
-    mybot_address: str = field(default="192.168.4.1:80", metadata={"help": "its HOST:PORT"})
+    mybot_address: str = field(default="192.168.4.1:80", metadata={"help": "the robot's HOST:PORT"})
 
 
 class MybotDriver(ConnectedDriver[HTTPConnection]):

@@ -62,4 +62,4 @@ class PhoneCamera(WatchedCamera):
             self._report_fault(reason)
 
     def _name_fault(self, wrong: str) -> str:
-        return self._reason or f"The phone {wrong}: is its page in front and awake?"
+        return self._reason or f"The phone {wrong}: is its page visible, and its screen on?"

@@ -18,7 +18,7 @@ from robot.errors import need
 class PybricksOptions(Options):
     """The hub to use, and its program's moves."""
 
-    hub: str = option("", "the hub's name or address; needed if several are in reach")
+    hub: str = option("", "the hub's name or address; needed if several are in range")
     body_moves: str = moves_option("forward,left,right,backward")
 
 
@@ -27,8 +27,8 @@ class PybricksDriver(ReportingDriver):
 
     name: ClassVar[str] = "pybricks"
     options_type: ClassVar[type[Any]] = PybricksOptions
-    no_answer = "does docs/examples/firmware/hub.py run on it?"
-    no_obedience = "does it run docs/examples/firmware/hub.py of this version?"
+    no_answer = "is docs/examples/firmware/hub.py running on it?"
+    no_obedience = "is it running docs/examples/firmware/hub.py of this version?"
 
     def __init__(self, options: PybricksOptions, clock: Clock | None = None) -> None:
         super().__init__(options, f"the hub {options.hub!r}" if options.hub else "the hub", clock)

@@ -63,7 +63,7 @@ async def find_hub(bluetooth: Any, same: SameDevice, clock: Clock) -> tuple[Foun
     hubs = [hub for hub, _ in seen.values()]
     chosen = same.pick(hubs)
     if chosen is None:
-        none = "" if same.chosen else "no hub with Pybricks that fits is in reach; "
+        none = "" if same.chosen else "no matching hub that runs Pybricks is in range; "
         raise ConnectionError(none + same.name_absent(hubs))
     return seen[chosen.address]
 
@@ -90,7 +90,7 @@ class HubLine(ReconnectingLink):
         if self._client is None:
             raise ConnectionError(self.trouble)
         if not self._runs:
-            raise ConnectionError("its program was ended; its button starts it again")
+            raise ConnectionError("its program has ended; press its button to start it again")
         self._send_one(self._write(self._client, message)).result(SEND_S)
 
     # On the thread -----------------------------------------------------------------------------
@@ -107,7 +107,7 @@ class HubLine(ReconnectingLink):
                 raise ConnectionError(why) from error
             told = str(error) or type(error).__name__
             raise ConnectionError(
-                f"{hub} does not connect ({told}); is it in reach, and not connected elsewhere?"
+                f"{hub} did not connect ({told}); is it in range, and not connected elsewhere?"
             ) from error
 
     async def _talk(

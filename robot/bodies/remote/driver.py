@@ -159,8 +159,8 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
             return
         self._is_other = self._device not in ("", report.device)
         if self._is_other:
-            other = repr(report.device) if report.device else "one that does not name itself"
-            self._trouble = f" ({other} answers there; {self._device!r} was driven)"
+            other = repr(report.device) if report.device else "a robot without a name"
+            self._trouble = f" ({other} answers there now, not {self._device!r})"
             return
         self._device = report.device
         if self._report is not None and report.nonce != self._report.nonce:
@@ -172,10 +172,12 @@ class ReportingDriver(ConnectedDriver[MessageLine]):
         if silent_s > GONE_S:
             raise DriveError(
                 f"{self._where} has not answered for {silent_s:.1f} s{self._trouble}; "
-                "is it on and in reach?"
+                "is it switched on and in range?"
             )
         if self._disobeyed > 3:
-            raise DriveError(f"{self._where} answers but obeys no order; {self.no_obedience}")
+            raise DriveError(
+                f"{self._where} answers, but does not obey orders; {self.no_obedience}"
+            )
 
 
 def the_only_one(host: str) -> str:
@@ -200,7 +202,7 @@ class RemoteOptions(Options):
     """The robot's address and its moves."""
 
     address: str = option("", "the robot's HOST, or HOST:PORT")
-    secret: str = option("", "secret that the robot knows, too", secret=True)
+    secret: str = option("", "secret shared with the robot", secret=True)
     body_moves: str = moves_option("forward,left,right,backward")
 
 
@@ -211,8 +213,8 @@ class RemoteDriver(ReportingDriver):
     """The `MessageLine`, constructed with host and port."""
     options_type: ClassVar[type[Any]] = RemoteOptions
     hello: ClassVar[bytes] = b"{}"
-    no_answer: ClassVar[str] = "is it on, in the same network, and is this its address?"
-    no_obedience: ClassVar[str] = "is --secret the one that it knows?"
+    no_answer: ClassVar[str] = "is it switched on, in the same network, and is this its address?"
+    no_obedience: ClassVar[str] = "does it have the same --secret?"
 
     def __init__(self, options: RemoteOptions, clock: Clock | None = None) -> None:
         super().__init__(options, f"the robot at {options.address}", clock)

@@ -106,7 +106,7 @@ def _between(value: Any, most: float) -> float | None:
 
 
 def moves_option(default: str) -> Any:
-    return option(default, "what the body can do, as forward,left or fast:0:1 (steering:throttle)")
+    return option(default, "the body's moves, such as forward,left or fast:0:1 (steering:throttle)")
 
 
 def parse_moves(text: str) -> tuple[Move, ...]:
@@ -127,7 +127,8 @@ def parse_moves(text: str) -> tuple[Move, ...]:
             moves.append(move if numbers else CLASSIC.get(action, move))
         except ValueError as error:
             raise ConfigurationError(
-                f"--body-moves: {part.strip()!r} is no move ({error}); as in forward,left,fast:0:1"
+                f"--body-moves: {part.strip()!r} is not a move ({error}); write moves as in "
+                "forward,left,fast:0:1"
             ) from error
     if len({move.name for move in moves}) != len(moves):
         raise ConfigurationError("--body-moves: a move is named twice")

@@ -62,7 +62,7 @@ class SameDevice:
             first, *_ = sorted(fitting)
             listed = ", ".join(str(fitting[address]) for address in sorted(fitting))
             raise ConnectionError(
-                f"{len(fitting)} {self._kind}s in reach fit: {listed}; name yours with "
+                f"{len(fitting)} {self._kind}s in range match: {listed}; name yours with "
                 f"{self._flag} {first}, or give each a name of its own"
             )
         return next(iter(fitting.values()), None)
@@ -71,7 +71,7 @@ class SameDevice:
         """Return the end of the sentence about a device that was not found among these."""
         others = {str(one) for one in found}
         if self.chosen is None:
-            listed = f"; in reach: {', '.join(sorted(others))}" if others else ""
-            return f"is it on, and not connected elsewhere?{listed}"
-        aside = " (another one is in reach, and is left alone)" if others else ""
-        return f"{self.chosen} was lost, and is not in reach{aside}; is it on?"
+            listed = f"; in range: {', '.join(sorted(others))}" if others else ""
+            return f"is it switched on, and not connected elsewhere?{listed}"
+        aside = " (another one is in range, but is not used)" if others else ""
+        return f"{self.chosen} was lost, and is not in range{aside}; is it switched on?"

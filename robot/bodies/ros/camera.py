@@ -30,7 +30,8 @@ class RosCameraOptions(TransportOptions):
     image_topic: str = option("/camera/image_raw/compressed", "topic of the pictures")
     image_type: str = option(
         "compressed",
-        "its type: compressed is sensor_msgs/CompressedImage (JPEG), raw is sensor_msgs/Image",
+        "its message type: compressed is sensor_msgs/CompressedImage (JPEG), raw is "
+        "sensor_msgs/Image",
         choices=tuple(_KINDS),
     )
 
@@ -84,7 +85,7 @@ class RosCamera(WatchedCamera):
             picture = read_pixels(message, data) if self._is_raw else read_jpeg(data)
         except (KeyError, TypeError, ValueError, binascii.Error, RecordingError):
             form = str(message.get("encoding", message.get("format", "something")))[:20]
-            what = "no size and encoding that can be read" if self._is_raw else "no JPEG"
+            what = "with an unsupported size or encoding" if self._is_raw else "which is not JPEG"
             self._reason = f" (it sends {form!r}, {what})"
             return
         if picture.is_too_large:

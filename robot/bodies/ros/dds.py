@@ -300,12 +300,15 @@ class DdsTopics(Topics):
             kinds = self._neighbours.kinds(topic, publishes=publishes)
             if others := ", ".join(sorted(set(kinds) - {kind})):
                 if kind not in kinds:
-                    return f"{topic} has the type {others} there, not {kind}"
+                    return f"{topic} has the type {others} on the robot, not {kind}"
             elif not kinds and kind in _NEEDED:
                 does = "publishes" if publishes else "subscribes to"
                 return f"nothing {does} {topic}, {self._what_is_there()}"
             if not publishes and kind in kinds and self._is_settled(kinds):
-                return f"what subscribes to {topic} asks for a delivery that orders do not have"
+                return (
+                    f"the subscriber of {topic} requests a quality of service (QoS) that orders do "
+                    "not have"
+                )
         return ""
 
     def _what_is_there(self) -> str:
@@ -313,7 +316,7 @@ class DdsTopics(Topics):
         named = sorted({each.topic for each in self._neighbours.endpoints})
         do = "`drivelesson ros-topics` lists what is there"
         if not named:
-            return f"and no robot is seen: is the domain right, and its host in --address? {do}"
+            return f"and no robot was found: are --domain and --address right? {do}"
         return f"but there are {len(named)} other topics: {do}"
 
     def publish(self, topic: str, message: Message, ends: End | None = None) -> None:
@@ -400,8 +403,8 @@ class DdsTopics(Topics):
             self._warn_once(f"a message of {topic} cannot be read: {error!r}")
 
     def _note_sign(self) -> None:
-        """Count a message as a sign of life too, because acknowledgements of a dead subscriber are
-        missing until DDS drops it, though another may have replaced it."""
+        """Count a message as a sign of life, too. After a subscriber has died, its acknowledgements
+        are missing until DDS drops it, even if another subscriber has replaced it."""
         with self._lock:
             if self._unanswered_s is not None:
                 self._unanswered_s = self._clock.now_s()
@@ -417,7 +420,7 @@ class DdsTopics(Topics):
     def _warn_of_others(self) -> None:
         for topic, kind in self._advertised.items():
             if kind in VELOCITIES and self._neighbours.kinds(topic, publishes=True):
-                self._warn_once(f"another node publishes {topic}, too: the newest velocity counts")
+                self._warn_once(f"another node also publishes {topic}: the newest velocity counts")
 
     def _warn_once(self, text: str) -> None:
         if text not in self._warned and len(self._warned) < _MOST_WARNINGS:

@@ -41,7 +41,7 @@ _FIRST_SIGN_S = 3.0
 _FRESH_S = 1.0
 """Age from which a value of a sensor's topic is ignored, in seconds."""
 _STANDS = Point(0.0, 0.0)
-_NO_WATCHDOG = "the robot's watchdog gives no sign of life; does watchdog.py run there?"
+_NO_WATCHDOG = "the robot's watchdog does not answer; is watchdog.py running there?"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,18 +49,20 @@ class RosOptions(TransportOptions):
     """The robot's address, topics and speeds."""
 
     cmd_vel_topic: str = option("/cmd_vel", "topic of the velocities")
-    stamped: bool = option(False, "the robot takes TwistStamped instead of Twist")
+    stamped: bool = option(False, "the robot expects TwistStamped instead of Twist")
     watchdog: bool = option(
-        False, "the robot runs our watchdog.py, which takes the velocities and stops it"
+        False, "the robot runs our watchdog.py, which receives the velocities and stops the robot"
     )
     linear_mps: float = option(
-        0.4, "metres a second at full throttle; forward is half of it", range=(0.001, 5.0)
+        0.4,
+        "metres a second at full throttle; the move forward uses half of it",
+        range=(0.001, 5.0),
     )
     turn_rate_deg_s: float = option(45.0, "degrees a second at full steering", range=(0.1, 720.0))
     body_moves: str = moves_option("forward,left,right,backward,spin_left,spin_right")
     odometry_topic: str = option("", "topic of nav_msgs/Odometry, as /odom; empty: none")
     range_topic: str = option("", "topic of sensor_msgs/Range, a distance ahead; empty: none")
-    advice_topic: str = option("", "topic for what the learner would do, as JSON text; empty: none")
+    advice_topic: str = option("", "topic for the learner's proposals, as JSON text; empty: none")
 
     def check(self) -> None:
         self.check_transport()
@@ -145,7 +147,7 @@ class RosDriver(ConnectedDriver[Topics]):
             connection.publish(self._topic, message, ends)
         except OSError as error:
             raise DriveError(
-                f"{connection.where} takes no velocity: {error or 'too slow'}"
+                f"{connection.where} does not accept velocities: {error or 'too slow'}"
             ) from error
         if ends is not None:  # a stop is sent in spite of any fault
             self._check_heard(connection)
@@ -196,7 +198,7 @@ class RosDriver(ConnectedDriver[Topics]):
         self._check_taken(bridge)
         if bridge.silent_s > GONE_S:
             trouble = f" ({bridge.trouble})" if bridge.trouble else ""
-            stops = "nothing stops its robot unless its base does"
+            stops = "only the robot's own base can stop it now"
             if self.options.watchdog:
                 stops = "the watchdog on the robot stops it"
             raise DriveError(
@@ -206,7 +208,7 @@ class RosDriver(ConnectedDriver[Topics]):
             raise DriveError(_NO_WATCHDOG)
         if self._is_disputed:
             raise DriveError(
-                "the robot's watchdog has it stand: another node drives it at the same time; "
+                "the robot's watchdog stopped it, because another node drives it at the same time; "
                 f"`ros2 topic info -v {self.options.cmd_vel_topic}` on the robot lists them"
             )
 

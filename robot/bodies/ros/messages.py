@@ -174,7 +174,7 @@ class _Reading:
         length = self.number("I")
         data = bytes(self._data[self._at : self._at + length])
         if len(data) != length:
-            raise ValueError(f"{length} bytes are announced, {len(data)} came")
+            raise ValueError(f"{length} bytes were announced, but {len(data)} arrived")
         self._at += length
         return data
 

@@ -71,4 +71,4 @@ def check_topic(flag: str, name: str) -> None:
     """Raise ConfigurationError unless this is the name of a topic."""
     words = name.removeprefix("/").split("/")
     if not all(word.isidentifier() and word.isascii() for word in words):
-        raise ConfigurationError(f"{flag} must be a topic's name, as /cmd_vel, not {name!r}")
+        raise ConfigurationError(f"{flag} must be a topic's name, such as /cmd_vel, not {name!r}")

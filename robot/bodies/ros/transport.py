@@ -15,7 +15,7 @@ ROSBRIDGE, DDS = "rosbridge", "dds"
 MOST_DOMAINS = 232
 """Largest domain with valid ports, which begin at 7400 + 250 times the domain's number."""
 _FEATURE = (
-    "--transport dds (cyclonedds has wheels for Windows, macOS and Linux on x86_64, up to Python "
+    "--transport dds (cyclonedds is available for Windows, macOS and Linux on x86_64, up to Python "
     "3.13; elsewhere use --transport rosbridge)"
 )
 
@@ -36,7 +36,7 @@ class TransportOptions(Options):
     interface: str = option(
         "", "dds: network interface, by name or address; empty: the computer's first"
     )
-    peers: str = option("", "dds: more HOSTs of the robot, with commas between")
+    peers: str = option("", "dds: more HOSTs of the robot, separated by commas")
 
     @property
     def hosts(self) -> tuple[str, ...]:
@@ -50,8 +50,8 @@ class TransportOptions(Options):
             for host in self.hosts:
                 if ":" in host:
                     raise ConfigurationError(
-                        f"--transport dds needs a HOST without a port, not {host!r}: DDS makes its "
-                        "ports of --domain"
+                        f"--transport dds needs a HOST without a port, not {host!r}: DDS derives "
+                        "its ports from --domain"
                     )
             return
         for flag, value in (("--interface", self.interface), ("--peers", self.peers)):

@@ -19,13 +19,15 @@ from robot.types import Encoding
 class UsbCameraOptions(Options):
     """The camera, and the requested pictures; the camera chooses the nearest supported size."""
 
-    device: str = option("auto", "the camera, as /dev/video0; needed if several are plugged in")
+    device: str = option(
+        "auto", "the camera, such as /dev/video0; needed if several are plugged in"
+    )
     width: int = option(160, "width of the picture in pixels", range=(40, 3840))
     height: int = option(120, "height of the picture in pixels", range=(30, 2160))
     frame_rate: int = option(30, "pictures a second", range=(1, 120))
     encoding: str = option(
         "auto",
-        "what the camera sends; auto takes yuyv where it is offered",
+        "format of the pictures; auto chooses yuyv where the camera offers it",
         choices=("auto", "yuyv", "jpeg"),
     )
 
@@ -53,8 +55,8 @@ class V4l2Camera(ThreadedCamera):
             path = reader.video.path
             reader.close()
             raise CameraError(
-                f"the camera {path} gives only MJPEG, and nothing here can read it: on a brick "
-                "take a camera with YUYV (a Logitech C270 has it), or run the server on another "
+                f"the camera {path} gives only MJPEG, which this computer cannot read: on a brick, "
+                "use a camera with YUYV (such as a Logitech C270), or run the server on another "
                 "computer (drivelesson brick agent ADDRESS)"
             )
         self._work(lambda: self._read(reader))

@@ -87,7 +87,7 @@ class Video:
     @staticmethod
     def _open_device(path: str) -> int:
         if fcntl is None:
-            raise CaptureError("only Linux opens {}; take --camera opencv".format(path))
+            raise CaptureError("only Linux can open {}; use --camera opencv".format(path))
         try:
             return os.open(path, os.O_RDWR | os.O_NONBLOCK)
         except OSError as error:
@@ -104,7 +104,7 @@ class Video:
             abilities = of_device
         if not (abilities & CAN_CAPTURE and abilities & CAN_STREAM):
             raise CaptureError(
-                "{} is no camera that streams; name another with --device".format(self.path)
+                "{} is not a camera that streams; name another with --device".format(self.path)
             )
 
     def _choose_encoding(self, wanted: str) -> Tuple[str, bytes]:

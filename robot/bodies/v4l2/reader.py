@@ -43,8 +43,8 @@ class CameraReader:
             path = self.same.find()
             if path is None:
                 self.fault = (
-                    "The camera {} is unplugged, and no other is taken in its place; plug it into "
-                    "the socket where it was.".format(self.same.device)
+                    "The camera {} is unplugged, and no other camera replaces it; plug it into the "
+                    "same socket again.".format(self.same.device)
                 )
                 return
             self.video = Video(path, *self._wanted)
@@ -57,7 +57,7 @@ class CameraReader:
 
     def _lose(self, what: str, now_s: float) -> None:
         path = self.video.path if self.video else self.same.device
-        self.fault = "The camera {} {}; check its cable, it is picked up again.".format(path, what)
+        self.fault = "The camera {} {}; check its cable, and it is used again.".format(path, what)
         self.close()
         self.same.lost()
         self._next_try_s = now_s + REOPEN_S

@@ -24,7 +24,7 @@ class OpencvOptions(Options):
     """The source, and the size to which frames are reduced."""
 
     source: str = option(
-        AUTO, "number of a camera, needed if several are plugged in; or a film's file; or a URL"
+        AUTO, "number of the camera (needed if several are plugged in), a film's file, or a URL"
     )
     width: int = option(160, "width of the picture in pixels", range=(40, 3840))
     height: int = option(120, "height of the picture in pixels", range=(30, 2160))
@@ -121,8 +121,8 @@ class OpencvCamera(WatchedCamera):
     def _name_fault(self, wrong: str) -> str:
         if self._same.is_absent:
             return (
-                f"The camera {self.device} is unplugged, and no other is taken in its "
-                "place; plug it into the socket where it was."
+                f"The camera {self.device} is unplugged, and no other camera replaces it; plug it "
+                "into the same socket again."
             )
         return f"The camera {self.device or self.options.source} {wrong}; check its cable."
 

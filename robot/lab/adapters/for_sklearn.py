@@ -91,8 +91,8 @@ class BSOCEstimator(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
                 )
         if unknown := sorted(set(ys.tolist()) - set(given.tolist()), key=str):
             raise ValueError(
-                f"y has labels that classes does not name: {unknown}; "
-                "name all that there will be in the first call of partial_fit"
+                f"y has labels that are not in classes: {unknown}; pass all classes in the first "
+                "call of partial_fit"
             )
         if not is_new and self._is_loaded:
             self.learner_, self._is_loaded = deepcopy(self.learner_), False

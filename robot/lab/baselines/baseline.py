@@ -103,7 +103,7 @@ class Baseline(Stateful, BaseLearner):
         self.load(state.params, state.arrays)
         self._xs = [] if self._xs is None else list(self._xs)
         if len(self._xs) != len(self._ys):
-            raise ValueError("the array xs is missing, of which there are labels")
+            raise ValueError("the array xs is missing, but there are labels")
         self._model, self._n_fitted = None, 0
 
 

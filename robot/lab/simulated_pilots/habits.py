@@ -33,7 +33,9 @@ class Person(Wanderer):
     Args:
         params: The distances at which the person aims to turn and to drive on.
         irregularity: Standard deviation of the distance at each turn's start and end, as a share of
-        it. overshoot_s: Mean time of turning on after the way is free (exponential distribution).
+            the distance.
+        overshoot_s: Mean time for which a turn goes on after the way is free (exponentially
+            distributed).
     """
 
     def __init__(

@@ -70,7 +70,7 @@ def table_of(folder: Path, text: str, *names: str) -> Path:
         ("file,angle,steering\na.jpg,0.5,0.1\n", "'angle' and 'steering' may both be"),
         ("file,label\na.jpg,3\n", "'3' is not a move; --moves"),
         ("file,angle\na.jpg,17.5\n", "not a number from -1 to 1"),
-        ("file,speed\na.jpg,1\n", "no column label or angle.*its columns: file, speed"),
+        ("file,speed\na.jpg,1\n", "no column for a label.*its columns: file, speed"),
     ],
 )
 def test_where_the_columns_are_in_doubt_it_is_asked(
@@ -99,7 +99,7 @@ def test_what_a_person_says_of_columns_decides(tmp_path: Path) -> None:
         (["drive.mp4"], "a film without labels"),
         (["left.zip"], "archives within"),
         (["a.xyz"], "it holds 1 of .xyz, none of a known form"),
-        (["000001-0.50.jpg", "000002-0.10.jpg"], "it may be a minus, or only divide"),
+        (["000001-0.50.jpg", "000002-0.10.jpg"], "it may be a minus sign or only a separator"),
         (["sensor_data/rgbFrames.txt"], "OpenBot without sensor_data/ctrlLog.txt"),
         (["drive.bag"], "the ROS bag .* cannot be read"),
         (["drive.mcap"], "the ROS bag .* cannot be read"),

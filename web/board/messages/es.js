@@ -1,4 +1,4 @@
-// What the class's board says.
+// The sentences of the class's board.
 export default {
   'board.title': 'Clase · Drivelesson',
   'board.class': 'La clase',

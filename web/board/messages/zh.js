@@ -1,4 +1,4 @@
-// What the class's board says.
+// The sentences of the class's board.
 export default {
   'board.title': '班级 · Drivelesson',
   'board.class': '班级',

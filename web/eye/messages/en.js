@@ -1,4 +1,4 @@
-// What the page of the robot's eye says.
+// The sentences on the page of the robot's eye.
 export default {
   'eye.title': 'The robot’s eye',
   'eye.begin': 'Use this camera',

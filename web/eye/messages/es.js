@@ -1,4 +1,4 @@
-// What the page of the robot's eye says.
+// The sentences on the page of the robot's eye.
 export default {
   'eye.title': 'El ojo del robot',
   'eye.begin': 'Usar esta cámara',

@@ -1,4 +1,4 @@
-// What the page of the robot's eye says.
+// The sentences on the page of the robot's eye.
 export default {
   'eye.title': '机器人的眼睛',
   'eye.begin': '使用此相机',

@@ -1,5 +1,5 @@
-// Every sentence of the page's core; each extension has its own beside its modules. A new language is a file
-// like this one, and its name in web/js/i18n.js; what it leaves out is said in English.
+// The sentences of the page's core; each extension has its own file of sentences beside its modules. To add a
+// language, add a file like this one and its name in web/js/i18n.js; missing sentences are shown in English.
 export default {
   app: 'Drivelesson',
   back: 'Back to driving',

@@ -23,7 +23,7 @@ def give_up(why: str) -> None:
 def read_secret(path: str) -> str:
     """Read the shared secret from a file that only its owner may read."""
     if stat.S_IMODE(os.stat(path).st_mode) & 0o077:
-        give_up("others can read {}; run: chmod 600 {}".format(path, path))
+        give_up("other users can read {}; run: chmod 600 {}".format(path, path))
     with open(path) as file:
         secret = file.read().strip()
     if len(secret) < 8:
@@ -32,7 +32,7 @@ def read_secret(path: str) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Lend this brick to a Drivelesson server.")
+    parser = argparse.ArgumentParser(description="Let a Drivelesson server control this brick.")
     parser.add_argument("--host", default="0.0.0.0", help="address to listen on")
     parser.add_argument("--port", type=int, default=PORT, help="port to listen on")
     parser.add_argument("--secret-file", required=True, help="file with the shared secret")

@@ -37,7 +37,7 @@ class BrickBody:
             raise
         except Exception as error:
             raise DriveError(
-                "the brick's devices cannot be used ({}); be root, or a member of the group "
+                "the brick's devices cannot be used ({}); run as root, or as a member of the group "
                 "ev3dev".format(error)
             ) from error
         return self.motors.top_speeds_dps()

@@ -83,7 +83,7 @@ class Caller:
 
     def _queue(self, data: bytes) -> None:
         if len(self.outbox) + len(data) > LARGEST_OUTBOX:
-            raise EOFError("it does not read what it is sent")
+            raise EOFError("it does not read what is sent to it")
         self.outbox += data
 
     def flush(self) -> None:

@@ -1,6 +1,6 @@
 """The brick's buttons, lights and screen.
 
-Nothing here raises, so a robot without them drives too.
+No function here raises, so a robot without buttons, lights or screen drives as well.
 """
 
 import os

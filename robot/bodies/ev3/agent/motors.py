@@ -11,7 +11,8 @@ RESET_TRIES = 50
 
 
 class MotorPair:
-    """The left and the right motor, addressed by their ports. An unplugged motor is found again.
+    """The left and the right motor, addressed by their ports. A motor that was unplugged is found
+    again.
 
     `clock` has the functions of Python's `time`.
     """

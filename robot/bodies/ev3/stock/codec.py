@@ -28,7 +28,7 @@ def number(value: int) -> bytes:
     for kind, n_bits, form in ((0x81, 8, "<Bb"), (0x82, 16, "<Bh"), (0x83, 32, "<Bi")):
         if abs(value) < 1 << (n_bits - 1):
             return struct.pack(form, kind, value)
-    raise ValueError(f"a constant has 32 bits at most, not {value}")
+    raise ValueError(f"a constant has at most 32 bits, not {value}")
 
 
 def result(index: int) -> bytes:
@@ -41,20 +41,20 @@ def command(count: int, codes: bytes, results: int = 0) -> bytes:
     ValueError if it is longer than the firmware accepts."""
     body = _HEAD.pack(_HEAD.size - 2 + len(codes), count, 0x00, results) + codes
     if len(body) > MAX_MESSAGE:
-        raise ValueError(f"a direct command has {MAX_MESSAGE} bytes at most")
+        raise ValueError(f"a direct command has at most {MAX_MESSAGE} bytes")
     return body
 
 
 def parse_answer(message: bytes, asked: int, results: int = 0) -> bytes:
-    """Return the global variables in the answer to question number `asked`; DriveError if the
-    answer is another's, reports a failure, or has fewer than `results` bytes."""
+    """Return the global variables in the answer to question number `asked`. DriveError if this is
+    the answer to another question, reports a failure, or has fewer than `results` bytes."""
     length, count, kind = _ANSWER.unpack(message[: _ANSWER.size].ljust(_ANSWER.size, b"\0"))
     if kind == _ERROR:
         raise DriveError("the brick refused a command")
     if kind != _REPLY or length + 2 != len(message):
-        raise DriveError("the brick answers with something else than a reply")
+        raise DriveError("the brick sent something other than a reply")
     if count != asked or length + 2 < _ANSWER.size + results:
-        raise DriveError("the brick answered another question")
+        raise DriveError("the brick sent the reply to another command")
     return message[_ANSWER.size :]
 
 

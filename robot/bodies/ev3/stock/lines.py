@@ -1,6 +1,6 @@
 """Connections to a brick with LEGO's firmware: Wi-Fi, Bluetooth and USB.
 
-One answer per question.
+The brick answers each message once, and the next message is sent only after that.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _BEACON_S, _LISTEN_S = 8.0, 0.5
 TWINS_S = 5.5
 """How long to listen for bricks if none was named, in s; each announces itself every 5 s."""
 _AGAIN_S = 1.0
-"""Time after which a brick's announcement is a new one, not the same on another network, in s."""
+"""Two announcements of a brick that are closer, in s, are one, received over two networks."""
 _CONNECT_S = 4.0
 _USB_ID = "0003:00000694:00000005"
 _ID = re.compile("[0-9a-f]{12}")
@@ -69,7 +69,7 @@ class BrickLine(ABC):
 class SocketLine(BrickLine):
     """A stream of messages, each with its length before it: Wi-Fi and Bluetooth."""
 
-    _remedy = "is it on and in reach?"
+    _remedy = "is it switched on and in range?"
     _device: socket.socket
 
     def _exchange(self, message: bytes) -> bytes:
@@ -80,7 +80,7 @@ class SocketLine(BrickLine):
 
     def _read(self, count: int) -> bytes:
         if count > MAX_MESSAGE:
-            raise ValueError("an answer of a strange length")
+            raise ValueError("a reply of an unexpected length")
         data = b""
         while len(data) < count:
             part = self._device.recv(count - len(data))
@@ -167,7 +167,8 @@ class Beacon(NamedTuple):
 
 def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
     """Wait for the brick's announcement and answer it, because the brick accepts nobody before."""
-    wrong, do = "bricks on Wi-Fi cannot be heard", "does another program, as LEGO's, listen there?"
+    wrong = "cannot listen for bricks on Wi-Fi"
+    do = "is another program, such as LEGO's, using that port?"
     with (
         told_as(DriveError, f"{wrong} at UDP port {beacon_port}", do=do),
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock,
@@ -182,7 +183,7 @@ def _hear_beacon(wanted: str, beacon_port: int, clock: Clock) -> Beacon:
             return beacon
     which = f"the brick {shown_id(wanted)}" if wanted else "no brick"
     raise DriveError(
-        f"{which} was not heard on Wi-Fi within {_BEACON_S:g} s; is its Wi-Fi on, and this "
+        f"{which} was not found on Wi-Fi within {_BEACON_S:g} s; is its Wi-Fi on, and this "
         f"computer in the same network (UDP port {beacon_port})?"
     )
 
@@ -246,7 +247,8 @@ def parse_beacon(data: bytes) -> tuple[str, int] | None:
 def _open_bluetooth(wanted: str) -> BrickLine:
     if _ID.fullmatch(wanted) is None:
         raise DriveError(
-            "Bluetooth needs the brick's address, as --brick 00:16:53:3f:0c:1e; the brick shows "
+            "Bluetooth needs the brick's address, such as --brick 00:16:53:3f:0c:1e; the brick "
+            "shows "
             "it under Settings, Brick Info, ID"
         )
     address = shown_id(wanted).upper()
@@ -264,7 +266,7 @@ def _open_bluetooth(wanted: str) -> BrickLine:
 
 
 def _open_usb(path: Path) -> BrickLine:
-    do = "docs/howto/ev3-stock.md says how a user is given the right"
+    do = "docs/howto/ev3-stock.md explains how to allow it"
     with told_as(DriveError, f"the brick at {path} cannot be opened", do=do):
         return UsbLine(str(path), FileIO(os.open(path, os.O_RDWR | os.O_NONBLOCK), "r+"))
 
@@ -278,14 +280,14 @@ def find_usb(wanted: str = "", root: Path | None = None) -> Path:
     bricks = _usb_bricks(root)
     if not bricks:
         raise DriveError(
-            "no EV3 with LEGO's firmware is at a USB cable; is it switched on? (--line usb works "
+            "no EV3 with LEGO's firmware is connected by USB; is it switched on? (--line usb works "
             "on Linux; elsewhere use --line wifi)"
         )
     if wanted not in bricks and (wanted or len(bricks) > 1):
         there = [shown_id(one) for one in bricks]
         raise DriveError(
-            (f"the brick {shown_id(wanted)} is at no USB cable" if wanted else "which brick?")
-            + f"; those at USB cables: {', '.join(there)}; name one with --brick {there[0]}"
+            (f"the brick {shown_id(wanted)} is not connected by USB" if wanted else "which brick?")
+            + f"; connected by USB: {', '.join(there)}; name one with --brick {there[0]}"
         )
     return bricks.get(wanted) or next(iter(bricks.values()))
 

@@ -143,8 +143,8 @@ def test_a_camera_with_mjpeg_alone_is_refused_where_nothing_can_read_it(tmp_path
     video = FakeVideo(tmp_path, replace(QUICK, formats="MJPG"))
     running = Probe(video, hide="cv2")
     assert running.next()["error"] == (
-        f"the camera {DEVICE} gives only MJPEG, and nothing here can read it: on a brick take a "
-        "camera with YUYV (a Logitech C270 has it), or run the server on another computer "
+        f"the camera {DEVICE} gives only MJPEG, which this computer cannot read: on a brick, use a "
+        "camera with YUYV (such as a Logitech C270), or run the server on another computer "
         "(drivelesson brick agent ADDRESS)"
     )
     running.end()

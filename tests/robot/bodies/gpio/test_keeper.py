@@ -177,7 +177,7 @@ def test_nobody_waits_for_a_keeper_that_starts(tmp_path: Path) -> None:
         line.send(b"?")
         first.wait()
         for _ in range(3):
-            with pytest.raises(ConnectionError, match="it ended, and another one starts"):
+            with pytest.raises(ConnectionError, match="it ended, and is being restarted"):
                 line.send(b"?")
         assert line._process is not first
         assert line._process.poll() is None

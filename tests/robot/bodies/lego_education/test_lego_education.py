@@ -67,7 +67,7 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
         driver.send_action(Action.FORWARD)
         motor.cut()
         motor.hang_up()
-        with pytest.raises(DriveError, match="in reach"):
+        with pytest.raises(DriveError, match="in range"):
             driver.send_action(Action.FORWARD)
         motor.is_in_reach = True
         motor.end_state = 3  # another program had it meanwhile
@@ -85,7 +85,7 @@ def a_motor_that_was_out_of_reach_is_driven_again(motor: FakeDoubleMotor) -> Non
 
 
 def test_what_is_wrong_is_a_sentence(motor: FakeDoubleMotor) -> None:
-    with pytest.raises(DriveError, match="'Otto' in its name is in reach"):
+    with pytest.raises(DriveError, match="'Otto' in its name is in range"):
         driver_for(motor, "Otto").connect()
     motor.rpc_version = (9, 9, 9)
     with pytest.raises(DriveError, match="pip install --upgrade legoeducation"):

@@ -161,7 +161,7 @@ def made_stream(dice: random.Random) -> tuple[bytes, list[bytes], str, bool]:
     if is_chunked:
         chunks = b"".join(b"%x" % len(p) + end + p + end for p in cut(body, dice))
         body = chunks
-    words = {"cut": "cut", "other": "no JPEG or PNG", "none": "", "whole": ""}[what]
+    words = {"cut": "cut", "other": "without any JPEG or PNG", "none": "", "whole": ""}[what]
     return begin + body, pictures if what == "whole" else [], words, dice.random() < 0.5
 
 
@@ -180,7 +180,7 @@ def test_of_any_stream_a_picture_is_shown_or_the_reason_is_said() -> None:
             assert (last.height, last.width) == decoded.shape[:2], seed
             n_shown += 1
         else:
-            assert (words in said or "does not end" in said) and not shown, (
+            assert (words in said or "did not end" in said) and not shown, (
                 seed,
                 said,
             )
@@ -260,7 +260,7 @@ def test_a_redirect_is_followed_and_takes_no_password_elsewhere() -> None:
 
 @pytest.mark.parametrize("place", ["ftp://a/b", "http://[", "http://a:99999999/"])
 def test_a_redirect_to_nowhere_is_said(place: str) -> None:
-    assert "an address that is none" in watch([answer("302 Found", f"Location: {place}")])[1]
+    assert "an invalid address" in watch([answer("302 Found", f"Location: {place}")])[1]
 
 
 def test_a_redirect_in_a_circle_is_said() -> None:
@@ -294,7 +294,7 @@ def test_digest_is_answered_and_what_does_not_fit_is_said() -> None:
     assert shown and b'Authorization: Digest username="me", realm="cam"' in asked[1]
     assert b'uri="/stream?a=b"' in asked[1] and b"secret" not in asked[0] + asked[1]
     _, said, _ = watch([answer("401 No", DIGEST), answer("401 No", DIGEST)], source=source)
-    assert "does not take this user" in said
+    assert "does not accept this user" in said
     assert "--source http://USER" in watch([answer("401 No", DIGEST)])[1]
 
 
@@ -337,12 +337,12 @@ def test_a_user_may_have_letters_of_any_language() -> None:
 
 
 FAULTS: dict[str, Callable[[], str]] = {
-    "hung up without a word": lambda: watch([[]])[1],
+    "without an answer": lambda: watch([[]])[1],
     "sends nothing": lambda: watch([STREAM[:1]], stalls=True)[1],
-    "hangs up after one picture": lambda: watch([list(STREAM)])[1],
-    "a page": lambda: watch([answer("200 OK", "Content-Type: text/html")])[1],
+    "closes the connection after one picture": lambda: watch([list(STREAM)])[1],
+    "a web page": lambda: watch([answer("200 OK", "Content-Type: text/html")])[1],
     "image/webp": lambda: watch([[*STREAM[:1], b"Content-Type: image/webp\r\n\r\nRIFF" * 9]])[1],
-    "does not end": lambda: watch([[*STREAM[:1], JPEGS[1][:-9]]], stalls=True)[1],
+    "did not end": lambda: watch([[*STREAM[:1], JPEGS[1][:-9]]], stalls=True)[1],
 }
 
 

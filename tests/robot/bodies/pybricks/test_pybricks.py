@@ -183,7 +183,7 @@ def a_lost_hub_is_not_replaced_by_its_twin(hub: FakeHub) -> None:
                 try:
                     driver.send_action(Action.FORWARD)
                 except DriveError as error:
-                    return ":01) was lost, and is not in reach (another one is" in str(error)
+                    return ":01) was lost, and is not in range (another one is" in str(error)
                 return False
 
             until(tells_of_both)
@@ -196,7 +196,7 @@ def a_lost_hub_is_not_replaced_by_its_twin(hub: FakeHub) -> None:
 def a_hub_is_found_by_its_name(hub: FakeHub) -> None:
     with mock.patch.object(hub, "name", "Anna"), driver_for(hub, "Anna"):
         pass
-    with pytest.raises(DriveError, match=r"the hub 'Otto'.*in reach"):
+    with pytest.raises(DriveError, match=r"the hub 'Otto'.*in range"):
         driver_for(hub, "Otto").connect()
     hub.is_in_reach = False
     with pytest.raises(DriveError, match="is it on"):

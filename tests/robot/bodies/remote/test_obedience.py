@@ -97,7 +97,7 @@ def test_degrees_are_for_those_who_say_that_they_take_them(points: object) -> No
 @pytest.mark.parametrize("lag", [0, 1, 2])
 def test_who_takes_no_order_is_told_of_soon(lag: int) -> None:
     driver = driver_on(LateLine(lag, obeys=False))
-    with pytest.raises(DriveError, match="answers but obeys no order"):
+    with pytest.raises(DriveError, match="answers, but does not obey orders"):
         for _ in range(5):
             driver.send_action(Action.FORWARD)
 

@@ -41,7 +41,7 @@ REFUSED = ("fit:", "which brick?", "are plugged in", "which robot")
 
 
 class Place(ABC):
-    """Devices of one kind in reach, each with what it is called now, and one robot's search."""
+    """Devices of one kind in range, each with what it is called now, and one robot's search."""
 
     names: ClassVar[tuple[str, ...]] = ("Pybricks Hub", "Pybricks Hub", "Anna", "")
     can_refuse: ClassVar[bool] = True
@@ -370,7 +370,7 @@ def test_a_device_that_was_lost_is_named_and_its_twin_left_alone() -> None:
     mine, twin = (Found("Pybricks Hub", f"00:16:53:00:00:0{n}") for n in (1, 2))
     same.chosen = mine
     assert same.pick([twin]) is None
-    assert "another one is in reach" in same.name_absent([twin])
+    assert "another one is in range" in same.name_absent([twin])
     assert same.pick([Found("renamed", mine.address), twin]) is not None
 
 
@@ -389,7 +389,7 @@ def test_a_robot_in_the_place_of_another_is_named() -> None:
     assert driver.device == "Anna"
     del boards[0]
     clock.advance(1.0)
-    with pytest.raises(DriveError, match="'Ben' answers there; 'Anna' was driven"):
+    with pytest.raises(DriveError, match="'Ben' answers there now, not 'Anna'"):
         driver.sense()
     assert isinstance(driver._report, BodyReport) and driver._report.device == "Anna"
 

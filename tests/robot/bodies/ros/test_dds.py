@@ -331,7 +331,7 @@ def others_on_the_topic_are_in_the_log(caplog: pytest.LogCaptureFixture) -> None
     caplog.set_level(logging.WARNING, "robot.bodies.ros")
     with DdsRobot(own_domain()) as robot, driver_for(watchdog=True) as driver:
         other = robot.writer("/drivelesson/cmd_vel", STAMPED)
-        wait_until(lambda: "another node publishes /drivelesson/cmd_vel" in caplog.text)
+        wait_until(lambda: "another node also publishes /drivelesson/cmd_vel" in caplog.text)
         driver.send_action(Action.FORWARD)
         wait_until(lambda: any(robot.drives))
         del other

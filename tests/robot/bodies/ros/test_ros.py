@@ -114,7 +114,7 @@ def a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> 
 def without_a_bridge_the_driver_says_what_that_means(ros: RosBridgeServer) -> None:
     with driver_for(ros) as driver:
         ros.frozen.set()
-        with pytest.raises(DriveError, match=r"nothing stops its robot unless its base does"):
+        with pytest.raises(DriveError, match=r"only the robot's own base can stop it now"):
             for _ in range(500):
                 driver.sense()
                 time.sleep(0.01)

@@ -1,4 +1,4 @@
-// What a robot's own page says in a class.
+// The sentences on a robot's own page in a class.
 export default {
   'stopped_by.teacher': 'Your teacher has stopped the robot and will release it.',
 };

@@ -1,4 +1,4 @@
-// How the page leads to the challenge.
+// The sentences that lead to the challenge.
 export default {
   'screen.challenge': 'Reto',
 };

@@ -1,4 +1,4 @@
-// How the page leads to a study.
+// The sentences that lead to a study.
 export default {
   'screen.study': 'Estudios',
   'settings.studies': 'Para docentes e investigadores',

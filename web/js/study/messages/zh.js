@@ -1,4 +1,4 @@
-// How the page leads to a study.
+// The sentences that lead to a study.
 export default {
   'screen.study': '研究',
   'settings.studies': '供教师和研究者',

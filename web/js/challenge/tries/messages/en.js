@@ -1,4 +1,4 @@
-// What the challenge says on the page.
+// The sentences of the challenge.
 export default {
   'challenge.offer': 'I’m ready for a challenge: how far can I drive in a minute?',
   'challenge.open': 'Take the challenge',

@@ -1,4 +1,4 @@
-// What the challenge says on the page.
+// The sentences of the challenge.
 export default {
   'challenge.offer': 'Estoy listo para un reto: ¿cuánto puedo recorrer en un minuto?',
   'challenge.open': 'Aceptar el reto',

@@ -1,4 +1,4 @@
-// What the challenge says on the page.
+// The sentences of the challenge.
 export default {
   'challenge.offer': '我准备好接受挑战了：一分钟我能开多远？',
   'challenge.open': '开始挑战',

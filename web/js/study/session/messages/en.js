@@ -1,4 +1,4 @@
-// What studies say on the page.
+// The sentences of studies.
 export default {
   'step.#study': 'Answer',
   'session.now_teach': 'Part {n} of {of}: teach, {left} left',

@@ -1,4 +1,4 @@
-// What studies say on the page.
+// The sentences of studies.
 export default {
   'step.#study': 'Responder',
   'session.now_teach': 'Parte {n} de {of}: enseña, quedan {left}',

@@ -1,4 +1,4 @@
-// What studies say on the page.
+// The sentences of studies.
 export default {
   'step.#study': '回答',
   'session.now_teach': '第 {n}/{of} 部分：教学，还剩 {left}',
