@@ -104,7 +104,7 @@ dist: $(VENV)/.dist ## Build wheel and sdist in dist/, and check what an index w
 	$(BIN)/python -m build --outdir dist
 	$(BIN)/twine check --strict dist/*
 
-format: $(VENV)/.dev ## Format and mend what can be mended
+format: $(VENV)/.dev ## Format, and fix what can be fixed automatically
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 

@@ -25,8 +25,8 @@ class DriverCase:
         now_s: The clock by which requests are timed; None: the machine's clock.
         budget_s: Longest duration of a request, in seconds; None: the contract's limit. A busy
             machine needs a higher limit.
-        mend_link: Makes the body reachable again, by a new connection if the old one is lost; None:
-            not possible.
+        restore_link: Makes the body reachable again, by a new connection if the old one is lost;
+            None: not possible.
         drives: Returns how the body turns and drives now, as a point in any scale, positive to the
             right and ahead; None: unknown. It must read the body's state, not the driver's.
         ramp_s: Longest time that the body takes from one point to any other, in seconds; 0: none.
@@ -38,7 +38,7 @@ class DriverCase:
     cut_link: Callable[[], None] | None = None
     now_s: Callable[[], float] | None = None
     budget_s: float | None = None
-    mend_link: Callable[[], None] | None = None
+    restore_link: Callable[[], None] | None = None
     drives: Callable[[], Point] | None = None
     ramp_s: float = 0.0
 

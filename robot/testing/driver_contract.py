@@ -338,7 +338,7 @@ class DriverContract:
         self, driver_case: DriverCase
     ) -> None:
         """The driver connects again by itself."""
-        if driver_case.cut_link is None or driver_case.mend_link is None:
+        if driver_case.cut_link is None or driver_case.restore_link is None:
             pytest.skip("there is no line to cut and restore")
         with driver_case.driver as driver:
             _set_going(driver_case, driver.moves[0])
@@ -347,7 +347,7 @@ class DriverContract:
                 for _ in range(round(cut_s / _STEP_S)):
                     _ask(driver_case, driver.moves[0], _STEP_S)
                 _check_cut_off(driver_case, cut_s)
-                driver_case.mend_link()
+                driver_case.restore_link()
                 is_back = _moves_within(driver_case, BACK_WITHIN_S, driver.moves[0], _STEP_S)
                 assert is_back, (
                     f"{BACK_WITHIN_S:.0f} s after a cut of {cut_s} s the body does not move: "

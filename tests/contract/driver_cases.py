@@ -109,7 +109,7 @@ def brick_case(
     driver: Ev3Driver | Ev3RemoteDriver,
     brick: FakeBrick,
     cut_link: Callable[[], None] | None = None,
-    mend_link: Callable[[], None] | None = None,
+    restore_link: Callable[[], None] | None = None,
 ) -> DriverCase:
     def is_moving() -> bool:
         try:
@@ -125,7 +125,13 @@ def brick_case(
 
     now_s = brick.clock.now_s
     return DriverCase(
-        driver, brick.clock.sleep, is_moving, cut_link, now_s, mend_link=mend_link, drives=drives
+        driver,
+        brick.clock.sleep,
+        is_moving,
+        cut_link,
+        now_s,
+        restore_link=restore_link,
+        drives=drives,
     )
 
 
@@ -184,7 +190,7 @@ def case_of(body: TimedBody, is_moving: Callable[[], bool]) -> DriverCase:
         is_moving,
         body.lose,
         body.clock.now_s,
-        mend_link=body.regain,
+        restore_link=body.regain,
         drives=drives if body.wheels is not None else None,
     )
 

@@ -117,7 +117,7 @@ def ros_driver_on(answers: Callable[[dict[str, Any]], list[str]]) -> Iterator[Dr
             return ros.drives
 
         case = on_a_busy_machine(driver, lambda: any(drives()), ros.frozen.set)
-        yield replace(case, mend_link=ros.frozen.clear, drives=drives)
+        yield replace(case, restore_link=ros.frozen.clear, drives=drives)
         driver.disconnect()
 
 
@@ -140,7 +140,7 @@ def dds_driver() -> Iterator[DriverCase]:
             return robot.drives
 
         case = on_a_busy_machine(driver, lambda: any(drives()), robot.frozen.set)
-        yield replace(case, mend_link=robot.frozen.clear, drives=drives)
+        yield replace(case, restore_link=robot.frozen.clear, drives=drives)
         driver.disconnect()
 
 

@@ -108,7 +108,7 @@ def run(check: Any, kind: type[LateDriver]) -> None:
             is_moving,
             driver.cut,
             now_s=clock.now_s,
-            mend_link=restore,
+            restore_link=restore,
             drives=driver.drives,
             ramp_s=driver.ramp_s,
         ),

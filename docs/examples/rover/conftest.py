@@ -106,7 +106,7 @@ def stand_in() -> Iterator[DriverCase]:
             time.sleep,
             lambda: body.drives().throttle != 0.0,
             lambda: setattr(body, "is_cut", True),
-            mend_link=lambda: setattr(body, "is_cut", False),
+            restore_link=lambda: setattr(body, "is_cut", False),
             drives=body.drives,
         )
         driver.disconnect()

@@ -84,7 +84,7 @@ def stand_in() -> Iterator[DriverCase]:
             time.sleep,
             lambda: manager.drives() != Point(0.0, 0.0),
             manager.cut,
-            mend_link=manager.mend,
+            restore_link=manager.mend,
             drives=manager.drives,
         )
     finally:

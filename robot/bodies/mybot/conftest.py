@@ -58,9 +58,11 @@ def stand_in() -> Iterator[DriverCase]:
         thread = threading.Thread(target=robot.serve_forever, args=(0.02,))
         thread.start()
 
-        cut_link, mend_link = (partial(setattr, robot, "is_silent", on) for on in (True, False))
+        cut_link, restore_link = (partial(setattr, robot, "is_silent", on) for on in (True, False))
         try:
-            yield DriverCase(driver, time.sleep, robot.is_moving, cut_link, mend_link=mend_link)
+            yield DriverCase(
+                driver, time.sleep, robot.is_moving, cut_link, restore_link=restore_link
+            )
         finally:
             robot.is_silent = False
             driver.disconnect()
