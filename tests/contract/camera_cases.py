@@ -1,7 +1,7 @@
-"""How the contract suite builds each camera that is installed here.
+"""How the contract suite builds each installed camera.
 
-An entry maps a plugin's name to a context manager that yields a case, or skips with a reason.
-A camera on a body gets the body from `driver_cases.py`.
+An entry maps a plugin's name to a context manager that yields a case, or skips with a reason. A
+camera on a body gets the body from `driver_cases.py`.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def opencv_camera() -> Iterator[CameraCase]:
 
 
 def write_film(path: Path, frames: int = 30) -> None:
-    """Write a film in which no two frames are alike."""
+    """Write a film in which all frames differ."""
     fourcc = cv2.VideoWriter.fourcc(*"MJPG")
     writer = cv2.VideoWriter(str(path), fourcc, 30.0, (320, 240))
     for index in range(frames):
@@ -103,7 +103,8 @@ def write_film(path: Path, frames: int = 30) -> None:
 
 @contextmanager
 def phone_camera() -> Iterator[CameraCase]:
-    """A phone whose pictures come on a thread, each another grey, as from its socket."""
+    """A phone whose pictures arrive on a thread, each with another grey value, as from its
+    socket."""
     clock = VirtualClock()
     camera = PhoneCamera(PhoneOptions(), clock)
     ending, frozen = threading.Event(), threading.Event()
@@ -133,7 +134,7 @@ def picamera2_camera() -> Iterator[CameraCase]:
 
 @contextmanager
 def ros_camera() -> Iterator[CameraCase]:
-    """Pictures of a topic, on a bridge without a socket."""
+    """Pictures of a topic, over a bridge without a socket."""
     clock, frozen = VirtualClock(), threading.Event()
 
     class Bridge:
@@ -163,7 +164,7 @@ def ros_camera() -> Iterator[CameraCase]:
 
 @contextmanager
 def mjpeg_camera() -> Iterator[CameraCase]:
-    """A stream without a socket: its parts come one after the other."""
+    """A stream without a socket, which delivers its parts one after the other."""
     clock, frozen = VirtualClock(), threading.Event()
     camera = MjpegCamera(MjpegOptions(source="http://camera/stream"), clock)
 
@@ -190,7 +191,7 @@ def mjpeg_camera() -> Iterator[CameraCase]:
 
 
 def grey_jpeg(index: int) -> bytes:
-    """Return a picture of another grey for each index."""
+    """Return a picture with another grey value for each index."""
     grey = np.full((24, 32, 3), 7 * index % 256, np.uint8)
     return cv2.imencode(".jpg", grey)[1].tobytes()
 

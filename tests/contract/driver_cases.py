@@ -1,7 +1,7 @@
-"""How the contract suite builds each driver that is installed here.
+"""How the contract suite builds each installed driver.
 
-An entry maps a plugin's name to a context manager that yields a case, or skips with a reason.
-A plugin without an entry fails the suite: nothing joins the registry untested.
+An entry maps a plugin's name to a context manager that yields a case, or skips with a reason. A
+plugin without an entry fails the suite, so no plugin stays untested.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from tests.robot.bodies.ev3.virtual_agent import VirtualAgent
 
 
 def as_point(wheels: tuple[float, float]) -> Point:
-    """Return how a body turns and drives whose left and right wheel do this."""
+    """Return how a body turns and drives if its left and right wheel have these speeds."""
     left, right = wheels
     return Point(left - right, left + right)
 
@@ -152,7 +152,8 @@ def ev3_driver() -> Iterator[DriverCase]:
 
 
 def real_brick_case(address: str) -> DriverCase:
-    """A brick on the table, by `pytest --ev3 ADDRESS`: it moves if its wheels' counters do."""
+    """A brick on the table, by `pytest --ev3 ADDRESS`; it counts as moving if its wheels' counters
+    do."""
     driver = Ev3RemoteDriver(Ev3RemoteOptions(brick=address))
 
     def is_moving() -> bool:
@@ -206,7 +207,7 @@ def timed_driver(name: str) -> Iterator[DriverCase]:
 
 @contextmanager
 def ros_driver() -> Iterator[DriverCase]:
-    """A base that never stops by itself, with our watchdog before it."""
+    """A base that never stops by itself, behind our watchdog."""
     with BODIES["ros"][0](1) as body:
         body.slow_down(0.02)
 

@@ -1,6 +1,7 @@
-"""What is really sockets, processes and foreign libraries keeps the contract, too.
+"""Real sockets, processes and third-party libraries also keep the contract.
 
-That it works is judged here, not how fast: in virtual time the suites hold every body to its times.
+These tests check only that the parts work. The suites in virtual time check the times of every
+body.
 """
 
 from __future__ import annotations
@@ -38,20 +39,20 @@ from tests.standins.rosbridge import RosBridgeServer
 from tests.standins.ws_robot import WsRobot
 
 _ASKED_AT_MOST = 20
-"""A body whose line is cut says nothing any more."""
+"""A body that sends nothing any more once its connection is cut."""
 
 
 def on_a_busy_machine(
     driver: Driver, is_moving: Callable[[], bool], cut_link: Callable[[], None]
 ) -> DriverCase:
-    """Return a case over real sockets: that it works is judged here, not how fast."""
+    """Return a case over real sockets, without checks of its speed."""
     return DriverCase(driver, time.sleep, is_moving, cut_link, budget_s=5.0)
 
 
 def one_that_reports(
     driver: ReportingDriver, is_moving: Callable[[], bool], cut_link: Callable[[], None]
 ) -> DriverCase:
-    """The same of a body that says which order it took last: what it does counts from then on."""
+    """The same for a body that reports the last order it obeyed; only its later motion counts."""
 
     def moves_now() -> bool:
         for _ in range(_ASKED_AT_MOST):
@@ -107,7 +108,8 @@ def lego_education_driver() -> Iterator[DriverCase]:
 
 @contextmanager
 def ros_driver_on(answers: Callable[[dict[str, Any]], list[str]]) -> Iterator[DriverCase]:
-    """A base that never stops by itself, with our watchdog before it; the bridge says `answers`."""
+    """A base that never stops by itself, behind our watchdog; the bridge replies as `answers`
+    says."""
     with RosBridgeServer(has_timeout=False) as ros, ros.watchdog():
         ros.answers = answers
         driver = RosDriver(RosOptions(address=ros.address, watchdog=True))
@@ -127,7 +129,7 @@ def ros_driver() -> AbstractContextManager[DriverCase]:
 
 @contextmanager
 def dds_driver() -> Iterator[DriverCase]:
-    """The same on DDS; the robot is another participant."""
+    """The same over DDS; the robot is another participant."""
     from tests.standins.dds_robot import DdsRobot, own_domain
 
     domain = own_domain()
@@ -199,7 +201,7 @@ WHOLE = tuple(check for name, check in vars(DriverContract).items() if name.star
 
 
 def check_driver_on_its_real_line(name: str) -> None:
-    """Hold a driver to the contract; for the one test that starts its real part."""
+    """Check a driver against the contract, in the one test that starts its real part."""
     is_short = name in DRIVERS or (name == "ros over DDS" and not IS_FULL)
     for check in SMOKE if is_short else WHOLE:
         with REAL_DRIVERS[name]() as case:
@@ -207,7 +209,7 @@ def check_driver_on_its_real_line(name: str) -> None:
 
 
 def check_camera_on_its_real_line(name: str) -> None:
-    """Hold a camera to the contract; for the one test that starts its real part."""
+    """Check a camera against the contract, in the one test that starts its real part."""
     for check in CAMERA_SMOKE:
         with REAL_CAMERAS[name]() as case:
             check(CameraContract(), case)

@@ -1,4 +1,4 @@
-"""The contract of `robot.testing` on every camera of ours."""
+"""The contract of `robot.testing`, for each of our cameras."""
 
 from __future__ import annotations
 

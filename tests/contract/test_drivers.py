@@ -1,4 +1,4 @@
-"""The contract of `robot.testing` on every driver of ours."""
+"""The contract of `robot.testing`, for each of our drivers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.contract.driver_cases import DRIVERS
 from tests.own_plugins import own_plugins
 
 OVER_REAL_LINES = {"lego-education"}
-"""A foreign library with threads of its own: real_parts.py holds it to the contract."""
+"""A third-party library with threads of its own is tested by real_parts.py instead."""
 
 
 def test_no_driver_is_left_out() -> None:

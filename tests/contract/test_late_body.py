@@ -1,4 +1,4 @@
-"""The contract on a body that acknowledges nothing, written as a stranger would."""
+"""The contract for a body that acknowledges nothing, written as a third-party author would."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STANDS = Point(0.0, 0.0)
 
 
 class LateDriver(ConnectedDriver[VirtualClock]):
-    """Its orders arrive later; a method of its own has a name that anybody would take."""
+    """Its orders arrive late; one of its methods has a name that many authors would use."""
 
     name, default_camera, is_remote, takes_points = "late", "phone", True, True
     ends_moves, is_cut, ramp_s = True, False, 0.0
@@ -54,7 +54,7 @@ class LateDriver(ConnectedDriver[VirtualClock]):
 
 
 class OneWheelAfterTheOther(LateDriver):
-    """Each order is two messages, one for each wheel."""
+    """Each order consists of two messages, one for each wheel."""
 
     def _send(self, point: Point) -> None:  # type: ignore[override,unused-ignore]
         had = self.orders[-1][1] if self.orders else STANDS
@@ -66,7 +66,7 @@ class OneWheelAfterTheOther(LateDriver):
 
 
 class SlowRamp(LateDriver):
-    """Speeds up for longer than one order lasts; it brakes at once."""
+    """It accelerates for longer than one order lasts, and brakes at once."""
 
     ramp_s = 1.5 * ACTION_TIMEOUT_S
 

@@ -1,4 +1,4 @@
-"""Every learner does what its protocol says: gallery, pinning, novelty and undo, or says no."""
+"""Every learner keeps its protocol: gallery, pinning, novelty and undo work, or are refused."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def teach(policy: Policy, examples: int, first: int = 0) -> None:
 
 @pytest.fixture
 def each_is_learned(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Learn a view that comes again, too; that it is not is tested with `Repeats`."""
+    """Learn repeated views too; `Repeats` has tests of its own."""
     monkeypatch.setattr(Repeats, "on_example", lambda self, lesson: None)
 
 
@@ -124,7 +124,8 @@ def test_images_can_be_edited_or_the_learner_says_that_it_has_none(kind: str) ->
 
 
 def test_what_is_under_way_counts_or_the_learner_says_that_it_does_not(kind: str) -> None:
-    """A second each of two moves, again and again: they begin differently and end on one view."""
+    """Alternate between two moves each second; they begin with different views and end with one
+    view."""
     policy = make(kind)
     for i in range(240):
         move = i // 10 % 2
@@ -173,7 +174,7 @@ def test_after_the_last_image_is_deleted_it_proposes_nothing(kind: str) -> None:
 
 @pytest.mark.parametrize("seed", seeds(1, 3))
 def test_undo_leaves_no_trace_of_the_examples(kind: str, seed: int) -> None:
-    """With drives that begin in between, where learners of several places look about."""
+    """Begin new drives in between, because learners of several places then look for their place."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(20, 90))
     drives = set(rng.integers(1, count, 4).tolist())

@@ -16,7 +16,7 @@ in_ci = pytest.mark.skipif(not IS_FULL, reason="takes long: CI runs it (DRIVELES
 
 
 def size(name: str, small: int, full: int) -> int:
-    """Return how many a test takes: `DRIVELESSON_<name>` where it is set, else `small` or `full`.
+    """Return the size of a test: `DRIVELESSON_<name>` if it is set, else `small` or `full`.
 
     Args:
         name: In capitals, as in the environment.
@@ -27,17 +27,18 @@ def size(name: str, small: int, full: int) -> int:
 
 
 def seeds(small: int, full: int) -> range:
-    """Return what to count through: `small` numbers in `make test`, `full` in CI."""
+    """Return a range of `small` numbers in `make test`, and of `full` numbers in CI."""
     return range(full if IS_FULL else small)
 
 
 def examples(full: int) -> int:
-    """Return how many examples hypothesis makes: a fifth in `make test`, `full` in CI."""
+    """Return the number of examples that hypothesis makes: a fifth in `make test`, `full` in CI."""
     return full if IS_FULL else max(5, full // 5)
 
 
 def few(values: Iterable[Any], small: int) -> list[Any]:
-    """Return all values in CI, otherwise `small` of them: the first, the last, and evenly between.
+    """Return all values in CI, and otherwise `small` of them: the first, the last, and others at
+    even distances.
 
     >>> few(range(10), 3) if not IS_FULL else [0, 4, 9]
     [0, 4, 9]
@@ -49,23 +50,23 @@ def few(values: Iterable[Any], small: int) -> list[Any]:
 
 
 def crossed(**axes: Iterable[Any]) -> pytest.MarkDecorator:
-    """Parametrize with what `combined` returns."""
+    """Parametrize a test with the combinations that `combined` returns."""
     return pytest.mark.parametrize(list(axes), combined(*axes.values()))
 
 
 def combined(*axes: Iterable[Any]) -> list[tuple[Any, ...]]:
-    """Return every combination in CI, otherwise as many as have every pair of values.
+    """Return every combination in CI, and otherwise enough of them to contain every pair of values.
 
-    Of two axes each value comes once at least, beside another value each time.
+    With two axes, each value occurs at least once, each time beside another value.
     """
     values = [list(axis) for axis in axes]
     return list(product(*values)) if IS_FULL else covering(values, min(2, len(values) - 1))
 
 
 def covering(axes: Sequence[Sequence[Any]], strength: int = 2) -> list[tuple[Any, ...]]:
-    """Return combinations in which every `strength` values of different axes come together.
+    """Return combinations that contain every `strength` values of different axes.
 
-    Greedy, and the same in every run: of all combinations, that which adds most comes next.
+    The choice is greedy and the same in every run: the next combination is the one that adds most.
     """
     every = list(product(*(range(len(axis)) for axis in axes)))
     groups = list(combinations(range(len(axes)), max(strength, 1)))

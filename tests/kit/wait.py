@@ -1,4 +1,4 @@
-"""Waiting for something to become so, by the wall clock or by a virtual one."""
+"""Waits for a condition, by the wall clock or by a virtual clock."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _REAL = RealClock()
 def wait_until(
     is_so: Callable[[], object], what: str = "", within_s: float = 60.0, clock: Clock = _REAL
 ) -> float:
-    """Wait until something is so; return how long it took, in seconds.
+    """Wait until a condition holds; return the time that it took, in seconds.
 
     Args:
         is_so: Asked again every 5 ms.

@@ -1,4 +1,4 @@
-"""A robot on the test bench: a camera that shows what a test holds before it, a body that notes.
+"""A robot on the test bench: its camera shows given pictures, and its body notes its orders.
 
 Both are real implementations of the interfaces; only the world is missing.
 """
@@ -25,7 +25,7 @@ from robot.types import Action, Encoding, Frame, Mode, PilotCommand, Point, Sens
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoOptions:
-    """Nothing to choose."""
+    """Has no options."""
 
 
 class BenchCamera(Camera):
@@ -43,7 +43,7 @@ class BenchCamera(Camera):
     def stop(self) -> None: ...
 
     def show(self, scene: int, captured_s: float | None = None) -> Frame:
-        """Publish a picture of one of endlessly many scenes: the same number, the same picture.
+        """Publish a picture of one of endlessly many scenes; equal numbers give equal pictures.
 
         `captured_s` is when it was taken; None: now.
         """
@@ -58,7 +58,7 @@ class BenchCamera(Camera):
         )
 
     def show_rubbish(self) -> Frame:
-        """Publish bytes that are no picture."""
+        """Publish bytes that are not a picture."""
         return self._publish(
             b"no picture",
             width=160,
@@ -72,7 +72,7 @@ class BenchCamera(Camera):
 
 
 class BenchDriver(FakeDriver):
-    """Notes what it is told and shown; can be made to fail."""
+    """Notes its orders and displays; can be made to fail."""
 
     name: ClassVar[str] = "bench"
     default_camera: ClassVar[str] = "bench"
@@ -111,7 +111,7 @@ class BenchRobot:
     def hold(
         self, action: Action | None, frame_id: int | None = None, point: Point | None = None
     ) -> None:
-        """Say what is held, looking at `frame_id` or else at the newest frame."""
+        """Send the held move, for `frame_id` or else for the newest frame."""
         frame = self.camera.latest()
         seen = frame_id if frame_id is not None else frame.frame_id if frame else None
         self._seq += 1
@@ -135,7 +135,7 @@ class BenchRobot:
         seconds: float = 0.05,
         point: Point | None = None,
     ) -> Tick:
-        """Time passes, a new picture comes, the pilot holds something, the loop turns."""
+        """Let time pass: a new picture comes, the pilot holds a move, the loop ticks."""
         self.clock.sleep(seconds)
         self.camera.show(scene)
         self.tick()
@@ -144,7 +144,7 @@ class BenchRobot:
 
 
 def started(mode: Mode = Mode.TRAIN, config: LoopConfig | None = None) -> BenchRobot:
-    """Return a robot that was taught one example, in this mode."""
+    """Return a robot in this mode that was taught one example."""
     robot = BenchRobot(config=config)
     robot.start(Mode.TRAIN)
     robot.step(1, Action.FORWARD)

@@ -1,4 +1,4 @@
-"""Small recordings made on the spot, in the form of real ones."""
+"""Small generated recordings in the format of real ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 def write_footage(path: Path, *, n_frames: int, seed: int = 0, period_s: float = 0.02) -> Path:
-    """Write a recording of `n_frames` pictures of noise; returns its path."""
+    """Write a recording of `n_frames` pictures of noise; return its path."""
     noise = np.random.default_rng(seed)
     files = []
     for _ in range(n_frames):

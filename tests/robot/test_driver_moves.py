@@ -1,4 +1,4 @@
-"""Moves are open: any name is one, and what a driver says of it goes along."""
+"""Any name can be a move, and the driver's declaration of the move goes with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Errors of the system and of libraries, told as ours."""
+"""Errors of the system and of libraries are raised as ours."""
 
 from __future__ import annotations
 

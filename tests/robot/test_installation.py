@@ -1,4 +1,4 @@
-"""How the program was installed, what it advises then, and who else is called `robot`."""
+"""How the program was installed, its advice for that case, and other packages called `robot`."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_the_version_is_that_of_the_distribution() -> None:
 
 
 PIP = (f"{sys.executable} -m pip install ", f"uv pip install --python {sys.executable} ")
-"""Where pip itself is missing, uv has made the environment."""
+"""If pip itself is missing, uv has made the environment."""
 
 
 def quoted(word: str) -> str:

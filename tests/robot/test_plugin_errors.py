@@ -1,4 +1,4 @@
-"""What a plug-in's code raises becomes one sentence that names the plug-in."""
+"""Errors of a plug-in's code become one sentence that names the plug-in."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Paired browsers behind one address that load the page at once: how many pages stay dead?
+"""Paired browsers behind one address load the page at once: how many pages stay dead?
 
-Each has six connections, as a browser has, and takes what a first visit takes: the document, what
-it names, its service worker, both websockets and a first picture. Nothing is tried twice.
+Each browser has six connections, like a real one, and requests what a first visit needs: the
+document, its files, its service worker, both websockets and a first picture. No request is
+repeated.
 """
 
 from __future__ import annotations
@@ -34,14 +35,14 @@ PATIENCE_S = 120.0
 
 @dataclass
 class Browser:
-    """One of them."""
+    """One of the browsers."""
 
     address: str
     cookie: str
     trust: ssl.SSLContext | None = None
 
     async def visit(self) -> None:
-        """Load the page, and what it needs until it shows a picture.
+        """Load the page, and everything that it needs until it shows a picture.
 
         Raises:
             Exception: Of whatever fails first.
@@ -113,7 +114,7 @@ class Browser:
 
 
 async def dead_pages(browsers: list[Browser]) -> list[str]:
-    """Have all of them come within a second; return what befell the dead ones."""
+    """Have all browsers connect within a second; return the errors of the dead pages."""
 
     async def come(number: int, browser: Browser) -> None:
         await asyncio.sleep(WITHIN_S * number / len(browsers))

@@ -19,12 +19,12 @@ def server() -> Iterator[VirtualServer]:
 
 @pytest.fixture
 def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder that commands take by default."""
+    """The folder that commands use by default."""
     monkeypatch.setenv("DRIVELESSON_DATA", str(tmp_path / "data"))
     return tmp_path / "data"
 
 
 @pytest.fixture
 def episode_id(data: Path) -> str:
-    """A drive that is recorded in it."""
+    """A recorded drive in this folder."""
     return record_drive(Storage(data).folder("episodes"), "default-8").id

@@ -1,6 +1,5 @@
-"""Every route does what `/openapi.json` says: bodies, answers and errors, tried with good values
-and with bad ones; for `test_fuzz.py`.
-"""
+"""Every route keeps its description in `/openapi.json`: bodies, answers and errors, with valid and
+invalid values; for `test_fuzz.py`."""
 
 from __future__ import annotations
 
@@ -24,7 +23,7 @@ def check_every_route_answers_what_the_description_states(address: str) -> None:
 
 
 def faults_of(operation: Any) -> list[str]:
-    """Try an operation with all checks; return what is wrong."""
+    """Try an operation with all checks; return its faults."""
     from schemathesis.checks import CHECKS, load_all_checks
     from schemathesis.core.failures import FailureGroup
 

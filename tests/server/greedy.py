@@ -1,4 +1,4 @@
-"""A paired program that takes all it can get, in a process of its own: for test_stop_always."""
+"""A paired program that takes as much as possible, in a separate process; for test_stop_always."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SOCKETS, IDLE = 62, 510
 _KEY = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13\r\n"
 _PING = b'{"type":"ping","client_ms":1}'
 _BURST = 700 * (bytes([0x81, 0x80 | len(_PING), 0, 0, 0, 0]) + _PING)
-"""A burst of messages; masked with zeros they stand as they are."""
+"""A burst of messages; masked with zeros, they stay readable."""
 
 
 class Greedy:
@@ -26,7 +26,7 @@ class Greedy:
         return reader, writer  # type: ignore[return-value]
 
     async def hold(self, path: str, more: str = "", burst: bytes = b"") -> None:
-        """Hold one connection for as long as it is let; then take the next."""
+        """Hold one connection for as long as the server allows, and then open the next."""
         while True:
             with contextlib.suppress(OSError, EOFError):
                 reader, writer = await self._connect(path, more)
@@ -37,7 +37,7 @@ class Greedy:
             await asyncio.sleep(2.0)
 
     async def run(self) -> None:
-        """Hold all of them until cancelled."""
+        """Hold all connections until cancelled."""
         upgrade = f"Upgrade: websocket\r\nConnection: Upgrade\r\n{_KEY}"
         async with asyncio.TaskGroup() as all_at_once:
             for number in range(SOCKETS):

@@ -1,4 +1,4 @@
-"""A bench robot served with pairing, in a process with few descriptors, and how to ask it."""
+"""A bench robot served with pairing, in a process with few descriptors, and requests to it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Process:
         self.port = int(self.address.rsplit(":", 1)[1])
 
     def ask(self, command: str = "") -> dict[str, Any]:
-        """Return what it says of itself; `release` releases an emergency first."""
+        """Return the server's report; `release` first releases an emergency stop."""
         assert self._process.stdin is not None
         self._process.stdin.write(f"{command}\n")
         self._process.stdin.flush()
@@ -62,7 +62,7 @@ class Process:
 
 @contextlib.contextmanager
 def lan_process(log: Path) -> Iterator[Process]:
-    """Serve while the block runs; the server's log goes to a file."""
+    """Serve inside the block; the server's log goes to a file."""
     words = [sys.executable, "-m", "tests.server.lan_process", str(WEB)]
     with log.open("w") as errors:
         process = subprocess.Popen(
@@ -75,7 +75,7 @@ def lan_process(log: Path) -> Iterator[Process]:
 
 
 def main(web: str) -> None:
-    """Serve until standard input ends; each line of it is answered by one of notes."""
+    """Serve until standard input ends; each line of input is answered by a line of notes."""
     import resource  # not on Windows
 
     resource.setrlimit(resource.RLIMIT_NOFILE, (DESCRIPTORS, DESCRIPTORS))

@@ -1,4 +1,4 @@
-"""A robot on the test bench in real time, a server around it, and a pilot's program."""
+"""A bench robot in real time, a server around it, and a pilot's program."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def live_server(
     certificates: Certificates | None = None,
     data: Path | None = None,
 ) -> Iterator[LiveServer]:
-    """Serve a bench robot on loopback while the block runs; with `data`, it keeps things there."""
+    """Serve a bench robot on loopback inside the block; with `data`, it saves there."""
     clock = camera.clock if camera else RealClock()
     config = config or Config(port=0, web=WEB)
     rig = Rig(FakeDriver(), camera or FakeCamera(clock), make_policy("published-8"), clock)
@@ -163,7 +163,7 @@ class Pilot:
     def wait_for_state_with(
         self, wanted: Callable[[dict[str, Any]], bool], within_s: float = STANDING_AFTER_S
     ) -> dict[str, Any]:
-        """Return the newest state or the first after it that is wanted."""
+        """Return the newest state if it is wanted, else the first later one that is."""
         return self.wait_for(
             lambda m: m["type"] == "state" and wanted(m),
             within_s,
@@ -187,7 +187,7 @@ class Pilot:
         within_s: float = STANDING_AFTER_S,
         seen: int = 0,
     ) -> dict[str, Any]:
-        """Return the first message that is wanted, but for the first `seen` ones."""
+        """Return the first wanted message, apart from the first `seen` messages."""
         deadline = time.monotonic() + within_s
         with self._news:
             while True:
@@ -200,7 +200,7 @@ class Pilot:
                 self._news.wait(left)
 
     def wait_for_state(self, within_s: float = STANDING_AFTER_S, **fields: Any) -> dict[str, Any]:
-        """Return the newest state or the first after it that has these fields."""
+        """Return the newest state with these fields, or the first later one."""
         return self.wait_for(
             lambda m: (
                 m["type"] == "state" and all(m[name] == value for name, value in fields.items())
@@ -212,7 +212,7 @@ class Pilot:
     def drive_until(
         self, is_so: Callable[[], bool], held: str = "forward", mode: str = "train"
     ) -> None:
-        """Hold a move until `is_so`; start again where a busy machine made the robot stand."""
+        """Hold a move until a condition holds; start again if a busy machine stopped the robot."""
         self.wait_for(lambda m: m["type"] == "state")
         self.hold(held)
         end_s = time.monotonic() + STANDING_AFTER_S
@@ -230,7 +230,7 @@ class Pilot:
             thread.join(2)
 
     def vanish(self) -> None:
-        """Disconnect like a killed browser: no closing handshake."""
+        """Disconnect like a killed browser, without a closing handshake."""
         self._ending.set()
         linger = struct.pack("ii", 1, 0)  # the end is a reset, not a farewell
         self.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)

@@ -1,4 +1,4 @@
-"""`drivelesson serve` in a process of its own, as a user starts it."""
+"""`drivelesson serve` in a separate process, as a user starts it."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ refused_before_closing = 1_000_000_000
 requests_burst = 1e12
 requests_per_second = 1e12
 """
-"""A fast machine asks more often than a pilot may: limits are tested in virtual time."""
+"""A fast machine sends more requests than a pilot may; limits are tested in virtual time."""
 
 
 @dataclass
 class OwnProcess:
-    """A running server: its address, its process, and what it has said since."""
+    """A running server: its address, its process, and its output so far."""
 
     process: subprocess.Popen[str]
     address: str = ""
@@ -49,7 +49,7 @@ class OwnProcess:
 
 @contextlib.contextmanager
 def own_process(folder: Path, *more: str) -> Iterator[OwnProcess]:
-    """Serve the simulated robot on a free port, without limits, while the block runs.
+    """Serve the simulated robot on a free port, without limits, inside the block.
 
     Args:
         folder: Its data folder.

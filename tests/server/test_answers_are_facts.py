@@ -1,9 +1,10 @@
-"""What is answered as done and kept is there after a kill, whatever call the disk refuses.
+"""A change that was answered as done and saved survives a kill, whichever call the disk refuses.
 
-Each write route runs on a robot in virtual time whose disk refuses one call, or all from one on.
-The folder is copied when the answer has come, as a kill leaves it, and read by another start. It
-must hold what it holds where the disk is sound, unless the answer is a refusal or has `kept` false.
-So does each command that ends with 0; one that fails has done all of it or nothing.
+Each route that writes runs on a robot in virtual time. Its disk refuses one call, or all calls from
+one on. The folder is copied when the answer arrives, as a kill would leave it, and a new start
+reads the copy. Unless the answer is a refusal or has `kept` false, the copy must contain what it
+contains with a sound disk. The same holds for each command that ends with 0; a command that fails
+has done all of its work or none.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from .virtual_server import VirtualServer
 
 MANY = 10**6
 CASES = size("DISK_CASES", 2, 24)
-"""How many failures of the disk each write meets; with MANY each call in turn."""
+"""Number of disk failures that each write is tested with; with MANY, each call in turn."""
 EPISODE = "/api/episodes/{episode}"
 WRITES: dict[str, tuple[str, str, Any]] = {
     "pin": ("POST", "/api/gallery/{node}", {"verb": "pin", "value": True}),
@@ -65,7 +66,7 @@ WRITES: dict[str, tuple[str, str, Any]] = {
 
 
 def teach_unlike(server: VirtualServer) -> None:
-    """Teach a dozen examples, of images that differ."""
+    """Teach a dozen examples with different images."""
     loop, latest = server.rig.loop, server.camera.latest
     server.wait_until(lambda: latest() is not None)
 
@@ -127,7 +128,8 @@ def holds(root: Path) -> dict[str, Any]:
 def ask(
     folder: Path, write: str, first: int, *, for_ever: bool, scratch: Path
 ) -> tuple[httpx.Response, dict[str, Any], int]:
-    """Make one write on a disk that fails; return answer, what a kill leaves, calls counted."""
+    """Make one write on a failing disk; return the answer, the folder after a kill, and the
+    calls."""
     root = scratch / "data"
     shutil.copytree(folder, root)
     method, path, body = WRITES[write]
@@ -182,12 +184,13 @@ def ask(
 
 
 def is_kept(answer: httpx.Response) -> bool:
-    """True if it says that it is done, and not that it is not kept."""
+    """True if the answer says that the change is done, and not that it is not saved."""
     return answer.is_success and answer.json().get("kept") is not False
 
 
 def failures(calls: int) -> list[tuple[int, bool]]:
-    """Return which call fails, and whether all later ones do: the first, and others by chance."""
+    """Return which call fails, and whether all later ones fail too: the first call, and random
+    ones."""
     assert calls, "it writes something"
     cases = [(first, always) for first in range(1, calls + 1) for always in (True, False)]
     return [cases[0], *random.Random(1).sample(cases[1:], min(CASES, len(cases)) - 1)]
@@ -228,7 +231,7 @@ BEFORE = {
     "compact": ["trim", "{episode}", "--from", "0.1", "--to", "0.5"],
     "restore": ["delete", "{episode}"],
 }
-"""What is done before, on a disk that is sound."""
+"""The preparation, on a sound disk."""
 
 
 @pytest.mark.parametrize("command", few(COMMANDS, 2))

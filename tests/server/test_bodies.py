@@ -1,4 +1,4 @@
-"""What a person with `curl` is told whose body does not say that it is JSON."""
+"""The error for a person whose `curl` request does not declare its body as JSON."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_a_body_that_does_not_say_that_it_is_json_is_told_how_to(tmp_path: Path)
 
 
 def refusals(server: VirtualServer, kind: str) -> list[str]:
-    """Return what each route that takes JSON says of a body of another kind."""
+    """Return the answer of each route that takes JSON to a body of another kind."""
     described = httpx.get(f"{server.address}/openapi.json").json()["paths"]
     routes = [
         (method, re.sub(r"{\w+}", "1", path))

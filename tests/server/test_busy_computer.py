@@ -1,4 +1,5 @@
-"""A computer that is late: it slows down before it stops, and blames itself and not the link."""
+"""A late computer slows the robot down before it stops it, and the computer is blamed, not the
+link."""
 
 from __future__ import annotations
 
@@ -11,7 +12,7 @@ from tests.server.virtual import Pilot, ServedWorld, virtually
 
 
 async def keep_busy(world: ServedWorld, late_s: float, for_s: float) -> list[tuple[bool, float]]:
-    """Hold the computer up again and again; return what the robot then says, and its speed."""
+    """Hold the computer up again and again; return the robot's messages and its speed."""
     said = []
     until_s = world.clock.now_s() + for_s
     while world.clock.now_s() < until_s:

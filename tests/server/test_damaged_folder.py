@@ -1,4 +1,4 @@
-"""Any damage in the data folder: the server starts, lists, drives, and reports what it moved."""
+"""However the data folder is damaged, the server starts, lists, drives, and reports moved files."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ KINDS = (
     "fifo", "socket", "remove", "unreadable",
 )  # fmt: skip
 ABSENT = ("dangling", "loop", "link to folder", "fifo", "socket") if os.name == "nt" else ()
-"""What Windows has not, or lets few make."""
+"""Damage that Windows does not have, or allows only to few users."""
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A data folder with a bit of everything, left by a kill."""
+    """A data folder with a sample of everything, left by a kill."""
     root = tmp_path_factory.mktemp("whole") / "data"
     with running(root) as (rig, persistence):
         teach(rig)
@@ -105,11 +105,11 @@ def teach(rig: Rig) -> int:
 
 
 LARGEST = 2**24
-"""A file that is larger was made huge before: it is not read into memory to be damaged again."""
+"""A larger file was damaged before by making it huge; do not read it into memory again."""
 
 
 def damage(root: Path, rng: random.Random) -> str:
-    """Do one bad thing to one thing of the folder; return what."""
+    """Damage one entry of the folder; return a description."""
     everything = [path for path in sorted(root.rglob("*")) if not path.is_symlink()]
     how = rng.choice([kind for kind in KINDS if kind not in ABSENT])
     if how == "not utf-8" and rng.random() < 0.5 and os.name != "nt":
@@ -274,7 +274,7 @@ def test_a_model_that_fails_is_said_and_set_aside_at_the_next_start(tmp_path: Pa
 
 
 class DiskThatRefuses:
-    """Lets everything below a folder be read, and nothing be written."""
+    """Allows reading everything below a folder, but refuses every write."""
 
     def __init__(self, root: Path, code: int) -> None:
         self.root, self.code, self.refused = os.fspath(root), code, 0
@@ -308,7 +308,7 @@ FOREIGN = (
     ".DS_Store", "notes.txt", "desktop.ini", "~$plan.docx", ".~lock.plan.ods#", ".nfs0001",
     ".robot.syncthing.tmp", ".robot.mcap.part", "old/one.npz",
 )  # fmt: skip
-"""What synchronisers, file managers and people keep in any folder."""
+"""Files that sync tools, file managers and people leave in any folder."""
 
 
 def test_what_other_programs_keep_is_neither_moved_listed_nor_deleted(

@@ -1,6 +1,7 @@
-"""Whatever value stands in a stored file (NaN, a text for a number, 1e400): no address answers 5xx.
+"""Whatever value is in a stored file (NaN, text instead of a number, 1e400), no address answers
+5xx.
 
-Every JSON file that a lively data folder holds is damaged in turn, and the texts inside models.
+Every JSON file of a folder in use is damaged in turn, and also the texts inside models.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def served(root: Path) -> VirtualServer:
 
 @pytest.fixture(scope="module")
 def lively(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a study, one session that is over and one that is not, edits and a trash."""
+    """A folder with a study, a finished and an unfinished session, edits and a trash."""
     root = tmp_path_factory.mktemp("lively") / "data"
     episode = record_drive(Storage(root).folder("episodes"), frames=20).id
     gone = record_drive(Storage(root).folder("episodes"), frames=5).id
@@ -74,7 +75,7 @@ def lively(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def damage(data: bytes, dice: random.Random) -> bytes:
-    """Put another value in the place of one."""
+    """Replace one value by another."""
     places = list(_VALUE.finditer(data))
     if not places:
         return data
@@ -97,13 +98,13 @@ def damage_file(path: Path, dice: random.Random) -> None:
 
 
 def stored(root: Path) -> list[Path]:
-    """Return every file that holds JSON, or a text of it."""
+    """Return every file that is JSON or contains JSON text."""
     kinds = (".json", ".jsonl", ".npz")
     return sorted(path for path in root.rglob("*") if path.suffix in kinds and path.is_file())
 
 
 def addresses(server: VirtualServer, client: httpx.Client) -> list[str]:
-    """Return every address that can be read, with each name that there is in its place."""
+    """Return every readable address, with each existing name filled in."""
     found = []
     listed = client.get("/api/episodes").text + client.get("/api/models").text
     names = {"walk", "P01", "1", *re.findall(r'"(?:id|name)":\s*"([\w-]+)"', listed)}

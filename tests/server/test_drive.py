@@ -15,7 +15,7 @@ Points = dict[str, Point]
 
 @pytest.fixture(params=["by moves", "by degrees"])
 def points(request: pytest.FixtureRequest, server: VirtualServer) -> Points:
-    """What the pilot means by each move, if it steers by degrees."""
+    """The steering and throttle of each move, if the pilot steers by degrees."""
     server.driver.takes_points = request.param == "by degrees"
     return POINTS if server.driver.takes_points else {}
 
@@ -53,7 +53,7 @@ def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
     server: VirtualServer,
     points: Points,
 ) -> None:
-    """A pilot's new line may be there before the lost one is closed."""
+    """A pilot may connect again before the lost connection is closed."""
     with server.pilot() as lost, server.pilot() as back:
         lost.mode("train")
         lost.hold("forward", points.get("forward"))
@@ -64,7 +64,8 @@ def test_a_wheel_that_is_left_goes_to_the_only_other_pilot_and_the_robot_stands(
 
 
 def test_who_has_the_wheel_sees_as_long_as_somebody_waits_for_it(server: VirtualServer) -> None:
-    """The pilot of then was told once: not that who asked has left, nor was the next pilot told."""
+    """The earlier pilot was told once; neither the requester's departure nor the next pilot was
+    announced."""
     with server.pilot() as first, server.pilot() as second:
         with server.pilot() as third:
             for asks in (second, third):
@@ -137,7 +138,7 @@ def test_pages_and_health_are_served(server: VirtualServer) -> None:
 
 
 def test_what_the_robot_does_is_told_and_shown_by_plain_requests(server: VirtualServer) -> None:
-    """For a page whose websockets something on the way blocks."""
+    """For a page whose websockets are blocked by the network."""
     with server.pilot() as pilot, httpx.Client(base_url=server.address) as client:
         assert client.get("/api/state").json()["mode"] == "stopped"
         pilot.mode("train")

@@ -1,4 +1,5 @@
-"""A data folder that goes away, as a stick that is pulled: nothing is written beneath its path."""
+"""The data folder disappears, like a stick that is pulled out: nothing is written below its
+path."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ from .test_damaged_folder import running, teach
 
 MOMENTS = size("MOMENTS", 4, 30)
 ON_A_DISK = "DRIVELESSON_TEST_ON_A_DISK"
-"""Set in the process whose data folders are mounted, and pulled by unmounting them."""
+"""Set in the process whose data folders are mounted, and removed by unmounting."""
 
 
 def mount(*words: str | Path) -> None:
@@ -30,7 +31,7 @@ def mount(*words: str | Path) -> None:
 
 
 def plug_in_first(root: Path) -> None:
-    """Mount a disk where the data folder will be."""
+    """Mount a disk at the path of the data folder."""
     if ON_A_DISK in os.environ:
         for folder in (root, disk := root.with_name("disk")):
             folder.mkdir()
@@ -39,7 +40,7 @@ def plug_in_first(root: Path) -> None:
 
 
 def pull(root: Path) -> Path:
-    """Leave an empty folder where the data folder was, as below a mount point."""
+    """Leave an empty folder at the path of the data folder, as below a mount point."""
     if ON_A_DISK in os.environ:
         subprocess.run(["umount", "--lazy", root], check=True)
         return root.with_name("disk")
@@ -60,7 +61,7 @@ def plug_in(root: Path, away: Path) -> None:
 
 @pytest.mark.skipif(ON_A_DISK in os.environ, reason="it runs the others on a disk")
 def test_a_disk_that_is_unmounted_while_it_teaches_takes_nothing_along() -> None:
-    """The tests of a pulled folder again, with real mounts in a namespace of their own."""
+    """Repeat the tests of a removed folder with real mounts, in a separate namespace."""
     may = shutil.which("unshare") and subprocess.run(
         ["unshare", "--map-root-user", "--mount", "mount", "-t", "tmpfs", "none", "/mnt"],
         capture_output=True,

@@ -30,14 +30,14 @@ MESSAGES = ("drive", "mode", "stop", "release", "take", "yield", "ping")
 STEERED = ("moves", "degrees")
 CASES = combined(FAULTS, MOMENTS, CLIENTS, MESSAGES, STEERED)
 RUNS = max(len(CASES), size("RUNS", 0, 2_000))
-"""Each case at least once."""
+"""Each case is tested at least once."""
 CHUNKS = size("CHUNKS", 1, 20)
 OLDEST_S = 0.3
 STANDS_WITHIN_S = 0.5
 _EPSILON_S = 1e-6
 POINTS = {"forward": Point(0.1, 0.5), "left": Point(-0.7, 0.4)}
 _PICTURE = bytes(5000)
-"""As heavy as a JPEG of 160x120."""
+"""The size of a JPEG of 160x120."""
 
 
 class Sent(NamedTuple):
@@ -49,9 +49,9 @@ class Sent(NamedTuple):
 
 
 class Page:
-    """A page without a screen, whose way to the robot can be held up, cut or put out of order.
+    """A page without a screen, whose connection to the robot can be held up, cut or reordered.
 
-    What it sends is noted with the time at which it was sent.
+    Every sent message is noted with its time.
     """
 
     def __init__(self, world: ServedWorld) -> None:
@@ -104,7 +104,7 @@ class Page:
             socket.send(message)
 
     def release_up(self) -> None:
-        """Let what was held up go on its way; out of order if the fault is that."""
+        """Release the held messages; in another order if the fault is reordering."""
         late, self._late_up = self._late_up, []
         if self.reorders:
             self.world.dice.shuffle(late)
@@ -113,7 +113,7 @@ class Page:
             (self.drive if isinstance(message, str) else self.video).send(message)
 
     def release_down(self) -> None:
-        """Let what was held up arrive."""
+        """Deliver the held messages."""
         late, self._late_down = self._late_down, []
         self.stalls_down = False
         for act in late:
@@ -146,7 +146,7 @@ class Page:
 
 
 class Watch:
-    """Holds every tick against what was sent, and when: nothing is asked of the robot itself."""
+    """Compares every tick with the sent messages and their times; the robot itself is not asked."""
 
     def __init__(self, world: ServedWorld, page: Page) -> None:
         self._world, self._page = world, page
@@ -177,13 +177,13 @@ class Watch:
 
 
 def _hold(world: ServedWorld, move: str | None) -> dict[str, Any]:
-    """Return what a `drive` says of a move: by degrees, where the robot takes them."""
+    """Return the fields of a `drive` message for a move, by degrees if the robot supports them."""
     is_point = world.driver.takes_points and move is not None
     return {"held": move, **(POINTS[move]._asdict() if is_point else {})}
 
 
 def _break(page: Page, fault: str, lasts_s: float) -> None:
-    """Let the fault begin. A freeze is over at once, for all but the clock."""
+    """Begin the fault. A freeze ends at once, except for the clock."""
     if fault == "freeze":
         page.world.clock.advance(lasts_s)
     elif fault == "stall up":
@@ -197,7 +197,7 @@ def _break(page: Page, fault: str, lasts_s: float) -> None:
 
 
 def _teach(world: ServedWorld) -> None:
-    """Have the robot know a move for what it sees, so that it drives by itself when asked to."""
+    """Teach the robot a move for its view, so that it can drive by itself."""
     frame, policy = world.camera.latest(), world.loop.history.policy
     assert frame is not None
     point = POINTS[Action.FORWARD] if world.driver.takes_points else None
@@ -205,7 +205,7 @@ def _teach(world: ServedWorld) -> None:
 
 
 async def play(world: ServedWorld, case: tuple[str, str, str, str]) -> list[str]:
-    """Drive, let the fault happen about the message, and watch; return what was wrong."""
+    """Drive, cause the fault around the message, and watch; return the violations."""
     fault, moment, client, kind = case
     dice, page = world.dice, Page(world)
     await world.until(lambda: page.sight["frame"] is not None and "nonce" in page.state)
@@ -249,7 +249,7 @@ async def play(world: ServedWorld, case: tuple[str, str, str, str]) -> list[str]
 def on_a_cheap_robot(
     scenario: Callable[[ServedWorld], Coroutine[Any, Any, list[str]]], seed: int, by: str
 ) -> list[str]:
-    """Run a scenario where nobody looks at a pixel: neither pictures nor learning cost anything."""
+    """Run a scenario without pixels, so that neither pictures nor learning take time."""
     clock = VirtualClock(100.0)
 
     async def main() -> list[str]:
@@ -328,7 +328,7 @@ def test_what_proves_nothing_moves_nothing(kind: str, lie: str, by: str) -> None
 
 @crossed(mode=["train", "autonomous"], seed=range(size("STALLS", 2, 10)))
 def test_acknowledgements_that_stop_alone_stop_the_robot(mode: str, seed: int) -> None:
-    """The words go on, with fresh nonces: what nobody has acknowledged nobody has seen."""
+    """Messages continue with fresh nonces, but a picture that was not acknowledged was not seen."""
 
     async def scenario(world: ServedWorld) -> None:
         page = Page(world)

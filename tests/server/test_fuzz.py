@@ -1,7 +1,7 @@
-"""Nonsense by the thousand, over real sockets: the server answers, its memory stays small, and the
-loop does not notice.
+"""Thousands of nonsense messages over real sockets: the server answers, its memory stays small, and
+the loop continues.
 
-DRIVELESSON_FUZZ says how many messages; `make test` sends 1,000, CI 100,000.
+DRIVELESSON_FUZZ is the number of messages; `make test` sends 1,000, CI 100,000.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ pytestmark = pytest.mark.realtime
 MESSAGES = size("FUZZ", 1_000, 100_000)
 BATCH = 100
 BODY_MB = 40
-"""The largest body that the server takes."""
+"""The largest body that the server accepts."""
 COPIES = 4
-"""How many copies of that body all hostile requests together may add to a server that has started.
-Two are there while one is read; allocators and Python versions keep up to one more."""
+"""Number of copies of that body that all hostile requests together may add to a started server. Two
+exist while one is read; allocators and Python versions keep up to one more."""
 
 TYPES = ("drive", "mode", "stop", "release", "take", "yield", "ping")
 KNOWN = {
@@ -50,20 +50,20 @@ KNOWN = {
     "client_ms": (),
     "stop_number": (),
 }
-"""The fields of a message, and what is right in them."""
+"""The fields of a message, and their valid values."""
 EDGES = (None, True, False, 0, 1, -1, 2**31, 2**32, 2**53, 2**64, -(10**30), 1e308, 0.5, "", [])
 WHOLE = ("[" * 2000, "x" * 5000, '{"type":"ping","client_ms":1e999}', "\x00", "{}")
 
 
 def text(dice: random.Random, most: int) -> str:
-    """Return letters of all planes; most are none that a protocol expects."""
+    """Return letters of all planes; no protocol expects most of them."""
     planes = (128, 128, 0x800, 0xD800, 0x10_FFFF)
     points = (dice.randrange(dice.choice(planes)) for _ in range(dice.randrange(most + 1)))
     return "".join(chr(point) for point in points if not 0xD800 <= point < 0xE000)
 
 
 def anything(dice: random.Random) -> Any:
-    """Return a value of any kind that JSON has."""
+    """Return a JSON value of any kind."""
     kind = dice.randrange(8)
     if kind == 0:
         return text(dice, 8)
@@ -75,7 +75,7 @@ def anything(dice: random.Random) -> Any:
 
 
 def drive_message(dice: random.Random) -> str | bytes:
-    """Return a message that is nearly one, or nothing of the kind."""
+    """Return a nearly valid message, or nonsense."""
     kind = dice.randrange(8)
     if kind == 0:
         return text(dice, 40)
@@ -94,7 +94,7 @@ def drive_message(dice: random.Random) -> str | bytes:
 
 
 def video_message(dice: random.Random) -> str | bytes:
-    """Return what may be an acknowledgement, of any picture."""
+    """Return bytes that may be an acknowledgement of any picture."""
     kind = dice.randrange(3)
     if kind == 0:
         return dice.randbytes(dice.randrange(25))
@@ -103,9 +103,9 @@ def video_message(dice: random.Random) -> str | bytes:
 
 @contextlib.contextmanager
 def untouched(server: OwnProcess) -> Iterator[None]:
-    """Fail if the loop does not go on, or anything was logged as an error.
+    """Fail if the loop stops, or if an error was logged.
 
-    How fast it goes on under load is a report: `drivelesson bench link` prints the loop's rate.
+    Its speed under load is a report: `drivelesson bench link` prints the loop's rate.
     """
     yield
     said = [line for line in server.errors if " ERROR " in line or "Traceback" in line]
@@ -143,12 +143,12 @@ def test_no_nonsense_fills_the_memory_or_is_noticed_by_the_loop(
 
 
 def peak_mb(pid: int) -> float:
-    """Return the most memory that a process ever had, in MB."""
+    """Return the peak memory of a process, in MB."""
     return int(Path(f"/proc/{pid}/status").read_text().split("VmHWM:")[1].split()[0]) / 1024
 
 
 def send_hostile_values_and_malformed_models(server: OwnProcess) -> list[int]:
-    """Return the status of each answer; what they should be, the tests in virtual time say."""
+    """Return the status of each answer; the tests in virtual time check them."""
     answers: list[int] = []
     with httpx.Client(base_url=server.address, timeout=60) as page:
         for learner in ("published-4", "default-6"):
@@ -167,7 +167,7 @@ def send_hostile_values_and_malformed_models(server: OwnProcess) -> list[int]:
 
 @contextlib.contextmanager
 def sockets(server: OwnProcess, path: str) -> Iterator[list[ClientConnection]]:
-    """Open six: one is read no faster than anybody needs."""
+    """Open six connections; one is read no faster than a page needs."""
     address = f"ws://127.0.0.1:{server.port}{path}"
     with contextlib.ExitStack() as stack:
         yield [stack.enter_context(connect(address, compression=None)) for _ in range(6)]

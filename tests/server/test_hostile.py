@@ -1,4 +1,5 @@
-"""Every address of the API with hostile values: answered 4xx, never 5xx, and nothing swells."""
+"""Hostile values at every address of the API: answered with 4xx, never 5xx, and memory stays
+small."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from tests.kit.sizes import IS_FULL
 from .virtual_server import WEB, VirtualServer
 
 EVERY = 1 if IS_FULL else 9
-"""CI sends every body to every address; `make test` every ninth."""
+"""CI sends every body to every address; `make test` sends every ninth."""
 MOST_GROWTH_BYTES = 150_000_000
 VALUES: list[Any] = [
     "\ud83d",
@@ -95,7 +96,7 @@ def _paths(path: str) -> list[str]:
 
 
 def _bodies(operation: str) -> Iterator[bytes]:
-    """Whole bodies that are none, each value in all fields at once, and some in each field."""
+    """Invalid bodies, each value in all fields at once, and some values in each field."""
     dice = random.Random(operation)
     yield from BODIES
     for value in VALUES:

@@ -1,4 +1,5 @@
-"""Every route of models and episodes with values that nobody means: 4xx, never 5xx, and alive."""
+"""Nonsense values at every route of models and episodes: 4xx, never 5xx, and the server
+survives."""
 
 from __future__ import annotations
 
@@ -123,7 +124,7 @@ def test_half_an_emoji_does_not_stop_the_saving(robot: Robot) -> None:
 
 @pytest.mark.parametrize("learner", installed("published-4", "knn-3"))
 def test_malformed_models_are_422_over_http(robot: Robot, learner: str) -> None:
-    """A part of what tests/robot/store/models/test_checking.py generates, over the wire."""
+    """Some of the models that tests/robot/store/models/test_checking.py generates, uploaded."""
     if learner.startswith("knn"):
         pytest.importorskip("sklearn", reason="kNN needs the extra `evaluate`")
     for what, data in malformed(learner, every=7):

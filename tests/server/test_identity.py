@@ -1,4 +1,4 @@
-"""A robot has a name of its own, keeps it, and can be given another."""
+"""A robot has a name, keeps it, and can be renamed."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""A real process and its folder: what it was taught is there again, however it ended.
+"""A real process and its folder: everything taught is there again, however the process ended.
 
-What else a folder may have suffered is in test_damaged_folder.py.
+Other damage of a folder is in test_damaged_folder.py.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def serving(data: Path, *words: str) -> Iterator[tuple[subprocess.Popen[str], st
 
 
 def teach(address: str, lessons: int) -> int:
-    """Hold a move until so many examples were taught; return how many there were in the end."""
+    """Hold a move until this number of examples was taught; return the final number."""
     with Pilot(address.replace("http", "ws") + "/ws/drive") as pilot:
         pilot.drive_until(lambda: pilot.state["lessons"] >= lessons, held="left")
         pilot.mode("stopped")

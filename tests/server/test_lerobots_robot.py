@@ -1,4 +1,4 @@
-"""docs/examples/lerobot before a served robot, without LeRobot: its line needs none of it.
+"""docs/examples/lerobot with a served robot, without LeRobot, which its connection does not need.
 
 DRIVELESSON_FULL=1 compares 10,000 orders (.ci/run).
 """

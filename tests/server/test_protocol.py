@@ -97,14 +97,14 @@ REFERENCE = (Path(__file__).parents[2] / "docs" / "reference" / "protocol.md").r
 
 
 def _block(beginning: str) -> dict[str, Any]:
-    """Return the example of the reference that begins so."""
+    """Return the reference's example that begins with this text."""
     block = REFERENCE[REFERENCE.index("    " + beginning) :].split("\n\n")[0]
     example: dict[str, Any] = json.loads(block)
     return example
 
 
 def _shape(value: Any) -> Any:
-    """Return what kind of value it is, through and through: names, and numbers for numbers."""
+    """Return the type of a value, including its contents: names, and "number" for numbers."""
     if isinstance(value, dict):
         return {name: _shape(one) for name, one in value.items()}
     if isinstance(value, list):
@@ -134,7 +134,7 @@ def test_the_state_in_the_reference_is_what_the_wire_carries() -> None:
 
 
 def _table(after: str) -> dict[str, str]:
-    """Return the rows of the table that follows these words: first cell, all that follows."""
+    """Return the rows of the table that follows this text: first cell to all other cells."""
     text = REFERENCE[REFERENCE.index(after) :]
     lines = text[text.index("|---") :].split("\n\n")[0].splitlines()[1:]
     cells = [line.strip("| ").split(" | ", 1) for line in lines]

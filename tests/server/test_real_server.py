@@ -1,4 +1,4 @@
-"""Real sockets and threads, with and without TLS: that the parts work, not how fast.
+"""Real sockets and threads, with and without TLS: the parts work, at whatever speed.
 
 See test_drive.py and test_security.py.
 """
@@ -70,7 +70,7 @@ def a_pilot_drives_and_the_robot_stands_when_it_vanishes() -> None:
 
 
 def _drives(server: LiveServer, pilot: Pilot) -> bool:
-    """Ask again where a busy machine has made the robot stand, as a person does."""
+    """Start again if a busy machine has stopped the robot, as a person does."""
     if server.rig.loop.mode is Mode.STOPPED:
         pilot.mode("train")
         time.sleep(0.2)
@@ -122,7 +122,7 @@ def paired_clients_are_never_reset(
 
 
 async def _first_message(url: str, headers: dict[str, str], trust: ssl.SSLContext) -> str:
-    """Not by `websockets.sync`: it reads and writes one TLS session from two threads, and of a
-    thousand requests Python 3.11 then loses one or two before they are sent."""
+    """`websockets.sync` is not used, because it reads and writes one TLS session from two threads:
+    of a thousand requests Python 3.11 then loses one or two before they are sent."""
     async with connect(url, ssl=trust, additional_headers=headers, compression=None) as socket:
         return str(await socket.recv())

@@ -1,4 +1,4 @@
-"""A release or a start that is late does not undo a STOP that its sender had not seen."""
+"""A late release or a late start does not undo a STOP that its sender had not seen."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ STOPS = {"http": _by_http, "eye": _by_eye, "page": _by_another_page, "twice": _t
 
 
 async def _stopped(world: ServedWorld) -> Pilot:
-    """Return a page that sees a STOP of its own, on a link that is slow from now on."""
+    """Return a page that sees its own STOP, on a link that is slow from then on."""
     pilot = await world.pilot(sees=True)
     pilot.send(type="stop")
     await pilot.wait_for_state(emergency=True)
@@ -109,7 +109,8 @@ def test_a_release_that_names_no_stop_releases_none(fields: dict[str, object]) -
 def test_a_start_that_was_asked_for_before_a_stop_does_not_start_what_was_released(
     nonce: str,
 ) -> None:
-    """A pilot taps a mode; another stops and releases the robot before that message arrives."""
+    """A pilot taps a mode; somebody else stops and releases the robot before that message
+    arrives."""
 
     async def scenario(world: ServedWorld) -> None:
         pilot = await world.pilot(sees=True)

@@ -1,4 +1,4 @@
-"""A robot that stands unwatched rests, and whoever comes finds it awake at once."""
+"""A robot that stands unwatched rests, and is awake at once when a client connects."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def resting(server: VirtualServer) -> VirtualServer:
 
 
 def spent(server: VirtualServer, seconds: float) -> tuple[int, int]:
-    """Return how many pictures were made, and how many ticks run, in so many seconds."""
+    """Return the number of pictures taken, and of ticks run, within this time."""
     camera, loop = server.rig.camera, server.rig.loop
     pictures, ticks = camera._last_frame_id, loop.state.cycles
     server.forward(seconds)

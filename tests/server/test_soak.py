@@ -1,8 +1,8 @@
-"""Browsers come, drive and vanish, over and over: nothing of them may stay behind.
+"""Browsers connect, drive and vanish, over and over, and leave nothing behind.
 
-DRIVELESSON_SOAK says how many, after half as many to warm up; `make test` takes 60, CI 2,000.
-What the pilots taught is forgotten before memory is measured: lessons grow to their bound with
-the time that is driven, whoever has gone.
+DRIVELESSON_SOAK is the number of browsers, after half as many to warm up; `make test` takes 60, CI
+2,000. All teaching is dropped before memory is measured, because a history grows to its bound with
+the time driven.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ async def _visits(port: int, count: int) -> None:
 
 
 async def _visit(port: int, dice: random.Random, number: int) -> None:
-    """Join, drive a little, and go in one of the ways in which browsers go."""
+    """Join, drive a little, and leave in one of the ways in which browsers leave."""
     options: dict[str, Any] = {"compression": None, "close_timeout": 1, "ping_interval": None}
     drive = await connect(f"ws://127.0.0.1:{port}/ws/drive", **options)
     video = await connect(f"ws://127.0.0.1:{port}/ws/video", **options)

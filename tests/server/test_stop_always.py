@@ -1,8 +1,7 @@
-"""Whatever people do: the STOP of everybody who may stop is obeyed, and two keep their places.
+"""Every STOP by anybody who may stop is obeyed, and two clients keep their slots.
 
-The machine runs the real application in virtual time, with small limits; the last check does
-the same to a real server, through real sockets and a process of its own for who is greedy; it runs
-in `test_strangers.py`.
+The machine runs the real application in virtual time, with small limits. The last check does the
+same with a real server, real sockets and a separate process for the greedy client.
 """
 
 from __future__ import annotations
@@ -45,16 +44,16 @@ LIMITS = NetworkLimits(
 )
 PEOPLE = ("owner", "pilot", "viewer", "pupil", "greedy")
 TRIES = size("STOPS", 3, 250)
-"""Of each of two, by each of two ways (`.ci/run`: 250)."""
+"""Number of STOPs of each of two clients, by each of two ways (`.ci/run`: 250)."""
 OBEYED_S = 0.3
 person_st = st.sampled_from(PEOPLE)
 _DRIVE = '{"type":"drive","held":"left","frame":null,"seq":1'
 WORDS = ('{"type":"ping","client_ms":1}', _DRIVE + "}", _DRIVE + ',"steering":-0.6,"throttle":0.4}')
-"""A ping, and driving, by moves and by degrees."""
+"""A ping, and drive messages by moves and by degrees."""
 
 
 class PeopleAtOneRobot(RuleBasedStateMachine):
-    """An owner, a pilot of a class, a viewer, and two who do whatever comes to their minds."""
+    """An owner, a pilot of a class, a viewer, and two clients that act at random."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -97,7 +96,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
 
     @rule(person=st.sampled_from(("viewer", "pupil", "greedy")), times=st.sampled_from([1, 70]))
     def redeem_again(self, person: str, times: int) -> None:
-        """With a browser, which has one session; and as if it were many."""
+        """Redeem with a browser, which has one session, or as if from many browsers."""
         token = self._invitation()
         before = dict(self.cookies)
         self.cookies[person] = self._redeem(token, before[person])
@@ -121,7 +120,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
 
     @rule(person=st.sampled_from(("owner", "pilot", "greedy")), by_page=st.booleans())
     def stop(self, person: str, by_page: bool) -> None:
-        """A page sends STOP on its websocket, and asks by HTTP where it has none."""
+        """A page sends STOP on its websocket, or by a request if it has none."""
         sockets = self._open_sockets(person)
         if by_page and sockets:
             self._send(sockets[-1], ['{"type":"stop"}'])
@@ -183,7 +182,7 @@ class PeopleAtOneRobot(RuleBasedStateMachine):
         return self._redeem(self.pairing.tokens[role])
 
     def _redeem(self, token: str, before: dict[str, str] | None = None) -> dict[str, str]:
-        """Redeem as the server's route does; its own rate limit is not the point here."""
+        """Redeem like the server's route; its own rate limit is not tested here."""
         name = "drivelesson-0"
         secret = (before or {}).get("cookie", "").partition("=")[2]
         paired: Any = self.pairing.redeem(token, self.server.clock.now_s(), "", secret)

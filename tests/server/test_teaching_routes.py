@@ -1,4 +1,4 @@
-"""Gallery, teaching and settings over HTTP, on a robot on the bench."""
+"""Gallery, teaching and settings over HTTP, on a bench robot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .virtual_server import VirtualServer
 
 @pytest.fixture
 def taught(tmp_path: Path) -> Iterator[VirtualServer]:
-    """A running robot that was taught 40 frames in four seconds of its time."""
+    """A running robot that was taught 40 frames within four seconds of its time."""
     with VirtualServer(data=tmp_path) as server:
         _teach(server, 40)
         yield server
@@ -70,7 +70,7 @@ def test_the_gallery_lists_every_image_with_its_picture(taught: VirtualServer) -
 
 
 def test_an_image_that_went_before_it_was_listed_has_a_picture(taught: VirtualServer) -> None:
-    """The state names an image, and it is gone before the page asks for it."""
+    """The state names an image that no longer exists when the page requests it."""
     loop = taught.rig.loop
 
     def named() -> int | None:

@@ -42,7 +42,7 @@ def test_a_robot_with_a_slow_camera_is_driven_slowly_and_stands_when_it_freezes(
 
 
 def test_who_comes_and_goes_for_ever_has_nobody_else_told_more_often() -> None:
-    """A pupil with eight pages had the state sent to everybody five hundred times a second."""
+    """A pupil with eight pages caused five hundred states a second to all clients."""
 
     async def scenario(world: ServedWorld) -> None:
         pilot, pupil = await world.pilot(), await world.pilot()
@@ -76,7 +76,8 @@ def test_who_asks_for_the_wheel_for_ever_does_not_flood_the_pilot_s_page() -> No
 
 
 def test_a_slow_link_is_no_reason_to_show_a_pilot_out() -> None:
-    """Who pressed start once a second on such a link was sent away after five minutes."""
+    """A client that pressed start once a second on such a link was disconnected after five
+    minutes."""
 
     async def scenario(world: ServedWorld) -> None:
         pilot = await world.pilot(sees=True)

@@ -63,7 +63,7 @@ class ServedWorld(VirtualRobot):
 
     @functools.cached_property
     def app(self) -> FastAPI:
-        """The application; made when it is first needed, for the sake of tests that never do."""
+        """The application; made when first needed, because some tests never need it."""
         return create_app(self.services)
 
     async def __aexit__(self, *error: object) -> None:
@@ -74,7 +74,7 @@ class ServedWorld(VirtualRobot):
         await super().__aexit__(*error)
 
     async def pilot(self, *, sees: bool = False) -> Pilot:
-        """Open a page; it knows the state of a robot that sees when this returns."""
+        """Open a page; if it sees, it knows the robot's state when this returns."""
         pilot = Pilot(self, sees=sees)
         await self.until(lambda: bool(pilot.state.get("frame")), what="the first state")
         return pilot
@@ -146,14 +146,14 @@ class Socket:
         self._up.send({"type": "websocket.disconnect", "code": 1001}, 8)
 
     def cut(self) -> None:
-        """End as a killed browser ends: nothing more arrives, the server's side is reset."""
+        """End like a killed browser: nothing more arrives, and the server's side is reset."""
         self._world.link.forget(self._up)
         self._world.link.forget(self._down)
         self._incoming.put_nowait({"type": "websocket.disconnect", "code": 1006})
 
     @property
     def is_closed(self) -> bool:
-        """True once nothing more can come."""
+        """True once nothing more can arrive."""
         return self.close_code is not None or self.task.done()
 
     async def _send(self, message: dict[str, Any]) -> None:
@@ -204,12 +204,12 @@ class Pilot:
         return self.messages[0]
 
     def hold(self, held: str | None, point: Point | None = None) -> None:
-        """Press or release a move, as it is or by degrees, and send it at once."""
+        """Press or release a move, perhaps by degrees, and send it at once."""
         self.held, self.point = held, point
         self._say_drive()
 
     def mode(self, mode: str) -> None:
-        """Ask for a mode."""
+        """Request a mode."""
         self.seq += 1
         self.send(type="mode", mode=mode, seq=self.seq, **self.sight())
 
@@ -218,11 +218,12 @@ class Pilot:
         self.send(type="release", stop_number=self.state["stop_number"])
 
     def sight(self) -> dict[str, int | None]:
-        """Return what a command must carry: the picture on the screen, the newest nonce."""
+        """Return the proof that a command must carry: the picture on the screen, the newest
+        nonce."""
         return {"frame": self.picture or self.state.get("frame"), "nonce": self.nonce}
 
     def send(self, **message: Any) -> None:
-        """Send one message, whatever it is."""
+        """Send one message of any kind."""
         self.socket.send(json.dumps(message))
 
     def errors(self) -> list[str]:
@@ -236,12 +237,12 @@ class Pilot:
             socket.close()
 
     def close_pictures(self) -> None:
-        """Close the pictures' connection alone; words go on."""
+        """Close only the pictures' connection; messages continue."""
         assert self._video is not None
         self._video.close()
 
     def vanish(self) -> None:
-        """Disconnect like a killed browser: no closing handshake."""
+        """Disconnect like a killed browser, without a closing handshake."""
         self.has_ended = True
         for socket in self._open_sockets():
             socket.cut()
@@ -249,7 +250,7 @@ class Pilot:
     async def wait_for(
         self, wanted: Callable[[dict[str, Any]], bool], within_s: float = 5.0
     ) -> dict[str, Any]:
-        """Return the first message that is wanted, of all that came."""
+        """Return the first wanted message of all that arrived."""
         found: list[dict[str, Any]] = []
 
         def is_there() -> bool:

@@ -1,4 +1,4 @@
-"""Requests and websockets of a test that is no coroutine, answered by a virtual server."""
+"""Requests and websockets of a test that is not a coroutine, answered by a virtual server."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Exchange:
-    """One HTTP request and what has been answered so far."""
+    """One HTTP request and its answer so far."""
 
     def __init__(self, server: VirtualServer, request: httpx.Request, raw_path: str | None) -> None:
         self.status: int | None = None
@@ -87,7 +87,7 @@ class Body(httpx.SyncByteStream):
 
 
 class VirtualSocket:
-    """A websocket as the library `websockets` has it, to a virtual server."""
+    """A websocket with the interface of the library `websockets`, to a virtual server."""
 
     def __init__(self, server: VirtualServer, path: str, headers: dict[str, str]) -> None:
         self._server = server

@@ -1,4 +1,4 @@
-"""The pilot of `virtual.py`, for a test that is no coroutine."""
+"""The pilot of `virtual.py`, for a test that is not a coroutine."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class VirtualPilot:
-    """The pilot of `virtual.py`, for a test that is no coroutine."""
+    """The pilot of `virtual.py`, for a test that is not a coroutine."""
 
     def __init__(
         self, server: VirtualServer, *, sees: bool = False, headers: dict[str, str] | None = None

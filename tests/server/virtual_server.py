@@ -1,4 +1,4 @@
-"""A served robot in virtual time behind the ways of the real one: httpx, websockets, a pilot.
+"""A served robot in virtual time, with the interfaces of a real one: httpx, websockets, a pilot.
 
 The robot's own threads run on the virtual clock. Time passes only where the test waits.
 """
@@ -42,7 +42,7 @@ SERVERS: dict[int, VirtualServer] = {}
 
 
 class VirtualServer:
-    """A robot, its server and its address; used as `LiveServer` is."""
+    """A robot, its server and its address; used like `LiveServer`."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class VirtualServer:
         return self.services.persistence
 
     def ask_loop(self, request: Callable[[], _T]) -> _T:
-        """Have the control loop run something, and wait for what comes of it."""
+        """Have the control loop run a function, and wait for the result."""
         return self.clock.result(self.rig.loop.submit(request), 5.0)
 
     def set_mode(self, mode: Mode) -> None:
@@ -146,7 +146,7 @@ class VirtualServer:
     def wait_until(
         self, condition: Callable[[], bool], within_s: float = 5.0, what: str = ""
     ) -> float:
-        """Let time pass until a condition holds; return how long it took."""
+        """Let time pass until a condition holds; return the time passed."""
         start_s = self.clock.now_s()
         self.forward(0)
         while not condition():
@@ -157,7 +157,7 @@ class VirtualServer:
     async def until(
         self, condition: Callable[[], bool], within_s: float = 5.0, what: str = ""
     ) -> float:
-        """Do the same within a coroutine, where a condition can make no requests."""
+        """Do the same within a coroutine, in which a condition cannot send requests."""
         start_s = self.clock.now_s()
         await self.clock.pause(0)
         while not condition():
@@ -166,7 +166,7 @@ class VirtualServer:
         return self.clock.now_s() - start_s
 
     def poke(self) -> None:
-        """Nothing waits for it here: `until` looks again by itself."""
+        """Nothing needs this here, because `until` checks again by itself."""
 
     # Requests ----------------------------------------------------------------------------------
 
@@ -184,7 +184,7 @@ class VirtualServer:
         return socket
 
     def request(self, request: httpx.Request, path: str | None = None) -> httpx.Response:
-        """Answer one request of httpx; `path` goes before its own."""
+        """Answer one request of httpx; `path` replaces its path."""
         exchange = self.run(self._begin(request, path))
         self.run(self.until(lambda: exchange.status is not None or exchange.task.done(), 60.0))
         if exchange.task.done() and exchange.status is None:
@@ -194,7 +194,7 @@ class VirtualServer:
         )
 
     def get_raw(self, path: str) -> httpx.Response:
-        """Ask for a path as it stands, which httpx would tidy up."""
+        """Request a path unchanged, which httpx would normalise."""
         request = httpx.Request("GET", self.address)
         return self.request(request, path)
 
@@ -204,7 +204,8 @@ class VirtualServer:
 
 @contextlib.contextmanager
 def threads_of_the_pool_inline() -> Iterator[None]:
-    """Have routes that go to a thread of anyio's pool run where they are: it waits for real."""
+    """Run routes in place that would go to a thread of anyio's pool, because the pool waits in real
+    time."""
 
     async def run_sync(function: Callable[..., _T], *args: Any, **_: Any) -> _T:
         return function(*args)

@@ -1,4 +1,4 @@
-"""Bodies and cameras that are built otherwise: each way of mounting, of wiring and of pulling."""
+"""Bodies and cameras that are built differently: each way of mounting, of wiring and of pulling."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_raw_pictures_of_a_usb_camera_keep_their_brightness(mounting: CameraCorr
 def test_what_cannot_be_turned_stays_as_it_is(
     mounting: CameraCorrection, encoding: Encoding, sides: tuple[int, int]
 ) -> None:
-    """Whoever reads it says that it is none: a camera's thread does not end by it."""
+    """Its reader reports the damage, and the camera's thread does not end."""
     width, height = sides
     for data in (b"", b"no picture", b"\xff\xd8\xff" + bytes(40)):
         taken = picture(data, width, height, encoding)
@@ -145,7 +145,7 @@ class Motor:
 
 
 def driven(correction: BodyCorrection, wired: BodyCorrection, move: str, build: Any) -> Pair:
-    """Return how the left and the right wheel turn of a robot that is wired so."""
+    """Return how the left and the right wheel of a robot with this wiring turn."""
     motors = [Motor(), Motor()]
     wheels = TimedMotors(motors, build, signs=correction.signs)
     action = Action(move)

@@ -1,4 +1,4 @@
-"""Orders over a real line: on a busy machine one comes late, or its answer does."""
+"""Orders over a real connection: on a busy machine an order or its answer may be late."""
 
 from __future__ import annotations
 

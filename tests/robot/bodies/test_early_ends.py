@@ -1,4 +1,5 @@
-"""Ends of the program as the motors start, told apart from updates and power cuts at rest."""
+"""Ends of the program as the motors start, distinguished from updates and from power cuts at
+rest."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ def tick(now_s: float, mode: Mode, sent: Action = Action.STOP) -> Tick:
 
 
 def run(file: Path, *, drives_s: float | None, ends_well: bool) -> EarlyEnds:
-    """Start the program, drive for so long (None: not at all), and end."""
+    """Start the program, drive for this time (None: not at all), and end."""
     ends = EarlyEnds(file)
     ends.note(tick(0.0, Mode.STOPPED))
     if drives_s is not None:

@@ -1,4 +1,4 @@
-"""The challenge: cheats score less than an honest mean robot, in virtual time."""
+"""The challenge, in virtual time: tricks score less than an honest average robot."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robot.types import Action, Decision, DrivenBy, Mode, Pose, Sensors
 
 SPEED_M_S, TURN_RAD_S, STEP_S = 0.2, 1.6, 0.05
 Way = Iterator[tuple[float, float]]
-"""Speed and turn rate, one for each step: as shares of the robot's own."""
+"""Speed and turn rate of each step, as shares of the robot's own."""
 
 
 def _go(steps: int, speed: float, turn: float) -> Way:
@@ -92,7 +92,7 @@ FEWER = {
 }
 """What looks a little like a course: it may score, but clearly less."""
 honest_box = _repeat((3.5, 1.0, 0.0), (QUARTER_S, 0.2, 1.0))
-"""Rounds of the smallest box, 1.15 m wide, as a mean robot drives them."""
+"""Rounds of the smallest box, 1.15 m wide, as an average robot drives them."""
 
 
 def tick(at_s: float, pose: Pose | None, by: DrivenBy = DrivenBy.ROBOT, **more: Any) -> Tick:

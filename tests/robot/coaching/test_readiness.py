@@ -1,4 +1,4 @@
-"""Ready means ready: what counts, what sets it back, and that each gap says where."""
+"""Ready means ready: what counts, what resets it, and that each gap has a location."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_a_robot_that_knows_nothing_is_to_be_taught() -> None:
 
 
 def early(seconds: float, *, foresees: bool = True, novelty: float = 0.0) -> Drive:
-    """Four turns within so many seconds of teaching."""
+    """Teach four turns within this number of seconds."""
     drive = Drive(10.0)
     for _ in range(4):
         drive.teach(F, seconds / 8, None if foresees else R, novelty=novelty)

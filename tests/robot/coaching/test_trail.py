@@ -1,4 +1,4 @@
-"""The way: what of it is kept, and how a client that knows a part of it gets the rest."""
+"""The trail: which points are kept, and how a client gets the points that it lacks."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def tick_at(
 
 
 class _Client:
-    """Asks for the way now and then, and puts together what it gets, as the page does."""
+    """Requests the trail from time to time and assembles the answers, like the page."""
 
     def __init__(self) -> None:
         self.first, self.points = 0, list[Waypoint]()

@@ -1,4 +1,4 @@
-"""Patience follows the camera: limits, speed and learning with cameras from quick to useless."""
+"""The limits follow the camera: limits, speed and learning with cameras from quick to useless."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_a_pause_of_the_camera_is_no_period_of_it(pause_s: float) -> None:
 
 @dataclass
 class Drive:
-    """What a drive of some seconds came to."""
+    """The results of a drive of some seconds."""
 
     held_s: float = 0.0
     moving_s: float = 0.0
@@ -135,9 +135,9 @@ def drive(
     restarts: bool = True,
     seed: int = 1,
 ) -> Drive:
-    """Hold forward for a while before such a camera, as the page would; steps of five ms.
+    """Hold forward for a while with such a camera, like the page, in steps of five ms.
 
-    The camera runs for two seconds before the drive, as it does while a person opens the page.
+    The camera runs for two seconds before the drive, as while a person opens the page.
     """
     robot, dice = BenchRobot(), random.Random(seed)
     clock, result, step_s = robot.clock, Drive(), 0.005

@@ -103,7 +103,7 @@ def test_the_age_counts_the_worse_of_the_two_ways() -> None:
 
 
 def _drive_with_age(robot: BenchRobot, age_s: float, steps: int = 30) -> None:
-    """Drive at ten pictures a second while the pilot sees each one `age_s` late."""
+    """Drive at ten pictures a second while the pilot sees each picture `age_s` late."""
     shown: list[tuple[float, int]] = []
     for step in range(steps):
         robot.clock.advance(0.05)

@@ -1,4 +1,4 @@
-"""The control loop on the test bench: driving, learning, and what it answers."""
+"""The control loop on the test bench: driving, learning, and its answers."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_it_drives_alone_what_it_was_taught_and_a_touch_is_a_lesson() -> None:
 def robot_that_drives(pushes_s: float = 0.0) -> BenchRobot:
     """A robot that was taught four views, LEFT at the first, and now drives by itself.
 
-    Three times its pilot drove on for `pushes_s` although the picture stood still.
+    Three times its pilot went on for `pushes_s` although the picture did not change.
     """
     robot = BenchRobot("default-8")
     robot.start(Mode.TRAIN)
@@ -194,7 +194,7 @@ def test_listeners_hear_every_turn_until_they_leave() -> None:
 
 
 class FailingLearner(BSOCClassifier):
-    """Fails while it is told to, in every way that a learner can."""
+    """Fails on request, in every way in which a learner can fail."""
 
     is_failing = True
 

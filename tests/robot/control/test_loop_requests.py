@@ -1,4 +1,4 @@
-"""What others ask of the control loop, and the button on the body."""
+"""Requests of other threads to the control loop, and the button on the body."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The control loop on the test bench: every way to stop, and what is said of it."""
+"""The control loop on the test bench: every way to stop, and its message."""
 
 from __future__ import annotations
 
@@ -207,7 +207,7 @@ def test_whatever_is_thrown_inside_stops_the_robot_first_and_is_logged_once(
 
 
 def test_it_is_stopped_before_it_is_logged(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A log goes to a terminal, which may be held."""
+    """A log may go to a terminal that is paused."""
     robot = BenchRobot()
     robot.start(Mode.TRAIN)
     before, stops = robot.driver.stops, []

@@ -1,4 +1,4 @@
-"""The turns of the control loop: what wakes it, what it shows, and the limits of a tick."""
+"""The ticks of the control loop: what causes them, what they show, and their limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ F = Action.FORWARD
 
 
 def hold_up(monkeypatch: pytest.MonkeyPatch, robot: BenchRobot, seconds: float) -> None:
-    """Let each look of the policy at a frame take so long."""
+    """Let each prediction of the policy take this time."""
     policy = robot.loop.history.policy
     propose = policy.propose
 

@@ -1,4 +1,4 @@
-"""What other threads leave for the loop."""
+"""Requests that other threads leave for the loop."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""One taught tick as it is served: how many modules and lines a reader has to follow.
+"""One taught tick of a served robot: the number of modules and lines that a reader has to follow.
 
 The simulator is driven through a page's messages, with everything subscribed that `drivelesson`
-subscribes. The path is: the camera's picture, the command, the tick, and what the disk and the
-pages make of it.
+subscribes. The path contains the camera's picture, the command, the tick, and its processing for
+the disk and the pages.
 """
 
 from __future__ import annotations

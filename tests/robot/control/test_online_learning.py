@@ -1,4 +1,4 @@
-"""Looking, proposing, and learning what the pilot did."""
+"""Perception, proposals, and learning the pilot's moves."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ def test_a_fault_is_shown_at_once_and_goes_when_it_is_over() -> None:
 
 
 def test_whatever_comes_and_goes_a_sentence_stands_for_three_seconds() -> None:
-    """Seconds that are counted, causes that alternate, a camera that repeats once a second."""
+    """A fault that counts seconds, causes that alternate, a camera that repeats once a second."""
     chance = random.Random(5)
     steady, shown, changed_s = SteadyFault(), None, -STEADY_S
     for tick in range(4000):

@@ -1,4 +1,4 @@
-"""The dead man's switch on a thread of its own: it is on time although the loop is not."""
+"""The dead man's switch on a separate thread is on time although the loop is late."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.kit.sizes import crossed
 
 
 class Driven:
-    """A rig in virtual time, and a pilot who holds a move ten times a second until it vanishes."""
+    """A rig in virtual time, and a pilot who sends a move ten times a second until it vanishes."""
 
     def __init__(self, mode: Mode, held: Action | None) -> None:
         self.clock = VirtualClock(100.0)
@@ -27,7 +27,7 @@ class Driven:
         self.said_s = 0.0
 
     def drive(self) -> None:
-        """Teach to go forward, and then drive in the mode."""
+        """Teach the robot to go forward, and then drive in the mode."""
         self.clock.sleep(0.2)
         for mode, held in ((Mode.TRAIN, Action.FORWARD), (self.mode, self.held)):
             assert self.clock.result(self.loop.set_mode(mode), 1.0)
@@ -48,7 +48,8 @@ class Driven:
             self.clock.sleep(0.1)
 
     def moves_until(self, for_s: float = 3.0) -> float:
-        """Let time pass; return how long after the pilot's last message a wheel turned last."""
+        """Let time pass; return the time from the pilot's last message to the last motion of a
+        wheel."""
         last_s = 0.0
         end_s = self.clock.now_s() + for_s
         while self.clock.now_s() < end_s:

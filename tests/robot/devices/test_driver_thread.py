@@ -1,4 +1,4 @@
-"""A body that needs 50 ms a request costs the loop nothing, and still obeys its newest action."""
+"""A body that needs 50 ms a request does not delay the loop, and still obeys the newest action."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class NoThread(threading.Thread):
 
 
 class StepClock(VirtualClock):
-    """Starts no thread: the test does its steps."""
+    """Starts no thread: the test runs its steps."""
 
     def start_thread(self, target: Callable[[], None], name: str) -> threading.Thread:
         return NoThread()
@@ -37,7 +37,7 @@ class StepClock(VirtualClock):
 
 @dataclass
 class Body(ReplayDriver):
-    """A body in virtual time that notes each request and when it came; it may fail."""
+    """A body in virtual time that notes each request and its time; it may fail."""
 
     clock: VirtualClock
     requests: list[tuple[float, str]] = field(default_factory=list)
@@ -74,7 +74,7 @@ class Body(ReplayDriver):
 
 @dataclass
 class Drive:
-    """What came of twenty simulated seconds."""
+    """The results of twenty simulated seconds."""
 
     cycles: int = 0
     lessons: int = 0
@@ -83,8 +83,8 @@ class Drive:
 
 
 def drive(request_s: float, *, remote: bool, seconds: float = 20.0) -> Drive:
-    """Teach for `seconds` of virtual time: pictures at 30 Hz, a pilot at 10 Hz, a body whose every
-    request takes `request_s`. A body that is not remote holds up the loop that asks it."""
+    """Teach for `seconds` of virtual time: pictures at 30 Hz, a pilot at 10 Hz, and a body whose
+    requests take `request_s` each. A body that is not remote delays the loop."""
     clock = StepClock(1.0)
     body = Body(clock)
     driver: Driver = body
@@ -303,7 +303,7 @@ def test_a_start_that_was_pressed_while_the_body_could_not_be_heard_moves_nobody
 def test_a_light_that_fails_is_said_once_and_ends_no_thread(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Other people's drivers need not keep to `show` never raising."""
+    """The `show` of a third-party driver may raise an error."""
     clock = VirtualClock()
     body = Body(clock)
 
@@ -341,7 +341,7 @@ class HungBody(ReplayDriver):
 
 
 def test_a_hung_body_holds_up_no_tick_and_is_a_fault() -> None:
-    """The body hangs in a request on the driver's own thread while the loop goes on."""
+    """The body hangs in a request on the driver's own thread while the loop continues."""
     clock = VirtualClock()
     body = HungBody(clock)
     with DriverThread(body, clock) as driver:

@@ -1,4 +1,4 @@
-"""The parts of a robot are let go of, whatever one of them does."""
+"""The parts of a robot are released, even if one of them fails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A camera that takes a picture when a test says so."""
+"""A camera that takes a picture when a test requests one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot.types import Encoding
 
 
 class StillCamera(Camera):
-    """Every picture is another grey."""
+    """Every picture has another grey value."""
 
     name: ClassVar[str] = "still"
     options_type: ClassVar[type[Any]] = object

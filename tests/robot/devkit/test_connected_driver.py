@@ -1,4 +1,4 @@
-"""What the base of drivers does for their authors: it comes back, and takes none of their names."""
+"""The services of the drivers' base class: it reconnects, and leaves all other names to authors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HOOKS = {"_open", "_begin", "_drive", "_sense", "_close"}
 
 
 class Radio:
-    """A body that answers, or only reports ten times a second; its line can be cut."""
+    """A body that answers, or only reports ten times a second; its connection can be cut."""
 
     def __init__(self, clock: VirtualClock, answers: bool) -> None:
         self.clock, self.answers = clock, answers
@@ -34,7 +34,8 @@ class Radio:
 
 
 class RadioDriver(ConnectedDriver[list[Radio]]):
-    """As a stranger writes it: opens, drives, senses, closes; nothing about a lost line."""
+    """Written as a third-party author would: opens, drives, senses, closes; ignores lost
+    connections."""
 
     name, default_camera, is_remote = "radio", "phone", True
 
@@ -125,7 +126,7 @@ def test_a_body_that_cannot_be_reached_is_not_connected() -> None:
 
 
 def taken_names(base: type[Any]) -> set[str]:
-    """Names of the base with one underscore, which an author may take for anything."""
+    """The base's names with one underscore, which an author may use for anything."""
     own = {
         name
         for kind in base.__mro__

@@ -1,4 +1,4 @@
-"""The estimate of a robot's place, held against a simulated body that knows the truth."""
+"""The estimate of a robot's pose, compared with a simulated body that knows the true pose."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_orders_between_two_readings_count_each_for_its_time() -> None:
 
 
 class _CountingBody:
-    """A chassis whose motors count in degrees, mounted either way round."""
+    """A chassis whose motors count in degrees, mounted in either direction."""
 
     def __init__(self) -> None:
         self.turned_deg: list[float] | None = [0.0, 0.0]

@@ -1,5 +1,5 @@
-"""Ten bodies with the habits of real libraries: with our end of a move each stands in time, and
-without it the contract suite names a promise that is broken."""
+"""Ten bodies with the habits of real libraries: with our watchdog each stops in time; without it
+the contract suite names a broken promise."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ N_HISTORIES = size("HABITS", 30, 1000)
 
 
 class Body:
-    """Drives on until it is told otherwise. Subclasses have one habit each of a real library."""
+    """Drives until another order. Each subclass has one habit of a real library."""
 
     fails: ClassVar[str] = "an_action_ends_by_itself"
-    """What the contract suite says of it without a watchdog."""
+    """The contract suite's verdict without a watchdog."""
     is_acknowledged = True
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:
@@ -39,14 +39,14 @@ class Body:
         self.is_open = True
 
     def order(self, is_move: bool) -> None:
-        """Take an order, as the library's call does."""
+        """Receive an order, like the library's call."""
         self.take(is_move)
 
     def take(self, is_move: bool, after_s: float = 0.0) -> None:
         self.changes.append((self.clock.now_s() + after_s, is_move))
 
     def close(self) -> None:
-        """The wheels go on: nothing of these libraries stops them."""
+        """The wheels turn on: these libraries do not stop them."""
         self.is_open = False
 
     def is_moving(self) -> bool:
@@ -56,7 +56,7 @@ class Body:
 
 
 class DropsTheSecond(Body):
-    """Two orders within 1 ms: the second is lost."""
+    """Of two orders within 1 ms the second is lost."""
 
     fails = "every_move_moves_and_stop_stops"
     is_acknowledged = False
@@ -69,7 +69,7 @@ class DropsTheSecond(Body):
 
 
 class WaitsInsideAMove(Body):
-    """A move's call returns when a second is over; another thread may call."""
+    """A move's call returns after a second; another thread may call meanwhile."""
 
     fails = "requests_are_quick_enough"
 
@@ -96,8 +96,8 @@ class DrivesOnAfterClose(Body):
 
 
 class Wraps(Body):
-    """An order has its time in units of 10 us, in 16 bits with a sign: .4 s is negative, without
-    end."""
+    """An order has its time in units of 10 us, in 16 bits with a sign, so .4 s becomes negative,
+    which means without end."""
 
     def order(self, is_move: bool) -> None:
         units = round(ACTION_TIMEOUT_S * 1e5)
@@ -108,7 +108,7 @@ class Wraps(Body):
 
 
 class ClosesWithoutStop(Body):
-    """What was written in the last 20 ms before `close` has not left the computer."""
+    """Orders written in the last 20 ms before `close` do not leave the computer."""
 
     fails = "leaving_the_context_stops_the_body"
     is_acknowledged = False
@@ -120,7 +120,7 @@ class ClosesWithoutStop(Body):
 
 
 class StopWaitsForTheMove(Body):
-    """Each move runs .3 s at least; a stop is taken after that."""
+    """Each move runs for at least .3 s; a stop is obeyed only after that."""
 
     fails = "every_move_moves_and_stop_stops"
     ends_s = 0.0
@@ -133,7 +133,7 @@ class StopWaitsForTheMove(Body):
 
 
 class AcknowledgesNothing(Body):
-    """One order in twenty is lost, and the others arrive up to 30 ms later."""
+    """One order in twenty is lost, and the others arrive up to 30 ms late."""
 
     is_acknowledged = False
 
@@ -143,7 +143,7 @@ class AcknowledgesNothing(Body):
 
 
 class RaisesSometimes(Body):
-    """One call in three fails; the order may have been taken or not."""
+    """One call in three fails; the order may have been obeyed or not."""
 
     fails = "every_move_moves_and_stop_stops"
 
@@ -156,7 +156,7 @@ class RaisesSometimes(Body):
 
 
 class Reorders(Body):
-    """A later order may overtake an earlier one, by 60 ms at most."""
+    """A later order may overtake an earlier one, by at most 60 ms."""
 
     fails = "leaving_the_context_stops_the_body"
     is_acknowledged = False
@@ -188,7 +188,7 @@ HABITS: list[type[Body]] = [
 
 
 class _Orders(ConnectedDriver[Body]):
-    """What an author writes."""
+    """The code of an author."""
 
     name, default_camera, is_remote = "habit", "phone", True
 
@@ -211,7 +211,7 @@ class _Orders(ConnectedDriver[Body]):
 
 
 class Unwatched(_Orders):
-    """Trusts the library's `close`."""
+    """Relies on the library's `close`."""
 
     def disconnect(self) -> None:
         self._close(self.body)
@@ -223,7 +223,7 @@ class Watched(HostWatchdog[Body], _Orders):
 
 
 def history(kind: type[Body], seed: int) -> None:
-    """Drive by chance; let the caller fall silent, stop or leave; then the body must stand."""
+    """Drive at random; let the caller fall silent, stop or leave; then the body must stop."""
     chance, clock = random.Random(seed), VirtualClock()
     body = kind(clock, seed)
     driver = Watched(body)
@@ -278,7 +278,7 @@ def promises() -> dict[str, Callable[..., None]]:
 
 
 def broken(kind: type[Body], driver_type: type[_Orders], seed: int = 1) -> dict[str, str]:
-    """Return the promises that this driver breaks, with what the suite says."""
+    """Return the promises that this driver breaks, with the suite's messages."""
     said = {}
     for name, check in promises().items():
         if name in ("it_declares_what_it_is", "it_leaves_nothing_behind"):
@@ -321,4 +321,4 @@ def test_a_stop_that_is_not_taken_is_sent_again_and_says_so(caplog: Any) -> None
     body.order = refuse  # type: ignore[method-assign]
     driver.disconnect()
     assert len(tried) >= 5 and tried[-1] - tried[0] > 0.3
-    assert "'habit' took no stop" in caplog.text
+    assert "'habit' did not accept a stop" in caplog.text

@@ -1,4 +1,4 @@
-"""Pictures as cameras send them that people own: huge, lossless, always the same."""
+"""Pictures as people's cameras send them: huge, lossless, or always the same."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_a_lossless_jpeg_is_said_once_and_not_with_each_picture() -> None:
 
 
 def test_what_was_wrong_before_a_camera_came_back_is_not_said_of_it() -> None:
-    """Its server was restarted, and it repeats the picture that it gave before."""
+    """The camera's server was restarted, and repeats its earlier picture."""
     camera = MjpegCamera(MjpegOptions(source="http://192.0.2.1/"), VirtualClock())
     camera._take(jpeg(64, 48), 0.0)
     camera._reason = "it has answered and sends nothing"

@@ -19,7 +19,7 @@ class BenchCamera(ThreadedCamera):
 
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> VirtualClock:
-    """The machine's own clock, by which drivers of the kernel stamp their pictures."""
+    """The machine's own clock, by which kernel drivers stamp their pictures."""
     clock = VirtualClock(50.0)
     monkeypatch.setattr("robot.devkit.watched_camera.time", SimpleNamespace(monotonic=clock.now_s))
     return clock

@@ -1,4 +1,4 @@
-"""A camera that is plugged in again is found by what it is, and its twin is not taken."""
+"""A camera that is plugged in again is recognised by its identity, and its twin is not used."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def plug(root: Path, number: int, port: str, serial: str = "", interface: int = 0) -> None:
-    """Lay out what Linux shows of a USB camera."""
+    """Create the files by which Linux shows a USB camera."""
     device = root / "devices" / port
     part = device / f"{port}:1.{interface}"
     part.mkdir(parents=True, exist_ok=True)
@@ -97,7 +97,7 @@ def test_the_infrared_camera_of_a_laptop_is_no_twin(tmp_path: Path) -> None:
 
 
 class Capturing:
-    """OpenCV, as far as a camera is opened by its number."""
+    """OpenCV, reduced to opening a camera by its number."""
 
     CAP_PROP_FRAME_WIDTH, CAP_PROP_FRAME_HEIGHT, CAP_PROP_BUFFERSIZE = 3, 4, 38
 

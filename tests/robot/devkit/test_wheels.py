@@ -1,4 +1,4 @@
-"""From a point to two wheels: the moves at its corners, and between them no surprise."""
+"""From a point to two wheels: the moves at the corners, and monotonic speeds between them."""
 
 from __future__ import annotations
 

@@ -18,6 +18,6 @@ def taught_labels(episode: Episode) -> dict[int, Action]:
 
 
 def drive_at(path: Path, report: ImportReport | None = None, **reading: Any) -> Drive:
-    """Read the one drive at a path."""
+    """Read the single drive at a path."""
     [source] = find_drives(path)
     return source.read(Reading(**reading), report or ImportReport())

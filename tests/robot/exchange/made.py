@@ -1,8 +1,8 @@
-"""Drives in the forms of other programs, generated: what is on the disk, and what is true of it.
+"""Generated drives in the formats of other programs: the files on the disk, and their true content.
 
-Each maker writes one variant of a form into a folder and returns the truth: for each picture, by
-the colour that it is drawn in, the label that an import must give it (None: no example). Variants
-differ in what the programs and the people who use them vary: separators, paths, times, damage.
+Each maker writes one variant of a format into a folder and returns the truth: for each picture, by
+the number drawn in it, the label that an import must give it (None: not an example). Variants
+differ like programs and their users: in separators, paths, times, damage.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 
 @cache
 def picture(number: int, ending: str = ".jpg") -> bytes:
-    """A picture that shows its number by the brightness of nine areas of two bits each."""
+    """A picture that shows its number by the brightness of nine areas, two bits each."""
     digits = [number >> 2 * place & 3 for place in range(9)]
     pixels = np.repeat(np.array(digits, np.uint8)[None, :] * 80, 8, axis=0).repeat(8, axis=1)
     done, data = cv2.imencode(ending, np.repeat(pixels[:, :, None], 3, axis=2))
@@ -48,17 +48,17 @@ def number_of(frame: Frame) -> int:
 
 @dataclass
 class Made:
-    """One variant: where it is, what is true of it, and what a person says of it."""
+    """One variant: its location, its true content, and a person's settings for it."""
 
     path: Path
     truth: Truth
     reading: dict[str, Any] = field(default_factory=dict)
     damaged: set[int] = field(default_factory=set)
-    """Pictures that are missing or broken: they may not come in."""
+    """Missing or broken pictures, which must not be imported."""
 
 
 def drive(dice: random.Random, least: int = 12, most: int = 24) -> list[tuple[int, Action]]:
-    """A drive of some pictures with each label at least once."""
+    """A drive of some pictures, with each label at least once."""
     count = dice.randint(least, most)
     labels = [F, L, R, *dice.choices([F, L, R], k=count - 3)]
     dice.shuffle(labels)
@@ -73,7 +73,7 @@ def angle_of(dice: random.Random, label: Action, least: float = 0.25) -> float:
 
 
 def spoil(dice: random.Random, folder: Path, names: dict[int, str]) -> set[int]:
-    """Lose or break a picture or two."""
+    """Remove or damage a picture or two."""
     bad = set(dice.sample(sorted(names), k=dice.choice([0, 0, 1, 2])))
     for number in bad:
         path = folder / names[number]
@@ -91,7 +91,7 @@ def put(folder: Path, name: str, number: int) -> None:
 
 
 def named_folders(dice: random.Random, home: Path) -> Made:
-    """Folders named as moves, or as classes that are mapped; single zips of one class."""
+    """Folders named like moves, or classes mapped to moves; zips of a single class."""
     folder, truth = home / "lesson", {}
     is_mapped = dice.random() < 0.4
     classes = {F: "free", L: "blocked"} if is_mapped else {F: "forward", L: "left", R: "right"}
@@ -149,7 +149,7 @@ def project(dice: random.Random, home: Path) -> Made:
 
 
 def table(dice: random.Random, home: Path) -> Made:
-    """A table of pictures: columns of any of the known names, in any order, any separator."""
+    """A table of pictures, with columns of any known name in any order, and any separator."""
     folder, truth = home / "set", {}
     kind = dice.choice(["label", "steering", "wheels", "velocity", "numbers"])
     place = dice.choice(["images/", "", "a/b/"])
@@ -228,7 +228,7 @@ def table(dice: random.Random, home: Path) -> Made:
 
 
 def udacity(dice: random.Random, home: Path) -> Made:
-    """A log of Udacity's simulator, with or without a head line, of somebody else's disk."""
+    """A log of Udacity's simulator, with or without a header line, from another computer."""
     folder, truth = home / "data", {}
     disk = dice.choice(["", "IMG/", "/home/me/sim/IMG/", "C:\\Users\\me\\Desktop\\IMG\\"])
     names: dict[int, str] = {}
@@ -254,7 +254,7 @@ def udacity(dice: random.Random, home: Path) -> Made:
 
 
 def course(dice: random.Random, home: Path) -> Made:
-    """A log of a robot-car course: no head line, times in the names without their last zeros."""
+    """A log of a robot-car course: no header line, and times in the names without final zeros."""
     folder, truth = home / "DataCollected", {}
     lines, names = [], {}
     trim = dice.choice([0.0, 0.0, -0.13])
@@ -271,7 +271,7 @@ def course(dice: random.Random, home: Path) -> Made:
 
 
 def steered_names(dice: random.Random, home: Path) -> Made:
-    """Pictures whose names hold the steering; the sign is a minus, or the dash divides."""
+    """Pictures whose names contain the steering; the dash is a minus sign or a separator."""
     folder, truth = home / "frames", {}
     form = dice.choice(["{:06d}{:.2f}", "{:06d}-{:.2f}", "{:06d}{:+.2f}", "{:06d}_{:.2f}"])
     for number, label in drive(dice):
@@ -313,7 +313,7 @@ def openbot(dice: random.Random, home: Path) -> Made:
 
 
 def tub_of_version_1(dice: random.Random, home: Path) -> Made:
-    """A tub of version 1: any of its three times, pictures missing, others driving."""
+    """A tub of version 1, with any of its three times, missing pictures, and other drivers."""
     folder, truth = home / "tub", {}
     clock = dice.choice(["milliseconds", "timestamp", "none"])
     names: dict[int, str] = {}
@@ -349,7 +349,8 @@ MAKERS: dict[str, Callable[[random.Random, Path], Made]] = {
 
 
 def ros_bag(dice: random.Random, home: Path) -> Made:
-    """A bag of ROS 1 or 2, written by `rosbags`: pictures as they come, velocities that hold."""
+    """A bag of ROS 1 or 2, written by `rosbags`: pictures in their order, and velocities that
+    hold."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
@@ -422,7 +423,7 @@ def ros_bag(dice: random.Random, home: Path) -> Made:
 
 
 def lerobot_rover(dice: random.Random, home: Path) -> Made:
-    """A dataset as LeKiwi, EarthRover or a gamepad's car has its action, and a camera of depth."""
+    """A dataset with the actions of LeKiwi, EarthRover or a gamepad's car, and a depth camera."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

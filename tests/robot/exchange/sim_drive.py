@@ -1,4 +1,4 @@
-"""A short lesson in the simulator, recorded: a pilot who turns left before walls."""
+"""A short recorded lesson in the simulator: a pilot who turns left before walls."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEP_S = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Driven:
-    """What came of the lesson: the recording, and what the robot had learned at its end."""
+    """The results of the lesson: the recording, and the learner at its end."""
 
     path: Path
     state: State
@@ -28,7 +28,8 @@ class Driven:
 
 
 def drive_in_simulator(folder: Path, learner: str, steps: int = 200, undo_s: float = 0.0) -> Driven:
-    """Teach for some seconds, then correct the robot now and then while it drives alone."""
+    """Teach for some seconds, then correct the robot from time to time while it drives by
+    itself."""
     clock = VirtualClock(50.0)
     driver = SimDriver(SimOptions())
     camera = SimCamera(driver, SimCameraOptions(), clock)

@@ -1,4 +1,4 @@
-"""What a pilot meant by degrees, out to every form and back in: exact to float32."""
+"""Steering by degrees survives export and import in every format, exact to float32."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Examples = list[tuple[Action, Point | None]]
 
 
 def driven(path: Path, seed: int, own_move: Move | None = None) -> Episode:
-    """Return an episode in which a pilot steers by degrees, now and then by a move, or nothing."""
+    """Return an episode in which a pilot steers by degrees, sometimes by a move, or not at all."""
     chance = random.Random(seed)
     grey = np.random.default_rng(seed).integers(0, 256, (30, 120, 160, 3), np.uint8)
     shots = []
@@ -85,7 +85,8 @@ FORMS: dict[str, Callable[..., object]] = {
 def test_out_and_in_again_a_pilot_means_the_same(
     form: str, own_move: Move | None, tmp_path: Path
 ) -> None:
-    """A tub and a dataset have no numbers at all where one move has none: a zero would stand."""
+    """A tub and a dataset omit the numbers if one move has none, because a zero would mean
+    standing."""
     episode = driven(tmp_path / "drive.mcap", seed=3, own_move=own_move)
     meant = examples(episode)
     assert {point is None for _, point in meant} == {True, False} and len(meant) == 24
@@ -144,5 +145,5 @@ def test_a_recording_with_impossible_steering_is_refused(wrong: float, tmp_path:
     with pytest.raises(RecordingError, match="beyond -1 and 1"):
         load_recording(tmp_path / "b.npz")
     np.savez(tmp_path / "c.npz", **{**arrays, "angle": arrays["angle"][1:]})
-    with pytest.raises(RecordingError, match="another form"):
+    with pytest.raises(RecordingError, match="unexpected form"):
         load_recording(tmp_path / "c.npz")

@@ -1,4 +1,4 @@
-"""Tubs and tables as people have them: what is whole is taken, and nothing wrong is taught."""
+"""Damaged tubs and tables: every intact part is imported, and nothing wrong is taught."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def picture(number: int) -> bytes:
 
 @dataclass
 class Tub:
-    """A tub on its way to the disk, and what is true of it."""
+    """A tub before it is written, and its true content."""
 
     dice: random.Random
     records: list[dict[str, Any]] = field(default_factory=list)
     pictures: dict[int, bytes | None] = field(default_factory=dict)
     truth: dict[int, Action | None] = field(default_factory=dict)
-    """The label of each record that is whole."""
+    """The label of each intact record."""
     catalogs: list[str] = field(default_factory=list)
     lines: dict[str, bytes] = field(default_factory=dict)
     manifest: bytes | None = b""
@@ -187,7 +187,7 @@ def write(tub: Tub, folder: Path, damages: list[Callable[[Tub], None]]) -> None:
 
 
 def packed(folder: Path, dice: random.Random) -> Path:
-    """Return the tub as it is, in an archive of one of three kinds, or in a folder of tubs."""
+    """Return the tub itself, an archive of it of one of three kinds, or a folder of tubs."""
     form = dice.choice(["", "", "zip", "gztar", "bare", "nested"])
     if form in ("zip", "gztar"):
         return Path(shutil.make_archive(str(folder), form, folder.parent, folder.name))

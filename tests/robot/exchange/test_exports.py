@@ -1,4 +1,4 @@
-"""What leaves is read back by the tools it is meant for."""
+"""The tools for which an export is meant can read it."""
 
 from __future__ import annotations
 
@@ -169,7 +169,7 @@ def test_deleted_ranges_split_a_dataset(episode: Episode, tmp_path: Path) -> Non
 def test_pictures_of_several_sizes_are_all_kept_and_every_reader_takes_them(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A camera changes its resolution, and is turned, while it is recorded."""
+    """A camera changes its resolution and is turned while it is recorded."""
 
     def capture(camera: SimCamera) -> Frame:
         picture = camera._body.simulation.render()
@@ -262,7 +262,7 @@ def test_poses_are_drawn_by_foxglove_and_rerun(episode: Episode) -> None:
 
 
 def read_message(name: str, schema: bytes, data: bytes) -> Any:
-    """Read a message by the schema in its file, as viewers do."""
+    """Read a message by the schema in its file, like a viewer."""
     pool = descriptor_pool.DescriptorPool()
     for file in descriptor_pb2.FileDescriptorSet.FromString(schema).file:
         pool.Add(file)

@@ -1,4 +1,4 @@
-"""Every form of data that people have comes in right, or is refused by a true sentence."""
+"""Data in every format is imported correctly, or refused with a true sentence."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VARIANTS = int(os.environ.get("DRIVELESSON_FORMS", 30 if "DRIVELESSON_FULL" in o
 
 
 def came_in(made: Made, home: Path, report: ImportReport) -> dict[int, str | None]:
-    """Import what was made; return the label of each picture that came in."""
+    """Import the generated drive; return the label of each imported picture."""
     target = home / "got.mcap"
     with unpacked(made.path, home, report) as path:
         [source] = find_drives(path)

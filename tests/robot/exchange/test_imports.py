@@ -1,4 +1,5 @@
-"""What others recorded becomes an episode; what is broken or hostile is refused with a reason."""
+"""Recordings of other programs become episodes; broken or hostile ones are refused with a
+reason."""
 
 from __future__ import annotations
 

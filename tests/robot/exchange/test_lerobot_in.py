@@ -1,4 +1,4 @@
-"""LeRobot datasets of both versions, whole and damaged, teach nothing that is wrong."""
+"""LeRobot datasets of both versions, intact and damaged, teach nothing wrong."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _BLOCK_PX, _BITS = 16, 8
 
 
 def drawn(number: int) -> np.ndarray[Any, Any]:
-    """A picture that shows its number so coarsely that no film hides it."""
+    """A picture that shows its number so coarsely that a film preserves it."""
     bits = [255 * (number >> bit & 1) for bit in range(_BITS)]
     row = np.repeat(np.array(bits, np.uint8), _BLOCK_PX)
     return np.repeat(np.tile(row, (2 * _BLOCK_PX, 1))[:, :, None], 3, axis=2)
@@ -54,7 +54,7 @@ def number_in(pixels: np.ndarray[Any, Any]) -> int:
 
 @dataclass
 class Dataset:
-    """A dataset on its way to the disk, and what is true of it: the label of each number."""
+    """A dataset before it is written, and its true content: the label of each number."""
 
     dice: random.Random
     is_v3: bool
@@ -160,7 +160,7 @@ def any_frame(made: Dataset) -> dict[str, Any]:
 
 
 def spoil_action(made: Dataset) -> None:
-    """An action that is no number, out of range, of another length, or not there."""
+    """An action that is not a number, out of range, of another length, or missing."""
     frame = any_frame(made)
     frame["action"] = made.dice.choice(
         [[math.nan, 0.5], [7.0, 0.5], [0.5], [], None, [-0.9, math.inf], [None, 0.5]]
@@ -169,12 +169,12 @@ def spoil_action(made: Dataset) -> None:
 
 
 def lose_time(made: Dataset) -> None:
-    """A time that is lost is that of the frame's number."""
+    """A lost time is computed from the frame's number."""
     any_frame(made)["timestamp"] = made.dice.choice([None, math.nan, -3.0])
 
 
 def let_the_policy_drive(made: Dataset) -> None:
-    """Some frames are the policy's, and no examples."""
+    """Some frames were driven by the policy, so they are not examples."""
     for frames in made.episodes:
         for frame in frames:
             is_pilots = made.dice.random() < 0.5
@@ -185,7 +185,7 @@ def let_the_policy_drive(made: Dataset) -> None:
 
 
 def name_an_arm(made: Dataset) -> None:
-    """The elements of the action are joints: nothing is steering."""
+    """The elements of the action are joints, so none of them is steering."""
     made.features["action"]["names"] = {"motors": ["shoulder_pan.pos", "gripper.pos"]}
     made.truth = dict.fromkeys(made.truth)
 
@@ -224,7 +224,7 @@ def lose_the_list(folder: Path, made: Dataset) -> None:
 
 
 def lead_out(folder: Path, made: Dataset) -> None:
-    """Data are found wherever it says they are; a film is not."""
+    """Tables are found at the place that the description names; a film is not."""
     paths = ["../../etc/passwd", "/etc/passwd", "{episode_index.__class__}", "\0", ""]
     made.info[made.dice.choice(["data_path", "video_path"])] = made.dice.choice(paths)
     (folder / "meta/info.json").write_text(json.dumps(made.info))
@@ -233,7 +233,7 @@ def lead_out(folder: Path, made: Dataset) -> None:
 
 
 def describe_what_is_not_there(folder: Path, made: Dataset) -> None:
-    """A column of pilots that the tables lack teaches nothing; the pictures stay."""
+    """If the tables lack the column of pilots, nothing is taught, and the pictures stay."""
     made.features["pilot"] = {"info": made.dice.choice(["none", {"moves": ["left"]}])}
     (folder / "meta/info.json").write_text(json.dumps(made.info))
     forget(made, None)
@@ -336,7 +336,7 @@ def test_an_export_comes_back_with_its_labels_and_corrections(
 def test_a_cache_of_links_is_read_and_links_that_are_not_followed_are_said(
     episode: Episode, tmp_path: Path
 ) -> None:
-    """As Hugging Face keeps what was downloaded: every file is a link into `blobs`."""
+    """A download by Hugging Face: every file is a link into `blobs`."""
     whole_set, cache = tmp_path / "set", tmp_path / "datasets--me--drive"
     write_lerobot([(episode, Notes())], whole_set)
     (cache / "blobs").mkdir(parents=True)

@@ -1,4 +1,4 @@
-"""A driver's own moves through every export and back, with their points or without."""
+"""A driver's own moves survive every export and import, with their points or without."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from tests.robot.footage import write_footage
 
 
 def play(camera: ReplayCamera, count: int) -> list[Frame]:
-    """Return the first `count` frames, or as many as come before a fault."""
+    """Return the first `count` frames, or those that arrive before a fault."""
     frames: list[Frame] = []
     done = threading.Event()
 

@@ -1,4 +1,4 @@
-"""Drive in the simulator, export, import, learn: the same nodes."""
+"""Driving in the simulator, export, import and learning give the same nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What can be imported at a path: recordings among other files, at any depth, packed or not."""
+"""The drives that are found at a path: among other files, at any depth, packed or not."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def recording(path: Path, pictures: int) -> None:
 
 
 def pack(folder: Path, form: str) -> Path:
-    """Return the folder itself, or an archive of what is in it."""
+    """Return the folder itself, or an archive of its content."""
     path = folder.with_name(f"{folder.name}.{form}")
     if form == "zip":
         with zipfile.ZipFile(path, "w") as archive:

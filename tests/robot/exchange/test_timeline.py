@@ -1,4 +1,4 @@
-"""Whatever times there are: every picture is kept, and exports have the right length."""
+"""For any times, every picture is kept, and exports have the right length."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The experiment on steering by degrees: who is smooth is measured so."""
+"""The experiment on steering by degrees, and its measure of smoothness."""
 
 from __future__ import annotations
 

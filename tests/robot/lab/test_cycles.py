@@ -1,4 +1,4 @@
-"""Figure 5 on a robot with wheels: a brick made of files, an agent on it, a made-up camera."""
+"""Figure 5 on a robot with wheels: a brick made of files, an agent on it, a simulated camera."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.robot.bodies.ev3.virtual_agent import MadeUpCamera, VirtualAgent
 def test_cycles_are_timed_on_a_brick_its_camera_and_wheels_included(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In virtual time nothing else takes any: the agent looks for a picture every 50 ms."""
+    """In virtual time only this takes time: the agent looks for a picture every 50 ms."""
     clock, camera = VirtualClock(100.0), MadeUpCamera()
     camera.width, camera.height = 160, 120
     with (

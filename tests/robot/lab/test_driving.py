@@ -1,4 +1,4 @@
-"""How a drive went, on drives short enough to count by hand."""
+"""The measures of a drive, on drives short enough to count by hand."""
 
 from __future__ import annotations
 

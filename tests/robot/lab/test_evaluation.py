@@ -159,7 +159,7 @@ def test_files_that_a_mac_lays_beside_recordings_are_none(tmp_path):
 
 
 class Darkened(GradientFeatures):
-    """Another's features, which have the name of those that they are made of."""
+    """Features of another plugin, with the name of the features that they are made of."""
 
     def extract(self, frame):
         return super().extract(frame) // 2

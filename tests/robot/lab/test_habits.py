@@ -1,4 +1,4 @@
-"""The release gate: it covers what it says, its runs repeat, and it can fail."""
+"""The release gate covers what it claims, its runs repeat, and it can fail."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def figures(**other: Any) -> dict[str, Any]:
 
 
 def beside(own: dict[str, Any], pilot: dict[str, Any]) -> Result:
-    """Return the result of a robot that drove alone once, beside its pilot."""
+    """Return the result of a robot that drove once by itself, with its pilot's minutes."""
     return {"before": {**own, "teacher": pilot}}
 
 

@@ -1,4 +1,4 @@
-"""Ideas from files outside the project, and what is said of broken ones."""
+"""Ideas from files outside the project, and the errors of broken ones."""
 
 from __future__ import annotations
 

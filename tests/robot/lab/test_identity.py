@@ -1,4 +1,4 @@
-"""What figures depend on: asked of any process by a text, and compared in words."""
+"""The causes of figures, requested from any process by a text, and compared in words."""
 
 from __future__ import annotations
 

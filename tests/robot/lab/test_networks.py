@@ -1,4 +1,4 @@
-"""The convolutional network of the lab: its slopes are those of its loss, and it learns."""
+"""The lab's convolutional network: its gradients are those of its loss, and it learns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The learners that the paper compares BSOC with."""
+"""The learners that the paper compares with BSOC."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ pytest.importorskip("sklearn", reason="NOT TESTED: the extra rivals is not insta
 
 
 def pictures(n: int) -> list[tuple[np.ndarray, Action]]:
-    """A light bar that is on one side, and moves a little."""
+    """A bright bar on one side, which moves a little."""
     rng, made = np.random.default_rng(1), []
     for i in range(n):
         picture = rng.integers(30, 60, (30, 40)).astype(np.uint8)

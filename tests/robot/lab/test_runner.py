@@ -1,4 +1,4 @@
-"""Many runs: kept one by one, gone on with, the same alone and side by side."""
+"""Many runs: saved one by one, resumed, and equal in parallel and one after the other."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def tasks(count: int) -> list[Task]:
 
 
 def numbers(results: list[dict[str, Any]]) -> str:
-    """All figures but those of speed, to the last digit."""
+    """All figures except speeds, to the last digit."""
     return json.dumps([{k: v for k, v in r.items() if k != "timing"} for r in results])
 
 
@@ -104,14 +104,14 @@ def test_the_key_follows_the_task_and_the_files_it_names(
 
 
 def run_edit(params: Params) -> Result:
-    """Change a file, as who tries an idea does while it runs."""
+    """Change a file, like a person who tries an idea while it runs."""
     for path in params["files"]:
         Path(path).write_text("a = 2")
     return {"mark": params["mark"]}
 
 
 def test_a_run_during_which_its_idea_was_changed_counts_for_neither(tmp_path: Path) -> None:
-    """It was kept under the new one's name."""
+    """The result was saved under the new version's name."""
     idea, store = tmp_path / "idea.py", Store(tmp_path / "runs")
     idea.write_text("a = 1")
     task = Task(run_edit, {"learner": f"{idea}:Name", "files": [str(idea)], "mark": 1})
@@ -124,7 +124,7 @@ def test_a_run_during_which_its_idea_was_changed_counts_for_neither(tmp_path: Pa
 def test_an_idea_that_is_changed_after_its_runs_changes_none_of_their_figures(
     tmp_path: Path,
 ) -> None:
-    """The call ended in a traceback when all was run."""
+    """The call ended in a traceback after all runs."""
     idea = tmp_path / "idea.py"
     idea.write_text("a = 1")
     mine = Task(run_edit, {"learner": f"{idea}:Name", "files": [], "mark": 1})
@@ -140,7 +140,7 @@ def test_a_folder_that_cannot_be_written_is_a_clear_error(tmp_path: Path) -> Non
 
 
 def test_an_interrupted_call_loses_no_finished_run(tmp_path: Path) -> None:
-    """Interrupt a real call after its first finished run, as Ctrl-C does; then go on."""
+    """Interrupt a real call after its first finished run, like Ctrl-C; then resume."""
     program = (
         "import signal, sys; from pathlib import Path\n"
         # A test run in the background has SIGINT ignored, and its children inherit that.
@@ -186,7 +186,7 @@ IDEAS = Path(__file__).parents[2] / "cluster" / "ideas.py"
 def test_what_an_idea_raises_ends_the_run_with_its_own_traceback(
     tmp_path: Path, name: str, error: str
 ) -> None:
-    """The loop went on without the learner: a table with an SSD of 359.59, kept."""
+    """The loop continued without the learner, and a table with an SSD of 359.59 was saved."""
     store, (task,) = Store(tmp_path), tasks(1)
     task = replace(task, params={**task.params, "learner": f"{IDEAS}:{name}"})
     with pytest.raises(TrialError) as caught:

@@ -1,4 +1,4 @@
-"""Streams beyond driving: they come from inside the libraries, and BSOC learns them."""
+"""Streams beyond driving come from inside the libraries, and BSOC learns them."""
 
 from __future__ import annotations
 

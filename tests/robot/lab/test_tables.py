@@ -20,7 +20,7 @@ QUICK = ExperimentSettings(quick=True)
 
 
 def made_up(task: Task) -> dict[str, Any]:
-    """A result of the right form: plans and tables are tested apart from the runs between."""
+    """A result of the right form: plans and tables are tested without the runs between them."""
     drive = {
         "ssd": 1.5,
         "ssd_of_moves_made": 1.0,

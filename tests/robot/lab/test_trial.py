@@ -1,4 +1,4 @@
-"""A whole drive lesson in simulation, through the real loop."""
+"""A whole simulated driving lesson, through the real loop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The paper's pseudocode as plainly as it can be written: what the fast versions must equal."""
+"""The paper's pseudocode as plain code, whose results the fast versions must equal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ def squared_distance(a, b):
 
 
 class PaperBSOC:
-    """Nodes sit in slots without gaps; edges are sorted by weight, then by their ends' slots."""
+    """Nodes are in slots without gaps; edges are sorted by weight, then by the slots of their
+    ends."""
 
     def __init__(self, max_nodes, rounded):
         self.max_nodes = max_nodes

@@ -158,7 +158,7 @@ def test_a_refused_first_frame_fixes_no_length(refused):
 
 @pytest.mark.parametrize("size", [1.0, 1e6, 1e11, 1e13, 1e16, 1e18])
 def test_values_of_any_size_are_clustered_or_refused(size):
-    """Beyond float32 every merge would cost the same, and a pinned node be merged."""
+    """Beyond float32 every merge would have the same cost, and a pinned node would be merged."""
     learner, n_learned = BSOC(2, group_cost=1000.0), 0
     for i in range(60):
         x = size * min(i, 1) * np.random.default_rng(i).normal(size=3)

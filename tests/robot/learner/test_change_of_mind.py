@@ -1,4 +1,4 @@
-"""A view that is labelled anew gives way; whatever is ordinary teaching changes nothing."""
+"""A relabelled view changes its label, and ordinary teaching changes nothing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ TURN = 10
 
 
 class Lesson:
-    """Teaches a `ChangeOfMind` turns at four views, each with an image, and driving on between."""
+    """Teaches a `ChangeOfMind` turns at four views, each with an image, and driving straight
+    between them."""
 
     def __init__(self) -> None:
         self.mind = ChangeOfMind()
@@ -95,7 +96,8 @@ def test_the_old_label_used_there_again_takes_all_back() -> None:
 @settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.tuples(st.sampled_from([FORWARD, LEFT]), st.integers(0, 2)), max_size=200))
 def test_turning_and_driving_on_never_contradict(turns: list[tuple[int, int]]) -> None:
-    """Between the two the same view means both, however often."""
+    """Between a turn and driving straight the same view has both labels, however often it is
+    taught."""
     lesson = taught_left()
     for label, view in turns:
         lesson.turn(label, view, 1)
@@ -105,7 +107,7 @@ def test_turning_and_driving_on_never_contradict(turns: list[tuple[int, int]]) -
 @settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.sampled_from([LEFT, RIGHT]), min_size=1, max_size=8), st.integers(1, 6))
 def test_to_both_sides_by_turns_gives_nothing_up(sides: list[int], times: int) -> None:
-    """A pilot who turns as it comes says of the same view now this and now that."""
+    """A pilot without a fixed habit gives the same view one label or the other."""
     lesson = taught_left()
     for side in sides * times:
         for label in (side, LEFT + RIGHT - side):
@@ -154,7 +156,7 @@ def test_restored_it_goes_on_the_same(turns: list[tuple[int, int]], cut: int) ->
 
 
 def lesson(side: str, n_turns: int, seed: int, first_wall: int = 0) -> list[tuple[np.ndarray, str]]:
-    """Return examples of a drive: a wall comes nearer, then the robot turns; with some noise."""
+    """Return examples of a drive, with some noise: a wall comes nearer, then the robot turns."""
     rng = np.random.default_rng(seed)
     examples = []
     for turn in range(n_turns):
@@ -212,7 +214,7 @@ def test_a_learner_that_cannot_tell_old_from_new_says_so() -> None:
 def test_the_other_way_round_at_other_walls_gives_nothing_up(
     max_nodes: int, n_blocks: int, is_linear: bool
 ) -> None:
-    """Two halves: left at some walls, right at others; neither has to be shown again."""
+    """Two halves: left at some walls, right at others; neither has to be taught again."""
     lessons = [
         example
         for block in range(n_blocks)

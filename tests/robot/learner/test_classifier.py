@@ -48,7 +48,7 @@ def test_edits_follow_a_node_through_merges():
 
 @pytest.mark.parametrize("power", [0.0, 0.25, 1.0])
 def test_a_rare_label_weighs_more(power):
-    """Nine of one label to one of another, and a view just between their images."""
+    """Nine examples of one label, one of another, and a view exactly between their images."""
     learner = BSOCClassifier(2, balance=power)
     for _ in range(9):
         learner.learn_one(np.array([0.0]), "forward")
@@ -95,7 +95,7 @@ def test_what_it_refuses_changes_nothing(x, label, angle, linear):
 
 @pytest.mark.parametrize("integer", [False, True])
 def test_what_was_taught_again_and_again_is_known(integer):
-    """Images that are the same have their votes at one of them."""
+    """Of identical images, only one has votes."""
     rng = np.random.default_rng(0)
     for _ in range(150):
         learner = BSOCClassifier(16, integer=integer)
@@ -110,7 +110,7 @@ def test_what_was_taught_again_and_again_is_known(integer):
 
 
 def test_what_has_no_votes_of_its_own_changes_no_mind():
-    """Of images that are the same one has all the votes; the others speak for no label."""
+    """Of identical images one has all votes, and the others vote for no label."""
     rng = np.random.default_rng(0)
     learner, view = BSOCClassifier(1024), rng.random(20)
     for label in ("left", "forward", "left", "forward", "left", "forward"):

@@ -47,7 +47,8 @@ def opinions(ridge, x):
 
 @pytest.mark.parametrize("together", [0, 3, 8, 30])
 def test_contexts_are_one_until_they_differ(examples, together):
-    """The first frames count in all; it makes no difference that only one ridge learned them."""
+    """The first frames count in all contexts, so it makes no difference that only one ridge learned
+    them."""
     mixed = [(x, c, ALL if i < together else (i % 2,)) for i, (x, c, _) in enumerate(examples)]
     ridge = taught(mixed[:together])
     arrays = ridge.save()[1]
@@ -85,7 +86,8 @@ def test_an_example_that_counts_everywhere_is_taken_back_everywhere(examples):
 
 
 def test_each_context_changes_by_its_share_of_the_label(examples):
-    """Label 0 becomes label 1: in a context that knows half of its frames, half of the change."""
+    """Label 0 becomes label 1; a context that learned half of its frames gets half of the
+    change."""
     shares = [0.5, 1.0]
     zeros = [(x, 0, (0, 1) if i % 2 else (1,)) for i, (x, _, _) in enumerate(examples)]
     ridge, x = taught(zeros), examples[3][0]
@@ -117,7 +119,7 @@ def test_a_model_of_other_features_is_refused(examples):
 
 
 def test_one_view_means_one_thing_to_who_drives_and_another_to_who_turns():
-    """Far means FORWARD, near LEFT; in between goes on what was begun."""
+    """Far means FORWARD, near means LEFT; in between the current move goes on."""
     learner = BSOCClassifier(8, linear=ContextRidge(SIZE, penalty=0.01))
 
     def view(near: float) -> np.ndarray:

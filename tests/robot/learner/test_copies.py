@@ -1,4 +1,4 @@
-"""A copied or pickled learner goes on learning as the one that it was made of."""
+"""A copied or pickled learner continues to learn like the original."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def test_state_gives_the_same_scores_and_goes_on_the_same():
 
 @pytest.mark.parametrize("repeats", [1, 3])
 def test_neighbouring_frames_do_not_count_as_familiar(repeats):
-    """A slow pan: each frame is near the last one, and far from all that lies further back."""
+    """A slow pan: each frame is near the previous one, and far from all earlier frames."""
     cluster = BSOC(64)
     held, plain = [], []
     for i in range(200):

@@ -6,7 +6,7 @@ import pytest
 from robot.learner.ridge import RecursiveRidge
 
 CLOSE = 1e-5
-"""The inverse is kept in single precision: by how much scores may differ from exact ones."""
+"""Largest difference of scores from exact ones, because the inverse is in single precision."""
 
 
 def batch(xs, targets, weights, penalty):

@@ -1,4 +1,4 @@
-"""What passes through one part of a policy, made of what a test says of it."""
+"""Passes frames and examples through one part of a policy, made from a test's values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NOTHING = np.zeros(1200, np.uint8)
 
 
 def see(part: PolicyPart, **known: Any) -> Seen:
-    """Show a part one frame, and return what has become of it."""
+    """Show a part one frame, and return the processed frame."""
     picture = known.setdefault("picture", _NOTHING)
     seen = Seen(**{"number": 1, "x": picture, **known})
     part.on_frame(seen)
@@ -21,7 +21,7 @@ def see(part: PolicyPart, **known: Any) -> Seen:
 
 
 def teach(part: PolicyPart, label: Action, at_s: float | None, **known: Any) -> TaughtExample:
-    """Teach a part one example, and return what has become of it."""
+    """Teach a part one example, and return the processed example."""
     picture = known.setdefault("picture", _NOTHING)
     lesson = TaughtExample(**{"number": 1, "x": picture, "label": label, "at_s": at_s, **known})
     part.on_example(lesson)

@@ -1,4 +1,4 @@
-"""Frames for the tests of features: of any pixels."""
+"""Frames of any pixels, for the tests of features."""
 
 from __future__ import annotations
 

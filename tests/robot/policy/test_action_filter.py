@@ -19,7 +19,7 @@ KINDS = MoveKinds(DEFAULT_MOVES)
 
 
 def choose(shares, under_way=None, *, in_context=False):
-    """Return what a fresh filter makes of the votes on one frame."""
+    """Return a new filter's result for the votes on one frame."""
     nothing = np.zeros(1200, np.uint8)
     seen = Seen(number=1, x=nothing, picture=nothing, at_s=0.0, under_way=under_way, shares=shares)
     seen.in_context = in_context
@@ -45,7 +45,7 @@ def test_in_context_the_votes_alone_decide():
 
 
 def test_by_degrees_a_context_leaves_the_side_to_the_turn_under_way():
-    """Steering from lock to lock at each doubt is what nobody means who steers by degrees."""
+    """A pilot who steers by degrees never means to steer from lock to lock at each doubt."""
     little, much = 0.5 + 0.4 * TURN_INERTIA, 0.5 + 0.6 * TURN_INERTIA
     nothing, steady = np.zeros(1200, np.uint8), ActionFilter(KINDS, 0.0)
 

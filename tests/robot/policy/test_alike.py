@@ -1,4 +1,4 @@
-"""Left and right are alike here: the pilot's word."""
+"""The pilot's statement that left and right are alike."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def frame(grey: np.ndarray, number: int = 1) -> Frame:
 
 
 def one_sided(policy, n: int = 30):
-    """Only walls on the left were met: the robot was driven to the right."""
+    """All walls were on the left, so the robot was steered to the right."""
     xs = []
     for i in range(n):
         wall, label = ("none", F) if i % 2 else ("left", R)

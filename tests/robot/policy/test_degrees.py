@@ -1,4 +1,4 @@
-"""Steering by degrees: learned beside the moves, and answered as this pilot steers."""
+"""Steering by degrees: learned beside the moves, and proposed in the pilot's style."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from tests.robot.policy.test_history import same
 
 LEARNERS = installed("default-8", "published-8", "integer-8")
 OF_POINTS = {"degrees_sums", "node_angles", "angles"}
-"""Arrays that a model has only if something was taught by degrees."""
+"""Arrays that a model contains only if something was taught by degrees."""
 
 
 @cache
 def view(bend: float, noise: int) -> Frame:
-    """A picture of a bright stripe that lies further right the more the way bends."""
+    """A picture of a bright stripe that lies further right in sharper bends."""
     columns = np.abs(np.arange(160) - 80 - 60 * bend) < 12
     dice = np.random.default_rng((noise, 1 + round(bend * 1e6) % 2**31))
     pixels = 40 + 150 * columns[None, :, None] + dice.integers(0, 12, (120, 160, 3))
@@ -45,7 +45,7 @@ def view(bend: float, noise: int) -> Frame:
 
 
 def way(seed: int, frames: int) -> list[float]:
-    """Return how a way bends, frame by frame."""
+    """Return the bend of the path, frame by frame."""
     dice = random.Random(seed)
     waves = [(dice.uniform(0.02, 0.2), dice.uniform(0.0, math.tau)) for _ in range(3)]
     return [sum(math.sin(f * i + phase) for f, phase in waves) / 3 for i in range(frames)]
@@ -190,7 +190,7 @@ def test_a_model_in_which_a_move_was_steered_beyond_all_degrees_is_refused() -> 
 
 
 def test_the_linear_angle_is_that_of_all_examples_whenever_degrees_began() -> None:
-    """A move that was taught as such counts as the angle that the body declares of it."""
+    """An example taught as a move counts with the angle that the body declares for the move."""
     dice = np.random.default_rng(4)
     xs = dice.integers(0, 256, (70, 12)).astype(np.uint8)
     labels = dice.integers(0, 3, 70)
@@ -254,7 +254,7 @@ def test_who_steers_by_degrees_is_met_closer_than_by_moves(learner: str, seed: i
 
 @crossed(learner=LEARNERS, seed=range(2))
 def test_what_is_passed_on_either_side_is_not_driven_into(learner: str, seed: int) -> None:
-    """The mean of hard to the left and hard to the right is straight on."""
+    """The mean of hard left and hard right is straight on."""
     dice = random.Random(seed)
     policy = make_policy(learner)
     for i in range(160):

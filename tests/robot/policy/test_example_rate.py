@@ -26,7 +26,7 @@ def times_of(gaps_s):
 
 
 def unsteady(rate_hz, jitter, seed, seconds=20.0):
-    """Return when frames come that are early or late by up to a share of the time between two."""
+    """Return the times of frames that are early or late by up to a share of the frame period."""
     dice = random.Random(seed)
     return [
         (i + dice.uniform(-jitter, jitter)) / rate_hz for i in range(1, round(seconds * rate_hz))

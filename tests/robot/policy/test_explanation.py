@@ -1,4 +1,4 @@
-"""Why: the parts that are marked are those by which the image decides, whatever the features."""
+"""The marked parts are those by which the image decides, for all features."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.kit.sizes import crossed
 from tests.robot.policy.pictures import frame_of
 
 NAMES = ("default-16", "published-16")
-"""Learners on gradients, and on grey pixels alone."""
+"""Learners on gradients, and on grey pixels only."""
 
 
 @crossed(name=NAMES, seed=range(5))
@@ -32,7 +32,7 @@ def test_the_parts_add_up_to_the_learners_own_distance(name: str, seed: int) -> 
 
 @crossed(name=NAMES, seed=range(8))
 def test_what_is_marked_is_what_only_the_deciding_image_shares(name: str, seed: int) -> None:
-    """Views of one ground; each image has a pattern of its own in one part of it."""
+    """Views of one ground; each image has a different pattern in one part."""
     rng = np.random.default_rng(seed)
     ground = rng.integers(90, 110, (120, 160))
     rows = rng.permutation(CELL_ROWS - 2)[:3] + 1

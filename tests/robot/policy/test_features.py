@@ -51,7 +51,7 @@ def test_each_direction_has_its_bin(turn):
 
 @pytest.mark.parametrize("size", [(2, 2), (3, 3), (4, 4), (2, 4), (9, 9)])
 def test_a_view_is_the_same_to_a_camera_of_any_size(room, size):
-    """A model that a webcam of 160x120 has taught knows the view of a phone's larger camera."""
+    """A model taught by a webcam of 160x120 knows the view of a phone's larger camera."""
     features = GradientFeatures()
     large = np.kron(room, np.ones(size))
     assert np.array_equal(features.extract(frame_of(large)), features.extract(frame_of(room)))
@@ -69,7 +69,7 @@ def test_a_small_picture_is_enlarged(size):
 
 
 def test_what_is_learned_of_an_edge_holds_for_one_in_the_next_cell():
-    """Two views that differ in one cell only; then the same ones, moved sideways by a cell."""
+    """Two views that differ in one cell only; then the same views shifted sideways by a cell."""
 
     def view(column: int, is_left: bool) -> np.ndarray:
         x = np.zeros(GradientFeatures.n_gradients, np.uint8)

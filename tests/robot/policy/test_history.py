@@ -1,4 +1,4 @@
-"""Teaching, and taking lessons back as if they had never been."""
+"""Teaching, and undoing examples as if they had never been taught."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ N_PARTS = len(make_policy("default-8")._learning)
 
 
 class Plugin(PolicyPart):
-    """Refuses what it is told to, when the parts before it have learned."""
+    """Refuses the given calls after the parts before it have learned."""
 
     def __init__(self, policy: Policy, done: int) -> None:
         self.refuses = False

@@ -32,7 +32,7 @@ def adaptation() -> LightAdaptation:
 
 
 def gain_of(light: LightAdaptation, brightness: float, step_s: float = 0.1) -> float:
-    """Return by how much the learner is shown a view brighter than it is."""
+    """Return the factor by which the learner's view is brighter than the frame."""
     seen = see(light, picture=grey(brightness), step_s=step_s)
     return float(seen.x.mean()) / brightness
 

@@ -16,7 +16,7 @@ BRAKE, GRIP = Action("brake"), Action("grip")
 
 
 class Pilot:
-    """Labelled frames at some rate; pictures of a stripe that moves or stands."""
+    """Labelled frames at some rate, with pictures of a stripe that moves or stands."""
 
     def __init__(self, rate_hz=10.0, kinds=KINDS):
         self.pace, self.dt_s = PilotPace(kinds), 1 / rate_hz
@@ -120,7 +120,7 @@ def test_how_long_the_pilot_keeps_to_a_move_is_known_at_any_frame_rate(rate_hz, 
 
 
 def test_a_move_is_straight_by_what_it_does_and_not_by_its_name():
-    """The picture that stands still is a push for one body, and nothing for the other."""
+    """A still picture is a push for one body, and nothing for the other."""
     push, name = [], Action("go")
     for steering in (0.0, 0.8):
         pilot = Pilot()

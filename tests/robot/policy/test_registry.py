@@ -1,4 +1,4 @@
-"""A learner's name, as people give it and as it is kept."""
+"""A learner's name, as people write it and as it is stored."""
 
 from __future__ import annotations
 

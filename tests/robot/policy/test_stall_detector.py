@@ -14,7 +14,7 @@ BRAKE, GRIP = Action("brake"), Action("grip")
 
 
 class Drive:
-    """Pictures at 20 Hz: of a stripe that moves, or of one that only has noise."""
+    """Pictures at 20 Hz: of a moving stripe, or of a still stripe with noise."""
 
     def __init__(self):
         kinds = MoveKinds((F, L, R, BRAKE, GRIP))
@@ -28,7 +28,7 @@ class Drive:
         return set(self.standstill.futile)
 
     def go(self, seconds, under_way, is_moving, bumped=False, gives_up=F):
-        """Drive on; return when the move was first barred, seconds after the start."""
+        """Go on driving; return when the move was first barred, in seconds after the start."""
         first_s = None
         for i in range(round(seconds * 20)):
             self.shift += is_moving

@@ -1,4 +1,4 @@
-"""Whatever the votes are, at whatever frame rate: the filter gets somewhere, or asks."""
+"""For any votes and any frame rate, the filter makes progress or asks for help."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ F, L, R = Action.FORWARD, Action.LEFT, Action.RIGHT
 MOVES = (F, L, R)
 KINDS = MoveKinds(MOVES)
 WHOLE_CIRCLE_S = 19.5
-"""What a turn about one wheel through 360 degrees takes (`robot.lab.metrics`)."""
+"""Time of a turn about one wheel through 360 degrees (`robot.lab.metrics`)."""
 
 
 class RateLimit(PilotPace):
-    """A pilot of whom this is known."""
+    """A pilot with these known values."""
 
     patience_s = STUCK_S
 
@@ -40,7 +40,7 @@ class RateLimit(PilotPace):
 
 
 class Body:
-    """A robot of which only this is known: does driving straight have an effect?"""
+    """A robot of which only this is known: whether driving straight has an effect."""
 
     def __init__(self, rate_hz: float, longest_debt_s: float = 4.0, patience_s: float = STUCK_S):
         self.filter = ActionFilter(KINDS)
@@ -54,7 +54,7 @@ class Body:
         self._wall = self._rng.integers(0, 200, 400, np.uint8)
 
     def step(self, votes: dict[Action, float], *, is_free: bool = True) -> Action:
-        """Let a frame's time pass under the last move, and choose the next."""
+        """Let a frame's time pass with the last move, and choose the next."""
         self.now_s += self.dt_s
         if self.doing in KINDS.turns or (self.doing is F and is_free):
             self.shift += 40 * self.dt_s
@@ -69,7 +69,7 @@ class Body:
         return self.doing
 
     def run(self, seconds: float, votes, *, is_free: bool = True) -> list[Action]:
-        """Go on for a while; `votes` is a dict or a function of the time in seconds."""
+        """Continue for a while; `votes` is a dict or a function of the time in seconds."""
         start_s = self.now_s
         return [
             self.step(votes(self.now_s - start_s) if callable(votes) else votes, is_free=is_free)

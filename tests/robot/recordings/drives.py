@@ -1,4 +1,4 @@
-"""Recorded drives on the test bench, for the tests of whatever reads them."""
+"""Recorded drives on the test bench, for tests of their readers."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ MOVES = (Action.FORWARD, Action.LEFT, Action.RIGHT)
 
 
 _BEGINNINGS_S = itertools.count(1_700_000_000, 60)
-"""Each drive begins a minute after the one before."""
+"""Each drive begins a minute after the previous one."""
 
 
 class RecordedBench(BenchRobot):
-    """A bench robot whose runs are recorded; time stands still but for the test's hand."""
+    """A bench robot whose runs are recorded; only the test advances time."""
 
     def __init__(
         self,
@@ -46,7 +46,7 @@ class RecordedBench(BenchRobot):
         self.tick()
 
     def drive(self, scenes: range, mode: Mode = Mode.TRAIN) -> None:
-        """Drive through scenes, holding one direction after the other, and stop."""
+        """Drive through scenes, hold one direction after the other, and stop."""
         self.start(mode, scenes.start)
         for scene in scenes:
             self.step(scene, MOVES[scene // 4 % 3])

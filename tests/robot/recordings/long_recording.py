@@ -1,4 +1,4 @@
-"""Writes a drive of any length at once, and cuts it short as a power cut does."""
+"""Writes a drive of any length at once, and truncates it like a power cut."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from robot.types import DEFAULT_MOVES, Encoding, Frame
 
 RATE_HZ = 30
 _PICTURE_BYTES = 1900
-"""As heavy as a JPEG of the simulator's; nobody looks at it."""
+"""The size of a JPEG of the simulator; its content does not matter."""
 
 
 def write_cut_recording(path: Path, minutes: float) -> Path:
-    """Write what a robot records that is taught with every picture, without its end."""
+    """Write the recording of a robot that is taught with every picture, without its end."""
     rng = np.random.default_rng(1)
     run = describe_run(
         episode_id=path.stem,

@@ -1,10 +1,10 @@
-"""Cuts the power of a robot at random moments, many times over one data folder.
+"""Cuts the power of a robot at random moments, many times on one data folder.
 
     python -m tests.robot.recordings.power_cut FOLDER [KILLS] [SEED]
 
-Each time a process starts on the same folder (loading the last model), is driven and taught in real
-time, and is killed with SIGKILL. What it had told of by then is compared with what is on the disk.
-Processes are forked, so that a start costs milliseconds. Prints JSON.
+Each time a process starts on the same folder (and loads the last model), is driven and taught in
+real time, and is killed with SIGKILL. Its reports until then are compared with the content of the
+disk. Processes are forked, so that a start costs milliseconds. Prints JSON.
 """
 
 from __future__ import annotations
@@ -35,22 +35,23 @@ from server.recordings.part import Recordings
 
 LONGEST_LIFE_S = 0.8
 MOMENTS = ("start", "loaded", "tick", "written")
-"""What a life is counted from: on a busy machine a start alone would take longer than all of it."""
+"""The event from which a life is counted: on a busy machine the start would take longer than the
+life."""
 UNDONE_S = 0.2
 
 
 @dataclass(slots=True)
 class Life:
-    """What one process told of, and what was found of it afterwards."""
+    """The reports of one process, and the findings after its end."""
 
     life_s: float
     reached: str = "starting"
     loaded: int | None = None
     """Lessons that the learner had at the start."""
     told: list[int] = field(default_factory=list)
-    """The lessons that the learner had after each tick."""
+    """Number of lessons of the learner after each tick."""
     kept: int = 0
-    """So many of these were in the journal."""
+    """Number of these that were in the journal."""
     taught: int = 0
     taught_on_disk: int = 0
     lost_s: float = 0.0
@@ -58,7 +59,7 @@ class Life:
 
 
 def live(folder: Path, out: int, wall_s: float) -> None:
-    """Be a robot until the power goes. Each line written is something that had happened by then."""
+    """Run a robot until the power is cut. Each printed line reports something that has happened."""
 
     def tell(kind: str, *values: object) -> None:
         nonlocal n_told
@@ -82,7 +83,8 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         lessons_queued += sum(isinstance(event, Taught) for event in tick.history_events)
 
     def turns_told(kind: str, count: Callable[[], int]) -> Callable[[], None]:
-        """Return the last turn of a disk's thread: it tells what waited before the other turns."""
+        """Return the last turn of the disk's thread, which reports the items that waited before its
+        other turns."""
         waited = 0
 
         def turn() -> None:
@@ -94,7 +96,8 @@ def live(folder: Path, out: int, wall_s: float) -> None:
         return turn
 
     def undo() -> None:
-        """Say what an undo leaves before it is done: the power may go before the next tick."""
+        """Report the result of an undo before it is done, because the power may be cut before the
+        next tick."""
         history = rig.loop.history
         gone = len(history.last_examples(UNDONE_S))
         tell("tick", rig.clock.now_s(), history.n_examples - gone)
@@ -119,7 +122,7 @@ def live(folder: Path, out: int, wall_s: float) -> None:
 
 
 def drive(rig: Rig, undo: Callable[[], object]) -> None:
-    """Teach for ever, changing the mode six times a second, and now and then undo the last bit."""
+    """Teach forever, change the mode six times a second, and sometimes undo the last seconds."""
     seq = 0
     while True:
         rig.loop.set_mode((Mode.TRAIN, Mode.AUTONOMOUS)[seq // 8 % 2])
@@ -135,7 +138,7 @@ def drive(rig: Rig, undo: Callable[[], object]) -> None:
 
 
 def cut(folder: Path, moment: str, life_s: float, wall_s: float) -> Life:
-    """Start a robot, kill it `life_s` after a moment that it tells of, and compare."""
+    """Start a robot, kill it `life_s` after a reported moment, and compare."""
     before = set(folder.glob("episodes/*.mcap"))
     read_end, write_end = os.pipe()
     child = os.fork()

@@ -1,4 +1,4 @@
-"""Before and after mending are judged on what neither was taught, and by what a person says now."""
+"""Training before and after edits is compared on held-out frames, by the edited labels."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MOVES = (Action.FORWARD, Action.LEFT)
 
 
 def record(path: Path, labels: Sequence[Action], shown: Sequence[Action] | None = None) -> Episode:
-    """Record pictures that are bright on the left where to go left is right."""
+    """Record pictures that are bright on the left where left is the right move."""
     noise = np.random.default_rng(len(labels))
     shots = []
     for i, (label, truth) in enumerate(zip(labels, shown or labels, strict=True)):

@@ -1,4 +1,4 @@
-"""A recording that was cut short is counted as it would be opened, and without keeping it."""
+"""A truncated recording is counted like an opened one, without holding it in memory."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .long_recording import write_cut_recording
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """A drive of several flushes, with an undo in it."""
+    """A drive of several flushes, with an undo."""
     robot = RecordedBench(tmp_path_factory.mktemp("drive"))
     robot.drive(range(60))
     robot.loop.submit(lambda: robot.loop.history.undo(0.7))
@@ -37,7 +37,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 def opened_as(path: Path) -> tuple[int, dict[str, int], str | None]:
-    """Say how many pictures it has, what was taught, and what is wrong, from all of it."""
+    """Return the number of pictures, the examples and the fault, from the whole file."""
     episode = open_episode(path)
     taught = Counter(str(example.label) for example in taught_frames(episode).values())
     return len(episode.frames), dict(taught), episode.damage
@@ -63,7 +63,7 @@ def test_a_cut_recording_is_counted_as_it_is_opened(
 
 
 def by_library(path: Path) -> list[tuple[str, int, bytes]]:
-    """Read all messages by the library itself, which follows the index."""
+    """Read all messages by the library itself, which uses the index."""
     with path.open("rb") as file:
         found = make_reader(file, validate_crcs=True).iter_messages()
         return [(channel.topic, message.log_time, message.data) for _, channel, message in found]
@@ -103,7 +103,7 @@ def test_a_cut_recording_gets_its_end_and_keeps_all_that_it_has(
 def test_a_file_that_is_damaged_in_another_way_is_left_as_it_is(
     tmp_path: Path, whole: bytes, seed: int
 ) -> None:
-    """All that can be read stays: behind a wrong length nothing could be read before."""
+    """Every readable message stays; before, nothing behind a wrong length was readable."""
     rng = random.Random(seed)
     data = bytearray(whole[: len(whole) - rng.choice([0, 2000])])
     data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)

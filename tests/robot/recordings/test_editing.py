@@ -1,4 +1,4 @@
-"""A recording with its edits: what belongs to a picture, and copies with the edits worked in."""
+"""A recording with its edits: the data of each picture, and copies with the edits applied."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .drives import MOVES, RecordedBench, record_drive
 
 
 def drive_and_edit_an_image(robot: RecordedBench, scenes: range, chance: random.Random) -> None:
-    """Teach, and halfway give some learned image another label, as a person does."""
+    """Teach, and halfway relabel a learned image, as a person does."""
     history = robot.loop.history
     robot.start(Mode.TRAIN, scenes.start)
     for scene in scenes:
@@ -37,7 +37,7 @@ def drive_and_edit_an_image(robot: RecordedBench, scenes: range, chance: random.
 
 
 def learned(store: EpisodeStore, *names: str) -> tuple[object, int]:
-    """Learn recordings again; return what came of it, and how many edits were left out."""
+    """Learn recordings again; return the learner, and the number of edits left out."""
     policy = make_policy("default-8")
     report = learn_again(policy, [(store.open(name), store.notes(name)) for name in names])
     return policy.get_state(), report.left_out_edits
@@ -47,7 +47,7 @@ def learned(store: EpisodeStore, *names: str) -> tuple[object, int]:
 def test_compacting_teaches_the_same_also_where_images_were_edited(
     tmp_path: Path, seed: int
 ) -> None:
-    """An edit of an image counts only where all the pictures that made it are still there."""
+    """An edit of an image counts only if all pictures of the image are still there."""
     chance, storage = random.Random(seed), Storage(tmp_path)
     robot = RecordedBench(storage.folder("episodes"), "default-8")
     drive_and_edit_an_image(robot, range(40), chance)
@@ -95,7 +95,7 @@ def test_what_a_recording_took_back_of_the_one_before_stays_taken_back(
 def test_the_edit_of_an_image_that_is_taken_back_later_is_the_right_one(
     tmp_path: Path, taken_back: int, way: str
 ) -> None:
-    """Also where the recording that has it was edited, and written anew or split."""
+    """This also holds if that recording was edited, and rewritten or split."""
     chance, storage = random.Random(taken_back), Storage(tmp_path)
     robot = RecordedBench(storage.folder("episodes"), "default-8")
     for scenes in (range(40), range(40, 60)):
@@ -187,7 +187,7 @@ def test_a_recording_can_be_split_however_long_its_name(tmp_path: Path, length: 
 def test_a_picture_of_a_standing_robot_has_nothing_of_the_next_drive(
     tmp_path: Path, every_s: float
 ) -> None:
-    """However fast the camera is; the loop turns twenty times a second."""
+    """For any camera rate, although the loop ticks twenty times a second."""
     robot = RecordedBench(tmp_path)
 
     def pass_time(seconds: float, held: Action | None) -> None:

@@ -1,4 +1,4 @@
-"""What is read from the two ends of a recording is what the library finds in it."""
+"""The data read from the two ends of a recording equals what the library finds in it."""
 
 from __future__ import annotations
 

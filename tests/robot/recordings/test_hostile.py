@@ -1,4 +1,4 @@
-"""Files made to harm: refused or read up to where they lie, and never believed."""
+"""Malicious files are refused, or read up to the malicious part, and never trusted."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAGIC = b"\x89MCAP0\r\n"
 
 @pytest.fixture(autouse=True)
 def _little_memory() -> Iterator[None]:
-    """Whoever believes an absurd length now fails for want of memory."""
+    """Code that trusts an absurd length now runs out of memory."""
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + 600 * 2**20, hard))

@@ -1,4 +1,4 @@
-"""The index of a recording: opened by it, it is the same as read chunk by chunk."""
+"""A recording opened by its index equals the same recording read chunk by chunk."""
 
 from __future__ import annotations
 
@@ -177,7 +177,7 @@ def test_an_index_that_lies_raises_nothing_but_our_own_errors(
 
 
 def test_the_recorder_keeps_the_columns_of_a_section(tmp_path: Path) -> None:
-    """A picture left 490 bytes: sets of numbers and a table of examples."""
+    """Each picture took 490 bytes, for sets of numbers and a table of examples."""
     writer = begin(tmp_path / "one.mcap", section_frames=150)
     teach(writer, 1, 300)
     gc.collect()

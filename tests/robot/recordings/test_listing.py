@@ -1,4 +1,4 @@
-"""Recordings are read for the list once, and again where they changed."""
+"""Recordings are read once for the list, and again only after a change."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def storage(tmp_path: Path) -> Storage:
 
 @pytest.fixture
 def read(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
-    """Which recordings were opened."""
+    """The recordings that were opened."""
     opened: list[str] = []
     real = store_module.read_summary
 

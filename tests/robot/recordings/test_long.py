@@ -1,4 +1,4 @@
-"""Long recordings: what is kept of each picture in memory when they are opened."""
+"""Long recordings: the memory per picture when they are opened."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def begin(path: Path) -> EpisodeWriter:
 
 
 def teach(writer: EpisodeWriter, first: int, count: int) -> None:
-    """Write what a robot records of each picture that it is taught."""
+    """Write the recording of each picture that a robot is taught."""
     for number in range(first, first + count):
         now_s, label = number / 30, DEFAULT_MOVES[number // 40 % 3]
         said = {"frame": number, "action": label, "confidence": 0.9}
@@ -53,7 +53,7 @@ def teach(writer: EpisodeWriter, first: int, count: int) -> None:
 
 @pytest.fixture(scope="module")
 def long(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of 6,000 pictures in some six chunks; the last fifty lessons were undone."""
+    """A drive of 6,000 pictures in some six chunks, with the last fifty lessons undone."""
     path = tmp_path_factory.mktemp("long") / "long.mcap"
     writer = begin(path)
     teach(writer, 1, 6000)

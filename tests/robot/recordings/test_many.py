@@ -1,4 +1,5 @@
-"""Many recordings at once: deleted, restored, zipped, searched; none goes while it is read."""
+"""Many recordings at once: deleted, restored, zipped, searched; none disappears while it is
+read."""
 
 from __future__ import annotations
 
@@ -32,7 +33,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def storage(tmp_path: Path, drive: Path) -> Storage:
-    """Four copies of one drive, each with its own title."""
+    """Four copies of one drive, each with another title."""
     storage = Storage(tmp_path / "data")
     store = EpisodeStore(storage)
     for name in NAMES:
@@ -190,7 +191,7 @@ def test_a_recording_is_found_by_words(storage: Storage, text: str, found: list[
 
 
 def test_a_copy_is_never_the_newest(storage: Storage, drive: Path) -> None:
-    """Its time is that of its original, and its name may be shorter or sort before."""
+    """Its time is that of its original, and its name may be shorter or sort before it."""
     folder = storage.folder("episodes")
     shutil.copy(drive, folder / drive.name)
     for name in ("a", "zz", f"{drive.stem} (2)", f"{drive.stem}.sync-conflict-20260101-120000-ABC"):

@@ -1,4 +1,4 @@
-"""A long recording is several files, and one episode to everybody who uses it."""
+"""A long recording consists of several files, and is one episode for every user."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def drive(folder: Path, config: RecorderConfig) -> RecordedBench:
 
 
 def told(episode: Episode) -> dict[str, Any]:
-    """Return what a recording tells."""
+    """Return the content of a recording."""
     ids, notes = list(episode.frames), Notes()
     models = [model for model in (episode.model_before(), episode.model_after()) if model]
     return {

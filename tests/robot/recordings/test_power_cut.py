@@ -1,8 +1,7 @@
-"""Kills at random moments: recordings are whole up to the last flush, and the learner goes on.
+"""Kills at random moments: recordings are complete up to the last flush, and the learner continues.
 
-How much a kill may cost is judged in virtual time (test_recorder.py); here it is printed.
-
-CI kills 200 times (a bit over two minutes).
+Virtual time checks how much a kill may cost (test_recorder.py); here it is only printed. CI kills
+200 times (a bit over two minutes).
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ KILLS = size("KILLS", 6, 200)
 
 
 CHAINS = 2
-"""So many robots live and die side by side: a life is mostly waiting."""
+"""Number of robots that run at the same time, because a life consists mostly of waiting."""
 
 
 @pytest.mark.slow
@@ -56,7 +55,7 @@ def test_a_power_cut_leaves_whole_recordings_and_undoes_no_undo(tmp_path: Path) 
 
 
 def check_what_is_known(lives: list[Life]) -> None:
-    """Each life must begin with what those before it had in the journal, or had learned since."""
+    """Each life must begin with what earlier lives had in the journal, or had learned since."""
     possible = {0}
     for life in lives:
         if life.loaded is not None:

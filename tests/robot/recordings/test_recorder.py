@@ -1,4 +1,4 @@
-"""Runs are recorded while driven: everything that happened, and never at the loop's cost."""
+"""Runs are recorded while driven: everything that happened, without delaying the loop."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_everything_that_happened_is_in_the_recording(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", seeds(3, 10))
 def test_power_that_goes_costs_what_was_not_flushed_yet(tmp_path: Path, seed: int) -> None:
-    """At any moment what is on the disk is a recording up to a fifth of a second before."""
+    """At any moment the disk has a recording that ends at most a fifth of a second earlier."""
     chance, robot = random.Random(seed), RecordedBench(tmp_path)
     start_s = robot.clock.now_s()
     robot.start(Mode.TRAIN)
@@ -81,7 +81,7 @@ def test_pictures_come_back_as_the_camera_gave_them(tmp_path: Path) -> None:
 
 
 def test_every_message_is_valid_against_its_schema(tmp_path: Path) -> None:
-    """Read by the library itself, with the schemas that the file carries."""
+    """Read by the library itself, with the schemas in the file."""
     robot = RecordedBench(tmp_path)
     robot.drive(range(30))
     node = images(robot.loop.history.policy)[0].node_id
@@ -171,7 +171,7 @@ def test_large_pictures_from_before_the_start_leave_room_for_those_after_it(tmp_
 
 
 class SlowFile(io.BytesIO):
-    """A disk that has gone to sleep: writing waits until the test lets it go on."""
+    """A disk that sleeps: writing waits until the test releases it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -216,7 +216,7 @@ def test_a_disk_that_crawls_costs_pictures_and_neither_memory_nor_lessons(tmp_pa
 
 
 class FullFile(io.BytesIO):
-    """A disk that is full after so many bytes."""
+    """A disk that is full after this number of bytes."""
 
     room = 300_000
 

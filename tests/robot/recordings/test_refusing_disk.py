@@ -1,4 +1,4 @@
-"""A disk that refuses for a moment: the next drive is recorded again, whenever it begins."""
+"""After a disk that refused for a moment, the next drive is recorded again, whenever it begins."""
 
 from __future__ import annotations
 

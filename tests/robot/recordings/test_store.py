@@ -1,4 +1,4 @@
-"""Episodes on disk: listed whatever their state, mended, deleted, brought back, made compact."""
+"""Episodes on disk: listed in any state, edited, deleted, restored, compacted."""
 
 from __future__ import annotations
 

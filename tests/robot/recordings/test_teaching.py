@@ -1,4 +1,4 @@
-"""Learning again from recordings gives what was learned live, bit for bit."""
+"""Learning again from recordings gives the same learner as driving, bit for bit."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ OWN = tuple(
 
 
 def record_own_moves(path: Path, learner: str, declared: tuple[Move, ...]) -> tuple[Policy, Path]:
-    """Teach a body its own moves, by degrees now and then; return what came of it."""
+    """Teach a body its own moves, sometimes by degrees; return the results."""
     policy, told = make_policy(learner, names(OWN)), list[HistoryEvent]()
     history = TrainingHistory(policy, told.append, OWN)
     run = describe_run(
@@ -146,7 +146,7 @@ def test_a_bodys_own_moves_are_learned_again_bit_for_bit(tmp_path: Path, learner
 
 
 def test_a_recording_that_declares_no_moves_takes_none_from_who_goes_on(tmp_path: Path) -> None:
-    """One of 0.1, or of another program."""
+    """A recording of 0.1, or of another program."""
     _, path = record_own_moves(tmp_path / "a.mcap", "default-8", ())
     going_on = make_policy("default-8", names(OWN))
     going_on.kinds.describe(OWN)

@@ -1,4 +1,4 @@
-"""What is told about a recording is true: lists, exports, films and `last`."""
+"""The information about a recording is true: lists, exports, films and `last`."""
 
 from __future__ import annotations
 

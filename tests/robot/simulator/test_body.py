@@ -1,4 +1,4 @@
-"""How the body moves, bumps and hears; the numbers are worked out by hand."""
+"""The body's motion, collisions and sonar; the numbers were computed by hand."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_a_turned_box_is_met_where_it_stands(box: World) -> None:
 
 
 def is_free(world: World, x_m: float, y_m: float) -> bool:
-    """Whether a point is in the room and in no thing."""
+    """Return whether a point is in the room and in none of the things."""
     if not (0 <= x_m <= world.width_m and 0 <= y_m <= world.depth_m):
         return False
     for thing in world.obstacles:

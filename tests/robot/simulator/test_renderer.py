@@ -1,4 +1,4 @@
-"""The renderer keeps nothing of a picture or a world, and threads do not disturb each other."""
+"""The renderer keeps no memory of pictures or worlds, and threads do not disturb each other."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def pose(k: int) -> Pose:
 
 
 def pictures(seed: int, count: int = 60) -> list[bytes]:
-    """Render from many poses; every tenth time at twice the size, too."""
+    """Render from many poses, every tenth time also at twice the size."""
     world = load_world("push")
     renderer, found = Renderer(world, seed), []
     for k in range(count):
@@ -31,7 +31,7 @@ def pictures(seed: int, count: int = 60) -> list[bytes]:
 
 
 def test_a_picture_leaves_no_state_behind() -> None:
-    """Each new pose left two to four transform states for good: 2.6 kB."""
+    """Each new pose leaked two to four transform states: 2.6 kB."""
     world = load_world("push")
     renderer = Renderer(world)
 
@@ -46,7 +46,7 @@ def test_a_picture_leaves_no_state_behind() -> None:
 
 
 def test_a_closed_world_is_freed_when_the_next_is_drawn() -> None:
-    """Each world that was opened and closed left its floor, 1 MB."""
+    """Each world that was opened and closed leaked its floor, 1 MB."""
     first, second = Renderer(load_world("box")), Renderer(load_world("box"))
     first.render(pose(0))
     first.render_large()

@@ -1,4 +1,4 @@
-"""The simulated camera in real time: JPEG as a webcam gives it, small on the disk."""
+"""The simulated camera in real time: JPEG like a webcam's, small on the disk."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOVES = (Action.FORWARD, Action.LEFT, Action.FORWARD, Action.RIGHT)
 
 @pytest.mark.parametrize("world", ["box", "office", "corridor"])
 def test_a_minute_of_driving_costs_at_most_eight_megabytes(tmp_path, world: str) -> None:
-    """Ten seconds of it, in the simulation's own time, through the real loop and recorder."""
+    """Record ten seconds, in the simulation's own time, through the real loop and recorder."""
     clock = VirtualClock(1.0)
     driver = SimDriver(make_options(SimDriver.options_type, {"world": world}))
     driver.connect()
@@ -65,7 +65,7 @@ def test_a_minute_of_driving_costs_at_most_eight_megabytes(tmp_path, world: str)
 
 
 def model_bytes(loop: ControlLoop) -> int:
-    """What the model at the end weighs, however long the drive."""
+    """The size of the final model, which does not depend on the drive's length."""
     from collections import Counter
 
     from robot.store.models.model import encode_model, take_model
@@ -95,7 +95,7 @@ def test_a_quality_that_there_is_not_is_refused(quality: int) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_eyes_picture_leaves_what_is_learned_and_recorded_bit_for_bit(seed: int) -> None:
-    """Whoever looks, and however often: the frames are those of a robot that nobody looks at."""
+    """For any number of viewers, the frames are those of an unwatched robot."""
     chance = random.Random(seed)
     world = chance.choice(world_names())
     plan = [(chance.choice(MOVES), chance.random() < 0.5) for _ in range(60)]

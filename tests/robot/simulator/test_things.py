@@ -1,4 +1,4 @@
-"""Things that move: pushed by the robot, or going round by themselves."""
+"""Moving things: pushed by the robot, or moving along a path."""
 
 from __future__ import annotations
 

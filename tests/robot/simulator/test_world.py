@@ -1,4 +1,4 @@
-"""Worlds as files: the ones that come along, one's own, and broken ones."""
+"""Worlds as files: the built-in ones, a user's own, and broken ones."""
 
 from __future__ import annotations
 

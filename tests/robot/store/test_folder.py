@@ -1,4 +1,4 @@
-"""One data folder, whatever else is installed."""
+"""One data folder, with any other installed programs."""
 
 from __future__ import annotations
 

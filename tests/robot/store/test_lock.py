@@ -1,4 +1,4 @@
-"""One program at a time records into a folder."""
+"""Only one program at a time records into a folder."""
 
 from __future__ import annotations
 

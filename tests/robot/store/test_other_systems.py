@@ -1,4 +1,4 @@
-"""What other systems' disks do differently: each tried here by a fake of the difference."""
+"""Differences of other systems' disks, each simulated by a fake."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_names_that_a_case_blind_disk_mixes_up_are_told_apart(wanted: list[str])
 
 
 class SharingError(PermissionError):
-    """What Windows answers while another program has a file open."""
+    """The error of Windows while another program has a file open."""
 
     def __init__(self, winerror: int) -> None:
         super().__init__(13, "in use")
@@ -90,7 +90,7 @@ def test_a_folder_is_moved_as_well(tmp_path: Path) -> None:
 
 
 def _refuse(monkeypatch: pytest.MonkeyPatch, times: int, error: OSError) -> list[float]:
-    """Refuse to replace so often; return the pauses that are made."""
+    """Refuse this number of replacements; return the pauses between the tries."""
     left, replace, pauses = [times], Path.replace, list[float]()
 
     def refusing(path: Path, target: Path) -> Path:

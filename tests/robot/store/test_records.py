@@ -1,4 +1,4 @@
-"""How files are read; what a journal holds: models/test_journal.py."""
+"""Reading files of records; models/test_journal.py tests the journal's content."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robot.store.records import read_regular
 
 
 def test_a_small_file_takes_no_buffer_for_a_large_one(tmp_path: Path) -> None:
-    """That buffer alone took a second on Windows, for each model in a list."""
+    """On Windows this buffer alone took a second for each model in a list."""
     path = tmp_path / "model"
     path.write_bytes(bytes(range(256)))
     tracemalloc.start()

@@ -55,7 +55,7 @@ def small_plan() -> StudyPlan:
 
 
 class Participant:
-    """One session from outside the robot; `events` is its log."""
+    """One session as seen from outside the robot; `events` is its log."""
 
     def __init__(self, plan: StudyPlan, code: str, slot: int, seed: int = 0) -> None:
         self.session = StudySession(plan, code, slot)
@@ -118,7 +118,7 @@ class Participant:
         self.say("answered")
 
     def take_part(self) -> None:
-        """Go through the whole session, from wherever it is."""
+        """Complete the session from its current step."""
         while self.session.step is not SessionStep.DONE:
             match self.session.step:
                 case SessionStep.CONSENT:
@@ -137,7 +137,7 @@ class Participant:
 
 
 def logs_of(plan: StudyPlan, n: int, seed: int = 0) -> dict[str, bytes]:
-    """Return the logs of so many participants who go through all of it."""
+    """Return the logs of this number of participants who complete the study."""
     people = [Participant(plan, f"P{i + 1:02}", i, seed) for i in range(n)]
     for person in people:
         person.take_part()

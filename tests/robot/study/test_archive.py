@@ -1,4 +1,4 @@
-"""The table is made of plan and logs only, and comes out the same anywhere."""
+"""The table is computed only from plan and logs, and is the same on every machine."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_of_a_condition_begun_anew_the_last_attempt_counts() -> None:
 
 
 def test_what_was_driven_stands_under_its_own_condition_whatever_became_of_the_plan() -> None:
-    """A condition that is added later gives the same places other orders."""
+    """A condition that is added later gives the same slots other orders."""
     logs = logs_of(small_plan(), 2)
     added = '[[condition]]\nname = "third"\n[[condition]]\nname = "short"'
     later = SMALL_PLAN.replace('[[condition]]\nname = "short"', added)
@@ -145,7 +145,7 @@ def test_what_is_no_study_is_refused_with_a_sentence(tmp_path: Path, fault: str)
 def test_a_zip_that_was_packed_again_and_saved_by_a_spreadsheet_gives_the_same(
     tmp_path: Path,
 ) -> None:
-    """With folders among its entries, and Windows' line ends and marks in the logs."""
+    """With folders among its entries, and Windows' line ends and byte order marks in the logs."""
     data = pack(SMALL_PLAN, logs_of(small_plan(), 2))
     file = tmp_path / "study.zip"
     with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(file, "w") as new:

@@ -1,4 +1,4 @@
-"""A log is read as it was written or refused, and no spreadsheet runs what it holds."""
+"""A log is read as it was written, or refused, and no spreadsheet runs its texts."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_an_answer_that_is_a_formula_is_one_in_no_file_of_the_zip() -> None:
 
 
 def test_a_log_that_is_damaged_anywhere_is_read_or_refused() -> None:
-    """Whatever stands in a file, the page gets a sentence or numbers that JSON can say."""
+    """Whatever a file contains, the page gets a sentence, or numbers that JSON can represent."""
     plan, dice = small_plan(), random.Random(4)
     whole = logs_of(plan, 1)["P01"].split(b"\n")
     odd = [b"nan", b"inf", b"1e999", b"-1", b"9" * 5000, b"", b"x", b"\0", b"Left!", b"\xff", b"0"]

@@ -1,4 +1,4 @@
-"""The order of conditions is balanced: by position, and by what went before."""
+"""The order of conditions is balanced by position and by the preceding condition."""
 
 from __future__ import annotations
 

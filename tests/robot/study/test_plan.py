@@ -1,4 +1,4 @@
-"""A plan is read, or refused with a sentence that says what, where and what to do."""
+"""A plan is read, or refused with a sentence that names the fault, the place and the remedy."""
 
 from __future__ import annotations
 

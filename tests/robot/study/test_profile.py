@@ -1,4 +1,4 @@
-"""The published measure, on numbers worked out by hand."""
+"""The published measure, on numbers computed by hand."""
 
 from __future__ import annotations
 

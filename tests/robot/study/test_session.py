@@ -1,4 +1,4 @@
-"""A session goes its way, and its log takes it up again from any moment on."""
+"""A session goes through its steps, and can be resumed from its log at any moment."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .scripted import Participant, names, small_plan
 
 
 def standing(session: StudySession) -> tuple[object, ...]:
-    """Where a session is; the fine part of the clock belongs to the running program."""
+    """The session's position; the fraction of the clock belongs to the running program."""
     return (
         *(session.step, session.order, session.position, session.phase_index, session.phase_s),
         *(session.attempt, session.answers),

@@ -35,7 +35,7 @@ def tick(now_s: float, mode: Mode, by: DrivenBy, action: Action, distance_m: flo
 
 
 class Drive:
-    """A trial, with ten ticks a second from where the last ones ended."""
+    """A trial, with ten ticks a second from the end of the previous ones."""
 
     def __init__(self, trial: int = 1, teach_s: int = 90, pace: float = 1.0) -> None:
         self.plan = parse_plan(trial_plan(trial, teach_s))

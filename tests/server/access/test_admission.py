@@ -1,4 +1,4 @@
-"""Whatever people do with connections: limits hold, and who has few places keeps them."""
+"""Whatever connections people open: limits hold, and people with few connections keep them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KEPT = ("owner", "pilot")
 
 
 class PeopleAtTheDoor(RuleBasedStateMachine):
-    """Connections come, ask, idle and go; some people want all of them."""
+    """Connections are opened, send requests, idle and end; some people want all slots."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -82,7 +82,8 @@ class PeopleAtTheDoor(RuleBasedStateMachine):
 
     @rule(address=st.sampled_from(ADDRESSES), person=st.sampled_from(KEPT))
     def a_stop_arrives(self, address: str, person: str) -> None:
-        """Whatever came before: the connection is accepted, and still there when it was read."""
+        """Whatever happened before, the connection is accepted, and is still open when it is
+        read."""
         self.arrive(address, 1)
         peer = (address, self.port)
         self._ask(peer, person, lasts=False)
@@ -143,7 +144,7 @@ def test_who_says_nothing_is_closed_and_nobody_because_the_computer_was_held_up(
 
 @pytest.mark.parametrize("address", ADDRESSES)
 def test_where_nobody_is_paired_an_answer_may_take_long(address: str) -> None:
-    """A board copies a model from robot to robot, and says at the end what failed."""
+    """A board copies a model from robot to robot, and reports the failures at the end."""
     admission, gone = AdmissionControl(LIMITS, CAPACITY), list[int]()
     person = Session(Role.PILOT, address_key(address), is_crowd=True)
     for port in range(8):
@@ -177,7 +178,8 @@ def test_nobody_s_answer_is_cut_short_for_another_s_request() -> None:
 
 
 def test_a_newcomer_waits_for_an_idle_place_before_it_takes_a_busy_one() -> None:
-    """A class whose pages load at once: on few places newcomers cut off what others waited for."""
+    """A class whose pages load at once: with few slots, newcomers ended connections that others
+    needed."""
     admission, gone, now_s = (
         AdmissionControl(NetworkLimits(pending=6, connections_each=6), 16),
         list[Peer](),

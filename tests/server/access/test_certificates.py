@@ -1,4 +1,4 @@
-"""The certificate that a browser gets which trusts the robot's authority."""
+"""The certificate that a browser gets if it trusts the robot's authority."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAMES = ["localhost", "127.0.0.1", "::1", "drivelesson.local", "laptop", "laptop
 
 
 def _shake_hands(made: Certificates, name: str) -> None:
-    """Ask a server with these files for a name; SSLError if the client refuses it."""
+    """Request a name from a server with these files; SSLError if the client refuses it."""
     client = ssl.create_default_context(cafile=made.authority)
     client.verify_flags |= ssl.VERIFY_X509_STRICT
     server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)

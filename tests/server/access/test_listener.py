@@ -1,4 +1,4 @@
-"""The listening socket: counts, back-off, and what happens when descriptors run out."""
+"""The listening socket: counting, back-off, and its behaviour without free descriptors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One browser, one session; and whose session is given to others."""
+"""Each browser has one session, and evicted sessions go by the rules."""
 
 from __future__ import annotations
 

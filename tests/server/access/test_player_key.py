@@ -1,4 +1,4 @@
-"""Players, which have no cookie: a key in the address lets them watch, and do nothing else."""
+"""Players have no cookie: a key in the address lets them watch, and do nothing else."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a proxy says counts, and what anybody else says does not; no header adds an address."""
+"""Only a trusted proxy's headers count, and no header adds an address."""
 
 from __future__ import annotations
 
@@ -84,12 +84,13 @@ def test_no_open_quote_of_a_client_hides_what_the_proxy_adds(begun: str) -> None
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize("letters", ["a", "a-", "a ", 'a="', "a=,", '"', "\\"])
 def test_no_header_takes_long_to_read(letters: str) -> None:
-    """8,000 letters, which nginx passes on, held up the robot for a second and more."""
+    """A header of 8,000 letters, which nginx passes on, held up the robot for more than a
+    second."""
     seen(forwarded=letters * (100_000 // len(letters)))
 
 
 def test_lines_of_one_name_are_one_list() -> None:
-    """A client's own line stands before the proxy's."""
+    """The client's own header line comes before the proxy's."""
     asked = scope(x_forwarded_for="6.6.6.6")
     asked["headers"].append((b"X-Forwarded-For", b"10.0.0.1"))
     found = PROXIES.see_through(asked)

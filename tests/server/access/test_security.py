@@ -1,4 +1,4 @@
-"""Every refusal of the guard, over a served robot, with the status that a client sees."""
+"""Every refusal of the guard, by a real server, with the status that a client gets."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def lan(tmp_path: Path) -> Iterator[VirtualServer]:
 
 
 def _socket_status(server: VirtualServer, path: str = "/ws/drive", **headers: str) -> int:
-    """Open a websocket; 101 if it was admitted."""
+    """Open a websocket; return 101 if it was admitted."""
     options: dict[str, Any] = {"additional_headers": headers, "compression": None}
     try:
         with connect(server.ws(path), **options):
@@ -57,7 +57,7 @@ def _socket_status(server: VirtualServer, path: str = "/ws/drive", **headers: st
 
 
 def _routes(server: VirtualServer) -> set[tuple[str, str]]:
-    """Return the method and path of every route, of extensions, too."""
+    """Return the method and path of every route, including those of extensions."""
     added = (router for each in server.services.extensions.values() for router in each.routers)
     return {
         (method, route.path)
@@ -194,7 +194,8 @@ def test_the_page_may_load_nothing_from_elsewhere(here: VirtualServer) -> None:
 
 
 def test_no_page_has_script_or_style_inside_but_the_first_one() -> None:
-    """What stands in that one is allowed by its hash (tests/web/test_bundle.py)."""
+    """The inline script and style of this page are allowed by their hashes
+    (tests/web/test_bundle.py)."""
     for page in WEB.rglob("*.html"):
         text = page.read_text().lower()
         inside = int(page == WEB / "index.html")
@@ -229,7 +230,7 @@ def test_who_comes_when_all_places_are_taken(tmp_path: Path) -> None:
 
 
 def test_uploads_that_never_end_take_the_memory_of_two(tmp_path: Path) -> None:
-    """One pupil could have as many as connections, each of 64 MB, for as long as it liked."""
+    """One pupil could open as many uploads as connections, each of 64 MB, for any time."""
     config = NetworkConfig(port=0, web=WEB, lan=True, data=tmp_path)
     with VirtualServer(config, pairing=Pairing(3), data=tmp_path) as server:
         owner, *pupils = (_pair(server, Role.PILOT) for _ in range(4))
@@ -293,7 +294,7 @@ ANSWERED = {
     ("GET", "/favicon.ico"): (404, {"detail"}),
     ("GET", "/manifest.webmanifest"): (200, None),
 }
-"""What an unpaired client gets, and the names in it; on every other address it gets 401."""
+"""The addresses that an unpaired client may read; all others answer 401."""
 
 
 def test_an_unpaired_client_gets_nothing_else(lan: VirtualServer) -> None:
@@ -385,7 +386,7 @@ def test_a_viewer_can_change_nothing_but_its_own_pairing(lan: VirtualServer) -> 
 
 
 CLASS_PATHS = {"/api/class/hello", "/api/class/join"}
-"""A board is no browser: it proves itself in what it sends."""
+"""A board is not a browser: it proves its identity in its requests."""
 
 
 def test_a_browser_can_be_forgotten(lan: VirtualServer) -> None:

@@ -1,4 +1,4 @@
-"""What depends on addresses, names and the wall clock follows them while the server serves."""
+"""Addresses, names and the wall clock may change while the server runs, and it follows them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ LAN = NetworkConfig(host="::", lan=True, port=8000)
 
 
 class Network:
-    """What a machine finds when it looks; `there` and `names` are changed by the tests."""
+    """The machine's surroundings; the tests change `there` and `names`."""
 
     def __init__(self, *there: str) -> None:
         self.there, self.names = list(there), list[str]()
@@ -78,7 +78,7 @@ def test_an_address_that_comes_late_is_announced_and_shown(
 
 
 def test_any_history_of_addresses_is_followed_within_five_seconds() -> None:
-    """Twenty changes at any time: what the terminal shows is right two looks later."""
+    """After twenty changes at random times, the terminal is right within two checks."""
     chance, clock, network = random.Random(3), VirtualClock(), Network("10.0.0.1")
     around = network.surroundings()
     for _ in range(20):

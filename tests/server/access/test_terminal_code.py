@@ -1,4 +1,4 @@
-"""A QR code on a terminal is read on every theme, or a sentence says why there is none."""
+"""A QR code on a terminal is readable on every theme, or a sentence says why there is none."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ THEMES = {
     "nord": ((216, 222, 233), (46, 52, 64)),
     "green screen": ((0, 255, 0), (0, 20, 0)),
 }
-"""The theme's own text and background; it may also redefine the first sixteen colours."""
+"""The theme's text and background; a theme may also redefine the first sixteen colours."""
 INK = {" ": (0, 0), "▀": (1, 0), "▄": (0, 1), "█": (1, 1)}
 CUBE = {16: (0, 0, 0), 231: (255, 255, 255)}
 

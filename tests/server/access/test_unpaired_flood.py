@@ -38,7 +38,7 @@ def lan(tmp_path: Path) -> Iterator[tuple[Process, Path]]:
 
 
 class Phone:
-    """A paired pilot that holds forward and starts again whenever the robot stands."""
+    """A paired pilot that holds forward, and starts again whenever the robot stands."""
 
     def __init__(self, server: Process, cookie: str) -> None:
         self._server, self._cookie = server, cookie
@@ -47,7 +47,7 @@ class Phone:
         self.mode = ""
 
     async def drive(self) -> None:
-        """Drive until cancelled; connect again when the line is lost."""
+        """Drive until cancelled; connect again after a lost connection."""
         while True:
             with contextlib.suppress(OSError, EOFError, Exception):
                 await self._drive_once()
@@ -117,7 +117,7 @@ def test_a_flood_neither_stops_the_pilot_nor_locks_out_a_new_phone(
     async def come_back(
         phone: Phone, driving: asyncio.Task[None], took_s: list[float]
     ) -> asyncio.Task[None]:
-        """Cut a phone's line, and connect again until the first state comes."""
+        """Cut a phone's connection, and connect again until the first state arrives."""
         driving.cancel()
         await asyncio.gather(driving, return_exceptions=True)
         cut_s, before = clock.now_s(), phone.states

@@ -1,4 +1,4 @@
-"""An unpaired program that floods a server: for test_strangers, in a process of its own."""
+"""An unpaired program that floods a server, in a separate process; for test_unpaired_flood.py."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import httpx
 CONNECTS, HALF_REQUESTS, IDLE, WRONG_TOKENS = 5_000, 500, 700, 12
 PATIENCE_S = 30.0
 OWN_ADDRESS = "127.0.0.2"
-"""Another than the pilot's, on the same machine."""
+"""An address other than the pilot's, on the same machine."""
 
 
 async def _closed(reader: asyncio.StreamReader) -> bool:
@@ -21,7 +21,7 @@ async def _closed(reader: asyncio.StreamReader) -> bool:
 
 
 async def _attack(server_address: str) -> int:
-    """Do all of it; return how many of the idle and half connections the server ended."""
+    """Send the whole flood; return how many idle and half-open connections the server closed."""
     address = ("127.0.0.1", int(server_address.rsplit(":", 1)[1]))
     open_ones: list[tuple[asyncio.StreamReader, asyncio.StreamWriter]] = []
     for number in range(CONNECTS):

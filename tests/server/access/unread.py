@@ -1,4 +1,4 @@
-"""What a client has not read of what it was sent, by its window; for `test_listener.py`."""
+"""Measures how much a client has not read yet, by its window; for `test_listener.py`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Corrections of body and camera: set on the page, kept with the robot, and told in recordings."""
+"""Corrections of body and camera: set on the page, saved with the robot, and recorded."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_what_does_not_apply_is_refused_and_changes_nothing(kept: VirtualServer)
 
 
 def test_each_recording_says_how_its_robot_was_corrected(tmp_path: Path) -> None:
-    """One that is under way ends by a change."""
+    """A recording in progress ends at a change of the corrections."""
     with VirtualServer(data=tmp_path) as server:
         for turn in (0, 180):
             assert put(server, turn_picture=turn).json()["kept"]

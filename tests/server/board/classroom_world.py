@@ -1,4 +1,4 @@
-"""A class in virtual time: real apps of robots, the real board, and a network that can fail."""
+"""A class in virtual time: the robots' real apps, the real board, and a network that can fail."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ KEY = ClassKey("k" * 40)
 PATIENCE_S = 4.0
 FAULTS = ("none", "slow", "gone", "silent", "half", "nonsense", "wrong key", "no class", "refuses")
 OPEN_FAULTS = ("none", "slow")
-"""Faults through which a robot can be reached all the same."""
+"""Faults in spite of which a robot can be reached."""
 
 
 class Pupil(ServedWorld):
@@ -61,14 +61,14 @@ class Pupil(ServedWorld):
         self._cookie = f"{cookie_name(NetworkConfig.of(config))}={pair.secret}"
 
     def connect(self, path: str, on_message: Callable[[str | bytes], None]) -> Socket:
-        """Open a websocket as the pupil's phone."""
+        """Open a websocket like a pupil's phone."""
         headers = {"host": f"127.0.0.1:{self.port}", "cookie": self._cookie}
         socket = Socket(self, path, on_message, headers)
         self._sockets.append(socket)
         return socket
 
     def restart(self) -> None:
-        """Forget all sessions, as a server does that was started anew."""
+        """Forget all sessions, like a restarted server."""
         config = self.services.config
         assert self.classroom is not None
         self.classroom = Classroom(KEY)
@@ -86,14 +86,14 @@ class Pupil(ServedWorld):
 
 
 class VirtualNetwork:
-    """The board's transport: straight into the robots' apps, if the network lets it."""
+    """The board's transport, directly into the robots' apps if the network allows it."""
 
     def __init__(self, pupils: Mapping[int, Any], dice: random.Random) -> None:
         self.pupils: Mapping[int, Any] = pupils
         self._dice = dice
         self.requests: list[tuple[int, str]] = []
         self.sees_as: dict[int, str] = {}
-        """Endpoints as the board sees them, where somebody stands in between."""
+        """The endpoints that the board sees if an attacker stands in between."""
 
     async def locate(self, address: RobotAddress) -> ServerPlace:
         at = self.sees_as.get(address.port, endpoint(address.host, address.port))
@@ -202,7 +202,7 @@ class ClassWorld:
         )
 
     async def drive_all(self, pupils: list[Pupil]) -> None:
-        """Have each drive forward, by a phone of its own."""
+        """Have each robot drive forward, by a separate phone."""
         for pupil in pupils:
             phone = await pupil.pilot(sees=True)
             await phone.wait_for_state()
@@ -241,7 +241,8 @@ def in_class(
 
 
 def break_down(pupil: Pupil, fault: str) -> None:
-    """Give a robot's network a fault, or mend it with `none`; what is open is affected as well."""
+    """Give a robot's network a fault, or remove it with `none`; open connections are affected as
+    well."""
     pupil.fault = fault
     pupil.link.conditions = LinkConditions(
         is_silent=fault in ("silent", "gone"),
@@ -251,6 +252,6 @@ def break_down(pupil: Pupil, fault: str) -> None:
 
 
 def as_teacher(board_nonce: str, offer: dict[str, str], at: str, key: ClassKey = KEY) -> str:
-    """Return what a board answers to a robot's offer."""
+    """Return a board's answer to a robot's offer."""
     proof = key.prove("board", board_nonce, offer["nonce"], at)
     return json.dumps({"board_nonce": board_nonce, "nonce": offer["nonce"], "proof": proof})

@@ -1,4 +1,4 @@
-"""The board of a class: whoever can be reached is stopped at once, and the others are named."""
+"""The board of a class stops every reachable robot at once, and names the others."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def test_a_pupil_s_own_stop_confirms_none_of_the_teacher() -> None:
 
 
 def test_what_the_line_tells_late_neither_clears_nor_confirms_a_stop() -> None:
-    """The stop is confirmed by a request of its own while the line still tells what was before."""
+    """A separate request confirms the stop while the websocket still delivers older states."""
 
     async def scenario(world: ClassWorld) -> None:
         one, *_ = world.pupils.values()
@@ -263,7 +263,7 @@ def test_a_robot_released_on_a_phone_is_shown_as_released() -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_only_the_board_releases_what_the_board_stopped(seed: int) -> None:
-    """Pupils and teacher press at random; whoever stopped last, the rule holds after each step."""
+    """Pupils and teacher press at random; after each step the rule about the last stop holds."""
 
     async def scenario(world: ClassWorld) -> None:
         one, *_ = world.pupils.values()
@@ -340,7 +340,7 @@ def test_pictures_come_only_while_somebody_looks_and_about_one_a_second() -> Non
 
 
 def test_pictures_and_news_wait_while_a_stop_is_under_way() -> None:
-    """One robot has fallen silent, so that the stop stays under way as long as it may."""
+    """One robot has fallen silent, so the stop stays in progress for as long as possible."""
 
     async def scenario(world: ClassWorld) -> None:
         one, lost, *_ = world.pupils.values()
@@ -374,7 +374,7 @@ def test_the_board_takes_no_wheel() -> None:
 
 
 def test_someone_in_between_gets_no_session_and_is_believed_nothing() -> None:
-    """An impostor at another address passes everything on to a real robot, and back."""
+    """An impostor at another address relays everything to a real robot, and back."""
 
     async def scenario(world: ClassWorld) -> None:
         one, *_ = world.pupils.values()

@@ -1,4 +1,4 @@
-"""The board's own server: for the teacher's machine alone, and no request makes it fall."""
+"""The board's own server: only for the teacher's machine, and no request crashes it."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ WORDS = (
 
 
 class _Served:
-    """The board's application where a robot's would be."""
+    """The board's application in place of a robot's."""
 
     fault = "none"
 
@@ -97,7 +97,7 @@ def test_words_that_make_no_sense_end_the_line_of_a_page_and_nothing_else() -> N
 
 
 def test_a_release_that_a_line_keeps_waiting_holds_no_stop_up() -> None:
-    """A line that is being closed takes what is said on it for a second and more."""
+    """A connection that is being closed accepts messages for more than a second."""
 
     async def scenario(world: ClassWorld) -> float:
         gone, *others = world.pupils.values()

@@ -1,4 +1,4 @@
-"""All robots of a class keep, reset or hand over their models in one press, and back again."""
+"""All robots of a class keep, reset or hand over their models at one press, with undo."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from .classroom_world import KEY, VirtualNetwork
 
 
 class _Elsewhere:
-    """A robot that does not answer as ours do."""
+    """A robot whose answers differ from those of ours."""
 
     def __init__(self, port: int, fault: str) -> None:
         self.port, self.fault = port, fault
 
 
 class _Class:
-    """One real robot, one that has just gone, one that refuses, and one that is away."""
+    """One real robot, one that has just disappeared, one that refuses, and one that is away."""
 
     def __init__(self, data: Path) -> None:
         self.pairing = Pairing(10)

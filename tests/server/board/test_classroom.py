@@ -1,4 +1,4 @@
-"""Who becomes the teacher of a robot, and what its pupils may then change."""
+"""Who becomes a robot's teacher, and what its pupils may change afterwards."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_board_with_the_key_gets_a_session_and_knows_the_robot() -> None:
 
 @pytest.mark.parametrize("seed", seeds(20, 40))
 def test_nothing_but_a_fresh_proof_of_the_same_handshake_is_admitted(seed: int) -> None:
-    """One thing of a good handshake is changed: chosen anew for each seed."""
+    """Change one part of a valid handshake, chosen anew for each seed."""
     dice = random.Random(seed)
     room, mine, now_s = Classroom(KEY), new_nonce(), dice.uniform(0, 1e6)
     nonce, robot_proof = room.challenge(mine, HERE, now_s)

@@ -1,4 +1,4 @@
-"""A model is taken from one robot to others, and each failure says what is as it was."""
+"""A model is copied from one robot to others; each failure says what has not changed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FAULTS = ("gone", "refused", "half", "empty", "late")
 
 
 class _Robots:
-    """Two robots that answer as theirs do, until one of their answers goes wrong."""
+    """Two robots that answer like real ones, until one of the answers fails."""
 
     def __init__(self, step: str, fault: str) -> None:
         self.step, self.fault = step, fault
@@ -94,14 +94,14 @@ def test_what_fails_is_named_and_the_others_get_it(step: str, fault: str) -> Non
     else:
         assert robots.loaded == {3: f"/api/models/{quote('Küche 2')}/load"}
         assert robots.kept[3] == b"the model"
-        assert "R2" in said and ("has it as Küche 2" in said) is (step == "load")
+        assert "R2" in said and ("stored the model as Küche 2" in said) is (step == "load")
     if fault == "refused":
         assert "Stop the robot first." in said
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_damaged_file_is_refused_by_the_robot_that_gets_it(seed: int, tmp_path: Any) -> None:
-    """Real robots check what comes, whatever became of it on the way."""
+    """Real robots check the received model, however it was damaged on the way."""
     dice = random.Random(seed)
     with VirtualServer(data=tmp_path / "a") as server:
         network = _Damaging(server, dice)
@@ -111,7 +111,7 @@ def test_a_damaged_file_is_refused_by_the_robot_that_gets_it(seed: int, tmp_path
             return await copy_model(one, [two])
 
         [fault] = server.run(scenario())
-        assert "nothing changed" in fault
+        assert "nothing was changed" in fault
         before = server.persistence.models.names()
         network.is_damaging = False
         assert server.run(scenario()) == []

@@ -1,4 +1,4 @@
-"""Robots of a class that are forked from one process: each ends alone, and all with the class."""
+"""Robots forked from one process: each can end separately, and all end with the class."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ready lesson: a robot that was never shown a right turn, and what it does."""
+"""The ready lesson: a robot that was never taught a right turn, and its behaviour."""
 
 from __future__ import annotations
 

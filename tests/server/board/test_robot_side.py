@@ -1,4 +1,4 @@
-"""What a robot of a class grants its teacher, and what it then refuses to everybody else."""
+"""The rights that a robot of a class gives its teacher and refuses everybody else."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class _Asker:
 
 
 def test_every_change_below_a_lock_is_refused_and_reading_is_not() -> None:
-    """The addresses are those of the application itself, so that a new one is found too."""
+    """The addresses come from the application itself, so that a new route is included."""
 
     async def scenario(world: ClassWorld) -> None:
         one = next(iter(world.pupils.values()))

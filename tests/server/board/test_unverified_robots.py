@@ -1,4 +1,4 @@
-"""Whoever announces whatever: the robots of the class are on the board, and STOP reaches them."""
+"""Whatever is announced: the robots of the class are on the board, and STOP reaches them."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _DOES = ("gone", "silent", "refuses", "nonsense")
 
 
 class UnverifiedRobot:
-    """Somebody who announced a robot."""
+    """An announced robot."""
 
     def __init__(self, port: int, fault: str) -> None:
         self.port, self.fault = port, fault
 
 
 def announce(world: ClassWorld, foreign: int, host: str = "127.0.0.1") -> list[RobotAddress]:
-    """Have strangers announce so many robots before, between and after those of the class."""
+    """Have strangers announce this many robots before, between and after those of the class."""
     ports = range(20_000, 20_000 + foreign)
     strangers = {port: UnverifiedRobot(port, world.dice.choice(_DOES)) for port in ports}
     world.network.pupils = {**world.pupils, **strangers}

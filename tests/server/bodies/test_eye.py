@@ -42,7 +42,7 @@ def robot() -> Iterator[VirtualServer]:
 
 
 class Phone:
-    """A phone without a screen: answers questions about its clock, on `EYE_MS`."""
+    """A phone without a screen that answers questions about its clock, by `EYE_MS`."""
 
     def __init__(self, socket: VirtualSocket) -> None:
         self.socket = socket
@@ -50,7 +50,7 @@ class Phone:
         self.acknowledged: list[int] = []
 
     def next(self) -> dict[str, Any] | None:
-        """Take one message; a question is answered."""
+        """Receive one message; answer a question about the clock."""
         message = self.socket.recv(WAIT_S)
         if isinstance(message, bytes):
             self.acknowledged.append(parse_acknowledgement(message))
@@ -137,7 +137,7 @@ def test_the_newest_phone_is_the_eye(robot: VirtualServer) -> None:
 def test_a_phone_that_comes_back_before_its_old_line_has_ended_is_the_eye_again(
     robot: VirtualServer, gone: Exception
 ) -> None:
-    """It was refused for good, and so was every phone after it."""
+    """A phone was refused permanently, and so was every later phone."""
     camera: Any = robot.rig.camera
     with phone(robot.address) as first:
         first.wait_for("hello")

@@ -1,4 +1,4 @@
-"""The eye's wire and clock: whatever comes up is read or refused, and stamps stay honest."""
+"""The eye's messages and clock: every message is read or refused, and time stamps stay correct."""
 
 from __future__ import annotations
 

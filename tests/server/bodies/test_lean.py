@@ -1,4 +1,4 @@
-"""What a lean server leaves out is not loaded; what it puts off is, once it is used."""
+"""A lean server never loads the omitted modules, and loads postponed modules at first use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The challenge over HTTP, in the recording of its drive, and before a class's board."""
+"""The challenge over HTTP, in the recording of its drive, and on a class's board."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_a_try_is_armed_and_can_be_given_up(server: VirtualServer) -> None:
 
 
 def simulated(folder: Path) -> VirtualServer:
-    """A robot of the simulator, which measures its way."""
+    """A simulated robot, which measures its path."""
     clock = VirtualClock(100.0)
     driver = SimDriver(SimOptions(world="box"))
     camera = SimCamera(driver, SimCameraOptions(frame_rate_hz=10.0), clock)

@@ -1,4 +1,4 @@
-"""A secret in every option that is declared to hold one: nothing written or answered has it.
+"""No file and no answer contains the value of an option that is declared secret.
 
 `test_process_faults.py` runs this.
 """
@@ -27,7 +27,7 @@ from tests.standins.mjpeg import MjpegServer
 SECRET = "hunter2zebra" * 3
 LOOKS = (SECRET.encode(), base64.b64encode(f"user:{SECRET}".encode())[:24])
 PLACES = {"address": "127.0.0.1:9", "brick": "127.0.0.1"}
-"""Where nobody answers, for options that name a place."""
+"""An address at which nothing answers, for options that name a host."""
 URLS = ("http://user:{}@127.0.0.1:9/x", "http://127.0.0.1:9/x?key={}", "ftp://user:{}@x/", "{}@x",
         "http://user:{}@[::1/x", "http://user:{}@127.0.0.1:99999/x")  # fmt: skip
 
@@ -39,7 +39,7 @@ def check_no_secret_leaves(tmp_path: Path) -> None:
 
 
 def _commands() -> Iterator[list[str]]:
-    """Generate command lines from the declared options, with a secret in each that is marked."""
+    """Generate command lines from the declared options, with a value for each secret option."""
     for flag, names, load in (
         ("--robot", own_plugins(DRIVERS), load_driver),
         ("--camera", own_plugins(CAMERAS), load_camera),
@@ -63,7 +63,7 @@ def _check_a_start_that_fails(words: list[str], folder: Path) -> None:
 
 
 def _check_a_drive(folder: Path) -> None:
-    """Drive, record, save, lose the camera; read every address; and end."""
+    """Drive, record, save, lose the camera, read every address, and end."""
     with MjpegServer(password=SECRET) as camera:
         source = camera.address.replace("http://", f"http://user:{SECRET}@")
         words = ("-v", "--robot", "sim", "--camera", "mjpeg", "--source", source)

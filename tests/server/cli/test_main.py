@@ -1,4 +1,4 @@
-"""Manners of the command line: version, suggestions, limits, completion."""
+"""The command line in general: version, suggestions, limits, completion."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_the_exit_status_says_whether_another_start_can_help(
 
 
 def test_a_reader_that_ends_early_is_no_error() -> None:
-    """As in `drivelesson --help | head -1`; the text is longer than a pipe holds."""
+    """As in `drivelesson --help | head -1`; the text is longer than a pipe's buffer."""
     printing = "import sys; from server.__main__ import main; "
     printing += "sys.exit(max(main(['--help']) for _ in range(50)))"
     program = subprocess.Popen(
@@ -163,7 +163,7 @@ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); _shtab_drivelesson; echo "${COMPREPLY
 
 
 def test_a_robot_that_this_system_cannot_load_keeps_no_command_from_being_completed() -> None:
-    """Windows has none of these modules; the drivers that need them cannot be imported there."""
+    """Windows lacks these modules, so drivers that need them cannot be imported there."""
     gone = ("fcntl", "termios", "resource", "pwd", "grp")
     program = f"""
 import sys

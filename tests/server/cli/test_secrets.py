@@ -1,4 +1,4 @@
-"""What is secret is in no recording."""
+"""No recording contains a secret."""
 
 from __future__ import annotations
 

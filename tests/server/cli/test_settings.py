@@ -1,4 +1,4 @@
-"""Settings: where they come from, what is refused, and that each is in the reference."""
+"""Settings: their sources, the refused values, and that the reference lists each of them."""
 
 from __future__ import annotations
 

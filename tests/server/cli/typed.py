@@ -1,4 +1,4 @@
-"""Commands as a user types them, and what they answer."""
+"""Commands as a user types them, and their answers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ def say(words: str, capsys: pytest.CaptureFixture[str], status: int = 0) -> str:
 def assert_refused_by_a_full_disk(
     words: str, data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Say it while nothing can be written: one sentence, and nothing is lost."""
+    """Check a command while the disk cannot be written: it prints one sentence, and nothing is
+    lost."""
     before = {path: path.read_bytes() for path in data.rglob("*.*") if path.is_file()}
 
     def refuse(self: object, *_: object) -> None:

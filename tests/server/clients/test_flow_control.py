@@ -12,7 +12,7 @@ from server.protocol import ProtocolError
 
 
 class _Link:
-    """A line of so many bytes a second and so long a round trip, and a viewer at its end."""
+    """A connection with this bandwidth and round trip, and a viewer at its end."""
 
     def __init__(self, *, bytes_a_second: float, round_trip_s: float, size: int = 5000) -> None:
         self.window = VideoWindow()
@@ -134,7 +134,7 @@ def acknowledge(
 ) -> None:
     """Send frames side by side, skip some that do not fit, and have the last one acknowledged.
 
-    Without `at_s` they are sent at time 0, so that their delay is `delay_s` to the last digit.
+    Without `at_s` they are sent at time 0, so that their delay is exactly `delay_s`.
     """
     at_s = delay_s if at_s is None else at_s
     for _ in range(n_sent):
@@ -228,7 +228,7 @@ def test_the_window_grows_by_one_to_four_each_time_that_three_frames_were_skippe
 
 
 def grown_window(lone_delay_s: float) -> VideoWindow:
-    """Return a window of two frames, whose frames so far took `lone_delay_s` each."""
+    """Return a window of two frames whose earlier frames took `lone_delay_s` each."""
     window = VideoWindow()
     acknowledge(window, lone_delay_s, skipped=3)
     assert window.size == 2
@@ -268,7 +268,7 @@ def test_a_slow_frame_in_a_window_of_one_is_no_failed_trial() -> None:
 
 
 def allows(window: VideoWindow, delay_s: float) -> bool:
-    """Whether frames side by side may take so long without the window being given up."""
+    """Return whether two frames side by side may take this long without closing the window."""
     for _ in range(3):
         acknowledge(window, delay_s, n_sent=2)
     return window.size > 1

@@ -1,4 +1,4 @@
-"""A larger picture for the eye goes to viewers whose link takes it with ease, and to no other."""
+"""Only viewers whose link has spare bandwidth get the larger picture for people."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def enlarge(frame: Frame) -> Frame:
 
 
 class _Screen:
-    """A viewer that acknowledges what it must after `delay_s`; notes the width of each picture."""
+    """A viewer that acknowledges after `delay_s`, and notes the width of each picture."""
 
     def __init__(self, delay_s: float) -> None:
         self.delay_s = delay_s
@@ -80,7 +80,7 @@ def test_each_link_gets_the_picture_that_it_takes(seed: int) -> None:
 
 
 def test_a_link_too_narrow_for_larger_pictures_tries_them_rarely() -> None:
-    """Half a megabit: a small picture takes 48 ms, a large one 176."""
+    """At half a megabit a small picture takes 48 ms, and a large one 176."""
     size, now_s, late_s, tries = PictureSize(), 0.0, [], 0
     while now_s < 600.0:
         delay_s = 0.176 if size.is_large else 0.048

@@ -1,4 +1,4 @@
-"""The lease of control: who has the wheel, and who is next."""
+"""The lease of control: who has the wheel, and who gets it next."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many messages a client may send: a burst, and then a rate."""
+"""The rate limit of a client's messages: a burst, and then a rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a state message carries, whatever a body senses."""
+"""The fields of a state message, for all sensors of a body."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.server.virtual import ServedWorld, virtually
 
 @pytest.mark.parametrize("distance_m", [math.inf, -math.inf, math.nan, 1e308, 0.25])
 def test_a_reading_that_is_no_number_silences_no_page(distance_m: float) -> None:
-    """Sensors say infinity where nothing is in reach; JSON has no word for it."""
+    """Sensors report infinity if nothing is in range; JSON has no number for it."""
 
     async def scenario(world: ServedWorld) -> None:
         pilot = await world.pilot(sees=True)

@@ -17,7 +17,7 @@ BROWSER = {"accept": "image/avif,image/webp,image/*,*/*;q=0.8"}
 
 
 def test_a_player_is_told_the_length_of_each_picture(server: VirtualServer) -> None:
-    """Without it the FFmpeg family showed pictures two to three periods late."""
+    """Otherwise players based on FFmpeg show pictures two to three periods late."""
     head = re.compile(rb"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: (\d+)\r\n\r\n")
     received = b""
     with httpx.Client() as client, client.stream("GET", server.address + "/video.mjpg") as answer:

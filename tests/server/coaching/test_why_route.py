@@ -1,4 +1,4 @@
-"""Why: asked over HTTP while the robot sees and learns."""
+"""The explanation of a proposal, requested over HTTP while the robot sees and learns."""
 
 from __future__ import annotations
 

@@ -180,7 +180,7 @@ def test_a_place_is_free_again_when_an_import_fails(
 
 
 def record_pause(data: Path) -> None:
-    """Record a drive in whose middle nobody taught for 65 s."""
+    """Record a drive with a gap of 65 s in the middle, in which nobody taught."""
     robot = RecordedBench(Storage(data).folder("episodes"))
     robot.drive(range(8))
     robot.start(Mode.AUTONOMOUS, 0)

@@ -1,4 +1,4 @@
-"""The server ends, whatever its clients leave hanging; `test_process_faults.py` checks it."""
+"""The server ends, whatever its clients leave open; `test_process_faults.py` checks it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def check_a_hanging_upload_and_half_a_request_hold_up_no_end(tmp_path: Path) -> 
 
 
 def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
-    """Nothing sent, half a handshake, an idle line, half a request, and an upload that hangs."""
+    """Nothing sent, half a handshake, an idle connection, half a request, and a stalled upload."""
     unchecked = ssl.create_default_context()
     unchecked.check_hostname, unchecked.verify_mode = False, ssl.CERT_NONE
     words = ("--lan", "--tls", "--host", "127.0.0.1")
@@ -47,7 +47,7 @@ def _check_hanging_tls_holds_up_no_end(folder: Path) -> None:
 
 
 def _check_a_full_pipe_holds_up_no_end() -> None:
-    """As a terminal that is held by Ctrl+S: nobody takes the lines of the log."""
+    """Like a terminal that is paused by Ctrl+S: nobody reads the log's lines."""
     said = "import logging, server.hosting.logs as logs; logs.start_logging(verbose=False); "
     reading, writing = os.pipe()
     os.set_blocking(writing, False)

@@ -1,4 +1,5 @@
-"""The page while the robot starts names what is missing, and leaves the sockets to the server.
+"""While the robot starts, the page names the missing part; then it leaves the sockets to the
+server.
 
 `test_real_server.py` checks it.
 """

@@ -84,7 +84,7 @@ def test_two_robots_announce_themselves_and_the_board_finds_both() -> None:
 def test_nobody_but_the_logs_own_thread_waits_for_the_terminal(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """One that is held would hold the control loop, which logs each stop."""
+    """A paused terminal would hold up the control loop, which logs each stop."""
     terminal, writers, at_exit = io.StringIO(), set[str](), []
     write = terminal.write
 
@@ -138,7 +138,7 @@ def test_a_terminal_that_is_held_holds_up_no_end(monkeypatch: pytest.MonkeyPatch
 def test_a_terminal_that_is_held_holds_up_no_phone_that_pairs(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The event loop would wait for it, and with it each STOP."""
+    """The event loop would wait for the terminal, and every STOP with it."""
     threads: list[Callable[[], None]] = []
     shown: list[str] = []
     clock = SimpleNamespace(start_thread=lambda target, _: threads.append(target))

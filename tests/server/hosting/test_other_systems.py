@@ -1,4 +1,4 @@
-"""What Windows does differently about sockets, loops, clocks, streams and modules, faked here."""
+"""Differences of Windows in sockets, loops, clocks, streams and modules, simulated here."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_no_other_program_shares_the_port(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_the_loop_asks_the_door_who_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Windows' own loop accepts by the system, past the limits of the listener."""
+    """Windows' own event loop accepts connections past the limits of the listener."""
 
     def refuse() -> None:
         raise AssertionError("that is the system's own loop")
@@ -93,7 +93,7 @@ def test_there_are_no_more_connections_than_windows_can_wait_for(
 
 
 class CoarseClock(VirtualClock):
-    """A clock that moves 64 times a second, as Windows' does, and waits that end on its steps."""
+    """A clock that advances 64 times a second like Windows', with waits that end at its steps."""
 
     def now_s(self) -> float:
         return int(super().now_s() * 64) / 64

@@ -58,7 +58,7 @@ async def end_while_a_client_is_there(leaves: bool) -> None:
 
 
 class Line(asyncio.Transport):
-    """One end of a connection that lies in memory."""
+    """One end of a connection in memory."""
 
     is_read = True
 
@@ -91,7 +91,8 @@ FLOODS = {
 
 @pytest.mark.parametrize("flood", FLOODS)
 def test_who_floods_is_read_no_faster_than_anybody_needs(flood: str) -> None:
-    """A pupil with eight sockets held up the robot's pilot, and every STOP for a quarter minute."""
+    """A pupil with eight sockets held up the robot's pilot and every STOP for a quarter of a
+    minute."""
     asyncio.run(flood_for_a_minute(*FLOODS[flood]))
 
 

@@ -1,4 +1,4 @@
-"""The benchmark itself, in small: it measures, prints whether that is fast, and judges nothing."""
+"""The benchmark in a small size: it measures and prints, and judges no time."""
 
 from __future__ import annotations
 

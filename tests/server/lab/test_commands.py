@@ -1,4 +1,4 @@
-"""Wrong calls of the lab's commands are told what would be right."""
+"""Wrong calls of the lab's commands get an error that shows the right form."""
 
 from __future__ import annotations
 

@@ -187,7 +187,8 @@ def test_a_mode_change_saves(bench: Bench) -> None:
 def test_a_change_that_is_acknowledged_survives_a_kill_at_that_very_moment(
     bench: Bench, tmp_path: Path, what: str
 ) -> None:
-    """The folder is copied when the answer is there; the models are left out: no save helps."""
+    """The folder is copied when the answer arrives, without the models, so that no save can
+    help."""
     if what == "outdate":
         able = make_policy("default-8")
         bench.server.ask_loop(lambda: bench.rig.loop.history.replace_policy(able))

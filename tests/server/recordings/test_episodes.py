@@ -1,4 +1,4 @@
-"""The recordings of one robot over HTTP: driven, seen, mended, brought back."""
+"""The recordings of one robot over HTTP: driven, shown, edited, restored."""
 
 from __future__ import annotations
 

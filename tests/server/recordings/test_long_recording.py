@@ -1,6 +1,6 @@
-"""A power cut at the end of a long drive: the server is ready soon, and its list is small.
+"""After a power cut at the end of a long drive the server is ready soon, and its list is short.
 
-`DRIVELESSON_MINUTES` is how long the drive was (an hour: 60). Run with -s, it prints the times.
+`DRIVELESSON_MINUTES` sets the length of the drive (an hour: 60). With -s the test prints the times.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.realtime, pytest.mark.slow]
 
 
 def fill_journal(folder: Path) -> int:
-    """Teach without ever saving until the journal's last part is as long as it may become."""
+    """Teach without saving until the journal's last part has its maximum length."""
     life = Life(folder, [0.0], random.Random(1), "default-32")
     while life.journal._writer is None or life.journal._writer.written_bytes < (
         journal.PART_BYTES if MINUTES >= 60 else journal.PART_BYTES // (2 if IS_FULL else 8)

@@ -1,4 +1,4 @@
-"""Training again in the background: whatever becomes of it is said."""
+"""Training again in the background: every outcome is reported."""
 
 from __future__ import annotations
 

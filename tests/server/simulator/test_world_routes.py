@@ -1,4 +1,4 @@
-"""The way that the robot went, asked for in parts over HTTP."""
+"""The robot's path, requested in parts over HTTP."""
 
 from __future__ import annotations
 

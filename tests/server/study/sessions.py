@@ -1,4 +1,4 @@
-"""What researcher and participant do in a session, over HTTP and in virtual time."""
+"""The actions of researcher and participant in a session, over HTTP and in virtual time."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def rows(server: VirtualServer) -> list[dict[str, str]]:
 
 
 def standing(server: VirtualServer) -> tuple[Any, ...]:
-    """The robot's models, which of them is in use, and what it knows to the last bit."""
+    """The robot's models, the model in use, and its exact learner state."""
     models = ask(server, "GET", "/api/models").json()
     state = server.ask_loop(lambda: server.rig.loop.history.policy.get_state())
     arrays = {name: array.tobytes() for name, array in state.arrays.items()}
@@ -107,7 +107,7 @@ def standing(server: VirtualServer) -> tuple[Any, ...]:
 
 
 def prepare(server: VirtualServer) -> tuple[Any, ...]:
-    """Teach the robot something that is its own."""
+    """Teach the robot something into its own model."""
     _teach(server, 40)
     ask(server, "POST", "/api/models/save", json={})
     return standing(server)

@@ -18,7 +18,8 @@ from tests.server.study.sessions import PLAN
 def test_a_question_that_is_called_like_another_column_is_refused_in_a_new_plan(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
 ) -> None:
-    """Its answers stood in that column: the score was gone, or the participant's code."""
+    """The answers were written into that column, and replaced the score or the participant's
+    code."""
     text = f'{PLAN}[[question]]\nname = "{name}"\ntext = "Well?"\n'
     plan = tmp_path / "plan.toml"
     plan.write_text(text)
@@ -33,7 +34,7 @@ def test_a_question_that_is_called_like_another_column_is_refused_in_a_new_plan(
 def test_a_command_that_is_printed_works_as_it_is(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Also where a folder has a space in its name."""
+    """This also works if the folder's name contains a space."""
     (tmp_path / "my lab").mkdir()
     assert main(["study", "new", str(tmp_path / "my lab/plan.toml")]) == 0
     words = capsys.readouterr().out.splitlines()[-1]

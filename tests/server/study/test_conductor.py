@@ -1,4 +1,4 @@
-"""What two pages ask of one session at the same moment happens one after the other."""
+"""If two pages change one session at the same moment, the changes happen one after the other."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.server.study.sessions import PLAN, TRUST
 
 
 class Conducted:
-    """A robot, where its sessions are kept, and who conducts them; a session of P01 is on."""
+    """A robot, the folder of its sessions, and their conductor; a session of P01 is running."""
 
     def __init__(self, folder: Path) -> None:
         self.clock = VirtualClock(100.0)
@@ -52,7 +52,7 @@ class Conducted:
 def test_what_happens_later_than_it_is_waited_for_is_in_the_log_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A computer that was shut for a moment: the session went on, and its log did not."""
+    """After a short suspension of the computer the session continued, but its log did not."""
     with Conducted(tmp_path) as world:
         submit = world.rig.loop.submit
 
@@ -73,7 +73,7 @@ def test_what_happens_later_than_it_is_waited_for_is_in_the_log_too(
 def test_a_session_is_not_left_while_the_disk_refuses_what_happened_in_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its answers were gone, and nobody was told."""
+    """A participant's answers were lost without a message."""
 
     def refuse(*_: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -93,7 +93,7 @@ def test_a_session_is_not_left_while_the_disk_refuses_what_happened_in_it(
 def test_what_is_asked_twice_at_once_is_done_once_and_every_page_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Answers that came from phone and tablet skipped a condition; a start counted twice."""
+    """Answers from a phone and a tablet skipped a condition, and one start counted twice."""
     clock = VirtualClock(100.0)
     rig = Rig(FakeDriver(clock=clock), FakeCamera(clock), make_policy("published-8"), clock)
     kept = Persistence(Storage(tmp_path), rig)

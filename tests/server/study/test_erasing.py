@@ -1,4 +1,4 @@
-"""What belongs to a participant is found by its name, and nothing of anybody else."""
+"""All data of a participant is found by its name, and no data of anybody else."""
 
 from __future__ import annotations
 

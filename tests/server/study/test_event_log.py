@@ -1,4 +1,4 @@
-"""A session's log on a disk that refuses: what was written stays."""
+"""A session's log on a disk that refuses: the written events stay."""
 
 from __future__ import annotations
 

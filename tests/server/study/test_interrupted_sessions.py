@@ -1,4 +1,5 @@
-"""Whatever ends a session, the robot has its own model again, and the session goes on later."""
+"""However a session is interrupted, the robot has its own model again, and the session can be
+resumed."""
 
 from __future__ import annotations
 
@@ -38,7 +39,7 @@ CHANGES_THE_MODEL = (
 
 
 class Loading(Persistence):
-    """Loads the last model when it starts, as `drivelesson serve` does before it serves."""
+    """Loads the last model at its start, as `drivelesson serve` does before it serves."""
 
     def start(self) -> None:
         super().start()
@@ -107,7 +108,7 @@ def test_a_session_that_is_left_leaves_no_model_and_goes_on_where_it_was(
 def test_after_a_power_cut_the_robot_has_its_own_model_and_the_session_goes_on(
     tmp_path: Path,
 ) -> None:
-    """What a killed server leaves on the disk is found by the next one."""
+    """The next server finds what a killed server left on the disk."""
     with VirtualServer(data=tmp_path / "first") as server:
         before = prepare(server)
         begin(server)

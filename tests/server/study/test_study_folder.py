@@ -1,4 +1,4 @@
-"""What is kept of sessions: results of before, damaged logs, and a participant who withdraws."""
+"""Stored sessions: results of earlier versions, damaged logs, and a participant who withdraws."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.server.virtual_server import VirtualServer
 
 
 def files_with(folder: Path, words: set[bytes]) -> list[str]:
-    """What is called like one of these words, or holds one."""
+    """Return the paths whose names are one of these words, or contain one."""
     found = (path for path in folder.rglob("*") if path.is_file())
     return [
         str(path.relative_to(folder))
@@ -95,7 +95,7 @@ def test_a_damaged_log_is_named_and_stops_nobody_else(tmp_path: Path) -> None:
 def test_who_comes_back_under_the_code_of_one_who_withdrew_is_listed_as_who_he_is(
     tmp_path: Path,
 ) -> None:
-    """The log of the one is as long as that of the other was."""
+    """Both logs have the same length."""
     folder = StudyFolder(Storage(tmp_path))
     folder.create("walk", PLAN)
 

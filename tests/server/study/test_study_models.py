@@ -1,4 +1,4 @@
-"""A trial is driven where it belongs, and one that is left leaves nothing behind."""
+"""A trial is driven only in its world, and a trial that is left leaves nothing behind."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_world_that_is_only_a_file_is_known_by_its_file_and_by_its_name(tmp_pa
         with pytest.raises(ConfigurationError, match="start the robot with --world and its TOML"):
             check_body(elsewhere, driven_in(place))
     for place in ("roam", str(tmp_path / "other" / "room.toml")):
-        with pytest.raises(ConfigurationError, match="no place under Settings"):
+        with pytest.raises(ConfigurationError, match="this place is not offered under Settings"):
             check_body(here, driven_in(place))
     here.enter("office")
     here.advance(0.1)

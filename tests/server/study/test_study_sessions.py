@@ -75,7 +75,7 @@ def test_the_place_of_a_real_robot_is_confirmed_and_that_of_a_simulated_one_chec
         server.driver.simulation = simulation  # type: ignore[attr-defined]
         before = standing(server)
         said = refused(server, "/api/session/drive", confirmed=True)
-        assert "the world 'kitchen', and this is 'office'; choose 'kitchen' under Settings" in said
+        assert "needs the world 'kitchen', but the robot is in 'office'; choose 'kitchen'" in said
         assert standing(server) == before
         assert session(server)["step"] == "ready"
         simulation.world.name = "kitchen"

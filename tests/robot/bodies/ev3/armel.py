@@ -1,7 +1,7 @@
 """A brick's Debian under emulation: `qemu-arm -cpu arm926` in a chroot, with counters.
 
 The root is kept in var/armel-RELEASE, so that only the first run builds it. Needs root, qemu-user,
-mmdebstrap and a C compiler; where one is missing the tests that use it are skipped and say so.
+mmdebstrap and a C compiler; if one is missing, the tests that use it are skipped with a message.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from server.config import Config
 
 ROOT = Path(__file__).parents[4]
 GUEST_BASE = 1 << 40
-"""Where the guest's 4 GB lie in the emulator's own memory: its pages can be told by that."""
+"""Address of the guest's 4 GB in the emulator's own memory, by which its pages are recognised."""
 
 
 class Armel:
@@ -111,7 +111,7 @@ class Armel:
 
     @property
     def env(self) -> dict[str, str]:
-        """What the start-up unit sets as well."""
+        """The environment that the start-up unit also sets."""
         return {
             "PATH": "/usr/sbin:/usr/bin:/sbin:/bin",
             "PYTHONPATH": "/opt/drivelesson",
@@ -131,12 +131,12 @@ class Armel:
         )
 
     def instructions(self) -> int:
-        """Guest instructions so far, of all threads."""
+        """Number of guest instructions so far, of all threads."""
         return sum(struct.unpack("512Q", self.counters.read_bytes()))
 
 
 def guest_memory_mb(pid: int) -> dict[str, float]:
-    """Resident memory of the guest of an emulator, in MB: in all, and what is its own (private)."""
+    """Resident memory of an emulator's guest, in MB: total, and private."""
     resident = private = 0
     is_guest = False
     for line in Path(f"/proc/{pid}/smaps").read_text().splitlines():

@@ -1,6 +1,6 @@
-"""Runs the v4l2 camera in a process of its own, and says in JSON lines what it gives.
+"""Runs the v4l2 camera in a separate process, and reports its pictures in lines of JSON.
 
-Commands on standard input: any line ends it.
+Any line on standard input ends it.
 """
 
 from __future__ import annotations

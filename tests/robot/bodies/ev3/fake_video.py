@@ -1,4 +1,4 @@
-"""A made-up camera at /dev/video9, for processes that are started with its environment."""
+"""A simulated camera at /dev/video9, for processes that are started with its environment."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DEVICE = "/dev/video9"
 
 @dataclass(frozen=True, kw_only=True)
 class CameraTraits:
-    """What a camera is like.
+    """The properties of a camera.
 
     The defaults are a Logitech C270 on an EV3's USB 1.1 bus: YUYV alone, ten pictures a second,
     95 to 145 ms old by the kernel's stamp, now and then one lost or sent twice.
@@ -81,7 +81,7 @@ class FakeVideo:
         }
 
     def behave(self, how: str) -> None:
-        """run, repeat, freeze or gone."""
+        """One of run, repeat, freeze and gone."""
         fresh = self.control.with_suffix(".new")
         fresh.write_text(how)
         fresh.rename(self.control)

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[4]
 
 
 def install_film(folder: Path) -> None:
-    """Put the film and its camera where the brick's Python finds them."""
+    """Put the film and its camera into the Python path of the brick."""
     shutil.rmtree(folder, ignore_errors=True)
     metadata = folder / "film-1.dist-info"
     metadata.mkdir(parents=True)
@@ -26,7 +26,7 @@ def install_film(folder: Path) -> None:
 
 
 def pictures() -> Iterator[np.ndarray]:
-    """Frames to drive by: real footage where it lies beside the project, else a moving scene."""
+    """Frames to drive by: real footage if it is available, otherwise a moving scene."""
     footage = ROOT.parent / "shared/recordings/gym_A.npz"
     if footage.is_file():
         with np.load(footage) as film:

@@ -1,6 +1,6 @@
-"""A camera of YUYV pictures from a file: what a USB camera gives, for a brick without one.
+"""A camera of YUYV pictures from a file, like a USB camera, for a brick without one.
 
-Goes into the emulated brick as somebody else's plugin would; reads one picture at a time.
+It is installed in the emulated brick like a third-party plugin, and reads one picture at a time.
 """
 
 from __future__ import annotations
@@ -67,19 +67,19 @@ class FilmCamera(Camera):
                 )
 
     def _age_s(self) -> float:
-        """As old as on an EV3, each of six pictures in turn: 95 to 145 ms."""
+        """The ages of pictures on an EV3, 95 to 145 ms, each of six in turn."""
         self._shown += 1
         return self._options.age_s + self._options.age_spread_s * (self._shown % 6) / 5
 
     def _say_what_is_imported(self) -> None:
-        """A witness inside the serving process: each time the film ends."""
+        """Reports from inside the serving process, each time the film ends."""
         said = Path(self._options.film).with_suffix(".modules")
         said.with_suffix(".new").write_text("\n".join(_really_imported()))
         said.with_suffix(".new").rename(said)
 
 
 def _really_imported() -> list[str]:
-    """Names of modules, without those that have a stand-in, or were put off and never used."""
+    """Names of modules, except replaced modules, and postponed modules that were never used."""
     return sorted(
         name
         for name, module in list(sys.modules.items())

@@ -1,4 +1,4 @@
-"""Run with the foreign client `ev3-dc` on the path: prints what it sees and sends, as JSON."""
+"""Runs the third-party client `ev3-dc`, and prints what it receives and sends, as JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import ev3_dc as ev3  # type: ignore[import-not-found]
 
 
 def encodings() -> dict[str, Any]:
-    """What it makes of constants and of the places of results."""
+    """Its encoding of constants and of the locations of results."""
     values = [0, 1, -1, 31, 32, -31, -32, 127, 128, -127, -128, 400, 32767, 32768, -32768, 2**30]
     return {
         "numbers": {str(value): ev3.LCX(value).hex() for value in values},
@@ -21,7 +21,7 @@ def encodings() -> dict[str, Any]:
 
 
 def drive(serial: str) -> dict[str, Any]:
-    """Connect by Wi-Fi, read sensors, and have two motors turn for 450 ms."""
+    """Connect by Wi-Fi, read sensors, and turn two motors for 450 ms."""
     with ev3.EV3(protocol=ev3.WIFI, host=serial) as brick:
         asked = b""
         for port, kind, at in ((0, 16, 0), (3, 30, 4)):

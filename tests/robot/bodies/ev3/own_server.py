@@ -1,4 +1,4 @@
-"""A server that moves a brick, as a process of its own."""
+"""A server that moves a brick, in a separate process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.robot.bodies.ev3.film import ROOT
 
 @contextmanager
 def own_server(*options: str, **environment: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Serve with these options while the block runs; yields the process and its address."""
+    """Serve with these options inside the block; yield the process and its address."""
     command = [sys.executable, "-m", "server", "serve", "--learner", "published", "--port", "0"]
     process, address = _start([*command, *options], environment)
     try:
@@ -26,7 +26,7 @@ def own_server(*options: str, **environment: str) -> Iterator[tuple[subprocess.P
 
 
 def _start(command: list[str], environment: dict[str, str]) -> tuple[subprocess.Popen[str], str]:
-    """Start it again if it ended: a computer that stands still meanwhile loses the brick."""
+    """Start it again if it ended: a machine that is paused loses the brick."""
     for _ in range(5):
         process = subprocess.Popen(
             command,

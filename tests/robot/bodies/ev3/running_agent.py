@@ -1,4 +1,4 @@
-"""The agent's archive as a process of its own, as a brick runs it."""
+"""The agent's archive in a separate process, as a brick runs it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SECRET = "a shared secret"
 
 
 class RunningAgent:
-    """A context manager; `address` is where it listens."""
+    """A context manager; `address` is the address at which it listens."""
 
     def __init__(
         self, root: Path, folder: Path, env: dict[str, str] | None = None, port: str = "0"

@@ -1,4 +1,4 @@
-"""The agent, and what the driver makes of a line to it: in virtual time."""
+"""The agent, and the driver's use of a connection to it, in virtual time."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Controller:
         self.connection.send(command)
 
     def read(self, key: str) -> object:
-        """Return the next message's field of this name; others are passed over."""
+        """Return this field of the next message that has it; other messages are skipped."""
         while True:
             while self.waiting:
                 message = self.waiting.pop(0)
@@ -75,7 +75,7 @@ class Controller:
         self.read("opened")
 
     def drain(self) -> None:
-        """Take in all that is waiting, so that the newest report is really new."""
+        """Receive everything that waits, so that the newest report is really new."""
         self.send(do="ping", id=1)
         self.read("pong")
         self.read("t")
@@ -308,7 +308,7 @@ def test_a_line_that_is_lost_is_said_and_joined_again(brick: FakeBrick) -> None:
 def test_a_body_that_does_not_open_again_with_the_line_is_said_until_it_does(
     brick: FakeBrick, part: str
 ) -> None:
-    """A brick that was started anew knows its motors only some seconds after its network."""
+    """A restarted brick knows its motors only some seconds after its network."""
     clock, there = brick.clock, brick.root / "sys/class" / part
     brick.add_sensor("in1", "lego-ev3-touch", 0)
     with (

@@ -1,4 +1,4 @@
-"""The agent as a process of its own: it works. How soon is judged in test_agent.py."""
+"""The agent in a separate process works; test_agent.py tests its times."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def memory_kb(agent: RunningAgent) -> int:
 
 
 def sockets(agent: RunningAgent) -> int:
-    """Count its sockets: files of motors and sensors are open for moments, too."""
+    """Count only its sockets, because files of motors and sensors are open for moments."""
     count = 0
     for link in Path(f"/proc/{agent.process.pid}/fd").iterdir():
         with suppress(OSError):  # closed meanwhile
@@ -65,7 +65,7 @@ def drive_on(driver: Ev3RemoteDriver, brick: FakeBrick) -> None:
 
 
 def join_patiently(address: str) -> None:
-    """Join, as often as it takes: a flood from one's own address may push one out."""
+    """Join, with as many tries as needed: a flood from the same address may evict one."""
     for _ in range(50):
         try:
             join(address, SECRET).line.close()

@@ -1,4 +1,4 @@
-"""The agent runs on the Python 3.5 of ev3dev's stock image, with nothing but ev3dev2."""
+"""The agent runs on the Python 3.5 of ev3dev's stock image, with only ev3dev2."""
 
 from __future__ import annotations
 

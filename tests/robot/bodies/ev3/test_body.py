@@ -1,4 +1,4 @@
-"""The brick's body and the driver on it, on an EV3 made of files."""
+"""The brick's body and its driver, on an EV3 made of files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from robot.types import Action, Mode
 
 @pytest.fixture
 def brick(tmp_path: Path) -> Iterator[FakeBrick]:
-    """In virtual time: here brick and driver are one process."""
+    """In virtual time, because brick and driver are one process here."""
     with FakeBrick(tmp_path / "brick", clock=VirtualClock(100.0)) as fake:
         yield fake
 

@@ -1,4 +1,4 @@
-"""Calibration: the sums, the file, and a drive on an EV3 made of files."""
+"""Calibration: its computations, its file, and a drive on an EV3 made of files."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""UnverifiedRobots at the agent's door: floods, silence, a relay. They harm nobody.
+"""Floods, silence and a relay at the agent harm nobody.
 
-What they cost a real process is judged in test_agent_process.py.
+test_agent_process.py tests their cost for a real process.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def test_who_does_not_join_at_once_has_to_leave(agent: VirtualAgent) -> None:
 
 
 def new_line() -> End:
-    """Return the agent's end of a line whose other end does nothing."""
+    """Return the agent's end of a connection whose other end does nothing."""
     net = Net(VirtualClock())
     near, far = End(net, None), End(net, 0.0)
     near.peer, far.peer = far, near
@@ -77,7 +77,7 @@ def new_line() -> End:
 
 
 class BrickLine(Listener):
-    """A listener whose `accept` fails as often and in the way that a test wants."""
+    """A listener whose `accept` fails as often as a test wants, and in the given way."""
 
     def __init__(self, *numbers: int) -> None:
         super().__init__()
@@ -128,7 +128,8 @@ def test_a_flood_does_not_fill_the_card(capsys: pytest.CaptureFixture[str]) -> N
 
 
 class Relay:
-    """An impostor at the brick's address: passes the handshake on, then has ideas of its own."""
+    """An impostor at the brick's address: it relays the handshake, and then changes the
+    messages."""
 
     def __init__(self, agent: VirtualAgent, idea: str) -> None:
         self._agent, self._idea = agent, idea
@@ -192,7 +193,7 @@ def test_a_relay_never_drives(virtual_brick: FakeBrick, agent: VirtualAgent, ide
 def test_commands_that_a_relay_holds_back_move_nothing(
     virtual_brick: FakeBrick, agent: VirtualAgent
 ) -> None:
-    """Its keys are right and its order is right: only the brick's own clock tells."""
+    """Its keys and its order are right, so only the brick's own clock reveals the delay."""
     connection = join(ADDRESS, SECRET, agent.dial)
     reports: list[float] = []
     while not reports:
@@ -221,7 +222,7 @@ def test_commands_that_a_relay_holds_back_move_nothing(
 
 
 class Impostor:
-    """Somebody at the brick's address who does not know the secret, but lets everybody in."""
+    """An impostor at the brick's address that does not know the secret but accepts everybody."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self.clock = clock

@@ -1,4 +1,4 @@
-"""`drivelesson brick doctor`: what it says of bricks in every state, and what to do."""
+"""`drivelesson brick doctor`: its findings and advice for bricks in every state."""
 
 from __future__ import annotations
 
@@ -265,7 +265,7 @@ def test_consent_is_asked_for(
 
 
 def masked(text: str) -> str:
-    """Figures differ from run to run; nothing else does."""
+    """Only the figures differ from run to run."""
     return re.sub(r"\b[0-9a-f]{8}\b|[0-9]+(\.[0-9]+)*", "#", text)
 
 

@@ -1,6 +1,6 @@
-"""The foreign client `ev3-dc` checks the stand-in, and our bytes are compared with its own.
+"""The third-party client `ev3-dc` checks the stand-in, and its bytes are compared with ours.
 
-It is GPLv3 and no dependency: CI installs it for this test alone, into var/ev3-dc.
+It is GPLv3 and not a dependency: CI installs it only for this test, into var/ev3-dc.
 """
 
 from __future__ import annotations

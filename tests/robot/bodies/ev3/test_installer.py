@@ -31,7 +31,7 @@ cd "$FAKE_HOME" && exec sh -c "$*"
 
 @pytest.fixture
 def far_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A brick's home folder, reached by a stand-in for ssh."""
+    """A brick's home folder, which a stand-in for ssh reaches."""
     tools, home = tmp_path / "tools", tmp_path / "home"
     tools.mkdir()
     home.mkdir()
@@ -98,7 +98,7 @@ def test_the_agent_is_copied_and_started_twice_and_again_when_it_dies(
 
 
 def child_of(pid: int) -> int:
-    """Return the process that another one started."""
+    """Return the child of a process."""
     text = Path(f"/proc/{pid}/task/{pid}/children").read_text()
     return int(text.split()[0])
 

@@ -40,7 +40,7 @@ def half(grey):
 
 
 def plainly(grey):
-    """The histograms as one would write them down: angles, lengths and roots."""
+    """The histograms computed directly: angles, lengths and roots."""
     picture = half(grey)
     cells = np.zeros((5, 4, 8))
     for row in range(30):
@@ -103,7 +103,7 @@ def test_each_direction_has_its_bin(turn):
 
 
 def test_black_beside_white_in_every_direction_is_in_the_table():
-    """The largest differences are those that would overflow."""
+    """The largest differences, which would overflow first."""
     for across in (-1, 0, 1):
         for down in (-1, 0, 1):
             rows, columns = np.mgrid[0:120, 0:160]

@@ -16,7 +16,7 @@ def batch(xs, targets, penalty=3.0):
 
 
 def lessons(n, seed=0):
-    """Frames of which every label has its own values, as far as noise lets see."""
+    """Frames in which every label has values of its own, apart from noise."""
     rng = np.random.default_rng(seed)
     labels = rng.integers(0, 3, n)
     centres = rng.integers(0, 256, (3, N))
@@ -34,7 +34,7 @@ def taught(xs, targets, **more):
 
 
 def moments(ridge):
-    """What the residual stands for, in Python's numbers, which never overflow."""
+    """The value of the residual in Python's integers, which never overflow."""
     arrays = ridge.save()[1]
     products = arrays["products"].astype(object)
     return arrays["residual"].astype(object) + arrays["linear"].astype(object).dot(products)

@@ -1,7 +1,7 @@
-"""Whatever becomes of the server, the motors stand, by themselves.
+"""Whatever happens to the server, the motors stop by themselves.
 
-How soon is judged in virtual time: each move that they are told ends within 400 ms (here), and
-the contract of drivers cuts the line to the brick.
+Virtual time checks how soon: each move ends within 400 ms (here), and the contract of drivers cuts
+the connection to the brick.
 """
 
 from __future__ import annotations
@@ -28,7 +28,8 @@ PATIENCE_S = 30.0
 
 
 class Proxy:
-    """A line that can be cut (both ends hear of it) or go silent (nobody does), and be mended."""
+    """A connection that can be cut (both ends notice), go silent (neither notices), and be
+    restored."""
 
     def __init__(self, address: str) -> None:
         host, port = address.split(":")
@@ -69,7 +70,8 @@ class Proxy:
         self._shut_down()
 
     def mend(self) -> None:
-        """Let the next connection through; of the old one both ends hear now that it is over."""
+        """Let the next connection through; both ends of the old one now notice that it is
+        closed."""
         self._shut_down()
         self._is_whole.set()
 
@@ -87,7 +89,7 @@ class Proxy:
 
 @contextmanager
 def serving(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A server as a process of its own; yields it and its address."""
+    """A server in a separate process; yields it and its address."""
     install_film(folder / "film")
     film = ["--camera", "film", "--film", str(folder / "film/film.yuyv"), "--frame-rate", "20"]
     data = ["--data", str(folder / "data")]
@@ -96,7 +98,7 @@ def serving(folder: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str]
 
 
 class Drive:
-    """A robot under way: a pilot holds forward, and the wheels turn."""
+    """A robot in motion: a pilot holds forward, and the wheels turn."""
 
     def __init__(
         self, brick: FakeBrick, process: subprocess.Popen[str], proxy: Proxy | None, pilot: Pilot
@@ -104,7 +106,7 @@ class Drive:
         self.brick, self.process, self.proxy, self.pilot = brick, process, proxy, pilot
 
     def check_it_stands_after(self, harm: Callable[[], None]) -> None:
-        """The motors stand by the timed command that they had, and are told no other."""
+        """Check that the motors stop by their timed command, without another order."""
         full = self.brick.speeds
         self.pilot.drive_until(lambda: set(full().values()) == {360})
         harm()
@@ -121,7 +123,7 @@ class Drive:
 
 @contextmanager
 def driven(robot: str, brick: FakeBrick, folder: Path) -> Iterator[Drive]:
-    """A server in a process of its own, whose pilot drives the brick."""
+    """A server in a separate process, whose pilot drives the brick."""
     with ExitStack() as stack:
         proxy = None
         if robot == "ev3":

@@ -1,7 +1,7 @@
 """The whole server on an emulated brick: Debian 12 for armel on an ARM926, taught and driven.
 
-`make test-brick` runs this and prints what it measured: memory of the guest, and instructions
-(a count, which does not depend on the machine that runs the test).
+`make test-brick` runs this and prints the guest's memory and instructions (a count, which does not
+depend on the machine that runs the test).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from tests.server.live_robot import Pilot
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(500)]
 MOST_MEMORY_MB = {"bookworm": 36.0, "trixie": 46.0}
-"""By release: pydantic 2 and a newer Python take their share of the second."""
+"""Limits by release: pydantic 2 and a newer Python need more of each second."""
 FRAME_RATE_HZ = 10
 SERVE = ("-m", "server.bodies.lean", "serve", "--robot", "ev3", "--brick-root")
 LEARNER = os.environ.get("DRIVELESSON_LEARNER", "integer")
@@ -59,7 +59,7 @@ UNUSED = (
 
 
 class Served:
-    """The running server: its process, address, and the brick that it moves."""
+    """The running server: its process, its address, and the brick that it moves."""
 
     def __init__(self, armel: Armel, brick: FakeBrick, process: subprocess.Popen[str]) -> None:
         self.armel, self.brick, self.process = armel, brick, process
@@ -120,7 +120,7 @@ def served() -> Iterator[Served]:
 
 
 class Watcher:
-    """Draws nothing, but acknowledges each frame, as a page does."""
+    """Draws nothing, but acknowledges each frame, like a page."""
 
     def __init__(self, address: str) -> None:
         self.frames: list[bytes] = []
@@ -162,10 +162,10 @@ def cost_of_a_cycle(served: Served, watcher: Watcher, seconds: float = 5.0) -> f
 def keep_at_it(
     pilot: Pilot, mode: str, held: str | None, is_so: Callable[[], bool], within_s: float = 60
 ) -> None:
-    """Drive until something is so.
+    """Drive until a condition holds.
 
-    A busy machine may hold the emulator up for longer than a picture may be old; the robot then
-    stands, as it must, and is started again.
+    A busy machine may pause the emulator for longer than a picture may be old; then the robot
+    stops, as it must, and is started again.
     """
     deadline_s = time.monotonic() + within_s
     pilot.held = held
@@ -179,7 +179,7 @@ def keep_at_it(
 def test_a_brick_is_taught_and_drives_by_itself_in_little_memory(
     served: Served, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One server lives through all of it: it takes the emulator a minute to start."""
+    """One server is used for all of this, because the emulator takes a minute to start."""
     it_is_taught_and_drives_in_36_mb(served, capsys)
     nothing_is_imported_that_the_loop_does_not_use(served)
     every_move_on_the_brick_was_timed(served)

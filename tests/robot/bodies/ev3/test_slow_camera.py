@@ -1,8 +1,8 @@
-"""The whole way with a camera as an EV3 has it: real agent, real server, a page's program.
+"""The whole path with a camera like an EV3's: real agent, real server, a page's program.
 
-Version 0.1 asked to be started 57 times in twelve seconds and learned 14 of 120 pictures: so it
-fails here, where `MOST_STARTS` must do for 60 examples. What the gate allows is tested in virtual
-time (tests/robot/control/test_camera_timing.py); the shares are printed as a report.
+Version 0.1 asked to be started 57 times in twelve seconds and learned 14 of 120 pictures. It would
+fail here, because `MOST_STARTS` must be enough for 60 examples. Virtual time tests the gate's
+limits (tests/robot/control/test_camera_timing.py); the shares are printed as a report.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ TRAITS = {
 
 @dataclass(frozen=True)
 class Shares:
-    """What became of the time in which a direction was held, and of its pictures."""
+    """The results of the time for which a direction was held, and of its pictures."""
 
     starts: int
     moving: float
@@ -44,14 +44,14 @@ class Shares:
 
 
 def ask_to_start(pilot: Pilot) -> None:
-    """Ask once. A busy computer may refuse: whoever asks looks at what came of it, and counts."""
+    """Request a start once. A busy computer may refuse; the caller checks the result and counts."""
     pilot.mode("train")
     with contextlib.suppress(AssertionError):
         pilot.wait_for_state(5, mode="train")
 
 
 def teach(pilot: Pilot) -> Shares:
-    """Hold forward until enough was learned; start again as often as it asks for it."""
+    """Hold forward until enough was learned; start again as often as the robot asks for it."""
     pilot.hold("forward")
     starts = 0
     states: list[dict[str, Any]] = []
@@ -96,7 +96,7 @@ def test_it_drives_and_learns_with_the_camera_that_it_has(
 
 
 def start(pilot: Pilot) -> None:
-    """Ask for a start until the robot moves: the first pictures may be refused as too old."""
+    """Request a start until the robot moves, because the first pictures may be too old."""
     for _ in range(10):
         pilot.mode("train")
         with contextlib.suppress(AssertionError):
@@ -128,7 +128,7 @@ def it_slows_down_and_shows_why(brick: FakeBrick, pilot: Pilot) -> None:
 
 
 def it_does_not_move(brick: FakeBrick, pilot: Pilot) -> None:
-    """Ask until it was ten times too old a picture: a computer that stood still says no, too."""
+    """Request until ten pictures were too old: a computer that was paused refuses, too."""
     reasons: list[str] = []
     while reasons.count("frame_stale") < 10:
         assert len(reasons) < MOST_STARTS, reasons
@@ -139,7 +139,7 @@ def it_does_not_move(brick: FakeBrick, pilot: Pilot) -> None:
 
 @contextmanager
 def piloted(traits: CameraTraits, brick: FakeBrick, folder: Path) -> Iterator[Pilot]:
-    """Agent, server and a pilot who sees what the camera shows."""
+    """Agent, server, and a pilot who sees the camera's pictures."""
     video = FakeVideo(folder, traits)
     options = ["--robot", "ev3-remote", "--brick-secret", SECRET, "--device", DEVICE]
     options += ["--data", str(folder / "data")]

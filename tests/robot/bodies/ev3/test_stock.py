@@ -1,4 +1,4 @@
-"""Our codec and lines for LEGO's firmware, against a brick that is played."""
+"""Our codec and connections for LEGO's firmware, with a simulated brick."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_what_is_no_answer_is_refused(message: bytes) -> None:
         return
     assert struct.unpack_from("<H", message)[0] + 2 == len(message) == 5 + len(data)
     for other, results in ((asked + 1, 0), (asked, len(data) + 1)):
-        with pytest.raises(DriveError, match="another question"):
+        with pytest.raises(DriveError, match="another command"):
             codec.parse_answer(message, other, results)
 
 
@@ -75,7 +75,7 @@ def brick() -> StockFirmware:
 
 
 class Wire:
-    """Carries each command to the firmware and its answer back, without a socket."""
+    """Passes each command to the firmware and its answer back, without a socket."""
 
     def __init__(self, brick: StockFirmware) -> None:
         self._brick = brick
@@ -190,7 +190,7 @@ def test_bluetooth_needs_an_address(brick_id: str) -> None:
 def test_a_line_that_fails_while_it_is_opened_is_closed_at_once(
     monkeypatch: pytest.MonkeyPatch, line: str
 ) -> None:
-    """A brick serves one: whoever keeps the error must not keep the next line out."""
+    """A brick serves one connection, so a stored error must not keep the next one out."""
     made: list[socket.socket] = []
 
     class Mute(socket.socket):
@@ -241,7 +241,7 @@ def test_usb_is_looked_for_where_linux_has_it(tmp_path: Path) -> None:
     assert find_usb(root=tmp_path) == Path("/dev/hidraw3")
     assert find_usb(SERIAL, tmp_path) == Path("/dev/hidraw3")
     for other in ("001653000000", "0016533f0c1f", "00", "e"):
-        with pytest.raises(DriveError, match=r"no USB cable.* 00:16:53:3f:0c:1e"):
+        with pytest.raises(DriveError, match=r"not connected by USB.* 00:16:53:3f:0c:1e"):
             find_usb(other, tmp_path)
 
 
@@ -260,7 +260,7 @@ def test_of_several_bricks_at_cables_one_has_to_be_named(
 
 
 def test_the_cable_carries_reports_of_1024_bytes() -> None:
-    """A pseudo-device in the cable's place: a socket pair keeps reports whole, as HID does."""
+    """A pseudo-device in place of the cable: a socket pair keeps reports whole, as HID does."""
     import socket
 
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

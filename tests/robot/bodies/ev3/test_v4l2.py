@@ -1,4 +1,4 @@
-"""The real ioctl code against a made-up camera (a preload library that answers for the kernel)."""
+"""The real ioctl code with a simulated camera (a preload library that answers for the kernel)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[4]
 
 
 class Probe:
-    """The camera in a process of its own."""
+    """The camera in a separate process."""
 
     def __init__(
         self, video: FakeVideo, encoding: str = "auto", device: str = DEVICE, hide: str = ""
@@ -244,7 +244,7 @@ def test_freshness_tells_silence_from_repetition() -> None:
 
 
 class BreakableVideo:
-    """A camera of 30 pictures a second on a clock of the test's own, until it breaks."""
+    """A camera of 30 pictures a second on the test's clock, until it breaks."""
 
     how, now_s = "run", 100.0
     path, width, height, encoding = DEVICE, 160, 120, "yuyv"
@@ -265,7 +265,7 @@ class BreakableVideo:
         return v4l2.VideoFrame(self._last, self.now_s)
 
     def close(self) -> None:
-        """Nothing is open."""
+        """There is nothing to close."""
 
 
 @pytest.mark.parametrize("how", ["freeze", "repeat", "gone"])

@@ -1,4 +1,4 @@
-"""The wire: what is cut, sealed and refused. No sockets."""
+"""The wire protocol: framing, sealing and refusals, without sockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The agent in virtual time: its own code on a thread of the clock, with lines in memory."""
+"""The agent in virtual time: its own code on a thread of the clock, with connections in memory."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from tests.robot.bodies.ev3.running_agent import SECRET
 
 ADDRESS = "brick:8765"
 _HOLDS_BYTES = 65_536
-"""What waits in one direction of a line, as in a socket's buffer."""
+"""The waiting bytes in one direction of a connection, like a socket's buffer."""
 _TICK_S = 0.0002
-"""What a tick of the agent takes, so that one that is always busy holds up nobody for ever."""
+"""The duration of the agent's tick, so that a busy agent does not block others forever."""
 
 
 class Net:
-    """Whoever waits on a line is woken whenever anything happens on any."""
+    """Every waiter on a connection is woken whenever anything happens on any connection."""
 
     def __init__(self, clock: Clock) -> None:
         self.clock = clock
         self._waiting: set[threading.Event] = set()
 
     def wait_for(self, is_so: Callable[[], object], timeout_s: float | None) -> bool:
-        """Wait until something is so; False if it is not in time."""
+        """Wait until a condition holds; False if it does not hold in time."""
         start_s = self.clock.now_s()
         while not is_so():
             left_s = None if timeout_s is None else start_s + timeout_s - self.clock.now_s()
@@ -49,7 +49,7 @@ class Net:
 
 
 class End:
-    """One end of a line, used as a socket is; `timeout_s` 0 is one that does not wait."""
+    """One end of a connection, used like a socket; with `timeout_s` 0 it does not wait."""
 
     def __init__(self, net: Net, timeout_s: float | None) -> None:
         self.net, self.timeout_s = net, timeout_s
@@ -84,7 +84,7 @@ class End:
         return len(sent)
 
     def hear_nothing(self, size: int) -> bytes:
-        """As `recv` where the line was cut."""
+        """Like `recv` after the connection was cut."""
         if not self.net.wait_for(lambda: self.is_closed, self.timeout_s):
             raise TimeoutError("timed out") if self.timeout_s else BlockingIOError()
         return b""
@@ -100,7 +100,7 @@ class End:
         self.timeout_s = None if is_blocking else 0.0
 
     def setsockopt(self, *option: int) -> None:
-        """There is nothing to tune."""
+        """There is nothing to set."""
 
     def shutdown(self, how: int) -> None:
         self.close()
@@ -111,7 +111,7 @@ class End:
 
 
 class Listener:
-    """Where lines arrive."""
+    """The listener at which connections arrive."""
 
     def __init__(self) -> None:
         self.arrived: deque[End] = deque()
@@ -130,14 +130,14 @@ class Listener:
         """It never waits."""
 
     def setsockopt(self, *option: int) -> None:
-        """There is nothing to tune."""
+        """There is nothing to set."""
 
     def close(self) -> None:
-        """Nothing more arrives."""
+        """No more connections arrive."""
 
 
 class VirtualAgent:
-    """A context manager, used as `RunningAgent` is; the brick's clock must be virtual."""
+    """A context manager, used like `RunningAgent`; the brick's clock must be virtual."""
 
     address = ADDRESS
 
@@ -164,7 +164,7 @@ class VirtualAgent:
         return BrickLink(address, secret, self.net.clock, self.dial)
 
     def dial(self, address: tuple[str, int]) -> Any:
-        """Open a line to the agent."""
+        """Open a connection to the agent."""
         if self._thread is None or f"{address[0]}:{address[1]}" != ADDRESS:
             raise ConnectionRefusedError(111, "Connection refused")
         if self._is_cut:
@@ -178,34 +178,35 @@ class VirtualAgent:
         return near
 
     def cut(self) -> None:
-        """Cut all lines for good: nobody notices, and nothing arrives any more, either way."""
+        """Cut all connections permanently: nobody notices, and nothing arrives any more in any
+        direction."""
         self._is_cut = True
         for near in self._dialled:
             near.send = len  # type: ignore[method-assign,assignment]
         self.deafen()
 
     def deafen(self) -> None:
-        """Let nothing of what the agent says arrive, as while the computer stands still."""
+        """Hold back all of the agent's messages, as while the computer is paused."""
         for near in self._dialled:
             near.recv = near.hear_nothing  # type: ignore[method-assign]
 
     def hear_again(self) -> None:
-        """Let all arrive that was held up by `deafen`, and what comes after it."""
+        """Deliver all that `deafen` held back, and later messages."""
         for near in self._dialled:
             near.__dict__.pop("recv", None)
 
     def mend(self) -> None:
-        """Let new lines be opened; those that were cut stay so, as TCP waits ever longer."""
+        """Allow new connections; cut connections stay cut, because TCP waits longer and longer."""
         self._is_cut = False
 
     def hang_up(self) -> None:
-        """Close all lines from the server's side, as the system does when its process is killed."""
+        """Close all connections from the server's side, as the system does for a killed process."""
         self.cut()
         for near in self._dialled:
             near.close()
 
     def kill(self) -> None:
-        """End as a killed process ends: nothing is stopped, the kernel closes the lines."""
+        """End like a killed process: nothing is stopped, and the kernel closes the connections."""
         assert self._thread is not None
         self._ending.set()
         self.net.poke()
@@ -215,7 +216,7 @@ class VirtualAgent:
             caller.line.close()
 
     def start_again(self) -> None:
-        """Go on where it was killed, as an agent that was started anew: nobody has joined."""
+        """Continue after the kill like a restarted agent, which nobody has joined."""
         for caller in list(self._agent._door.callers):
             self._agent._drop(caller, "killed")
         self._ending.clear()
@@ -252,7 +253,7 @@ class VirtualAgent:
 
 
 class MadeUpCamera:
-    """In the place of `CameraReader`: 30 pictures a second; can be frozen and comes back."""
+    """Replaces `CameraReader`: 30 pictures a second; can be frozen and thawed."""
 
     width, height, encoding, path = 32, 24, "yuyv", "/dev/video0"
     is_readable = False
@@ -278,4 +279,4 @@ class MadeUpCamera:
         return VideoFrame(bytes([self._index % 256]) * (2 * self.width * self.height), now_s)
 
     def close(self) -> None:
-        """Nothing is open."""
+        """There is nothing to close."""

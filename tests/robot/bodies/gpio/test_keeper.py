@@ -1,4 +1,5 @@
-"""The process that holds the pins, really run, on gpiozero's mock pins: whoever dies, it stands."""
+"""The process that holds the pins, with gpiozero's mock pins: the robot stops whichever process
+dies."""
 
 from __future__ import annotations
 
@@ -55,7 +56,7 @@ def notes(tmp_path: Path) -> Iterator[Path]:
 
 
 def pins(notes: Path) -> dict[str, float]:
-    """Return what each pin was set to last."""
+    """Return the last value that was set on each pin."""
     lines = [line.split() for line in notes.read_text().splitlines()]
     return {name: float(value) for _, name, value in lines}
 
@@ -169,7 +170,7 @@ line.recv_bytes()
 
 
 def test_nobody_waits_for_a_keeper_that_starts(tmp_path: Path) -> None:
-    """The next one starts slowly, and the driver's thread has a STOP to hand over meanwhile."""
+    """The next keeper starts slowly, and meanwhile the driver's thread has a STOP to send."""
     started = tmp_path / "started"
     line = KeeperLine([sys.executable, "-c", STARTS_ONCE, str(started)], VirtualClock())
     try:
@@ -186,7 +187,7 @@ def test_nobody_waits_for_a_keeper_that_starts(tmp_path: Path) -> None:
 
 
 class Burnt:
-    """A motor whose pin fails once it is to turn."""
+    """A motor whose pin fails when it should turn."""
 
     def __init__(self) -> None:
         self.now = 0.0
@@ -213,7 +214,7 @@ def test_pins_that_fail_are_shown_and_the_other_motor_stands() -> None:
 
 
 def test_pins_that_cannot_be_had_are_a_sentence() -> None:
-    """This machine has none."""
+    """This machine has no pins."""
     with pytest.raises(DriveError, match=r"no GPIO pins.*; run it on the Raspberry Pi"):
         GpioDriver(GpioOptions()).connect()
 

@@ -1,4 +1,4 @@
-"""The motors' part, in made-up time: whatever comes, each move ends, once, and never late."""
+"""The motors' logic in virtual time: each move ends, once, and never late."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_moves_turn_the_wheels_as_they_say() -> None:
     ],
 )
 def test_a_car_is_steered_by_its_servo(order: str, throttle: float, steering: float) -> None:
-    """The servo's ends are .9 at the left and -.7 at the right: .1 is straight."""
+    """The servo's ends are .9 at the left and -.7 at the right, so .1 is straight."""
     car, motors = made(CAR)
     assert [motor.value for motor in motors] == pytest.approx([0.0, 0.1])
     car.obey(order.encode(), 0)

@@ -1,4 +1,5 @@
-"""Gymnasium environments as robots: their moves, pictures, games, and that they wait."""
+"""Gymnasium environments as robots: their moves, their pictures, their games, and that they
+wait."""
 
 from __future__ import annotations
 
@@ -224,7 +225,7 @@ def test_it_stands_unless_a_move_is_under_way_and_a_game_ends_and_begins_anew() 
 
 
 class Pilot:
-    """A loop with the gymnasium camera, on virtual time; `slow_s` is what each tick takes."""
+    """A loop with the gymnasium camera, in virtual time; `slow_s` is the duration of each tick."""
 
     def __init__(self, slow_s: float) -> None:
         self.clock = VirtualClock()

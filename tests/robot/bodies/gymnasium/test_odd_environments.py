@@ -1,6 +1,6 @@
-"""Environments as other people write them: each is driven, or refused in one true sentence.
+"""Environments as other people write them: each is driven, or refused with one true sentence.
 
-`DRIVELESSON_WORLDS=300` for as many; each has a seed, which a failure names.
+`DRIVELESSON_WORLDS=300` tests 300 of them; each has a seed, which a failure names.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def _drive(server: VirtualServer, body: GymnasiumDriver) -> None:
 
 
 def _check_picture(frame: Frame | None, env: Odd) -> None:
-    """It is upright, has its colours, and is bright."""
+    """Check that the picture is upright and bright, and has the right colours."""
     assert frame is not None
     picture = to_rgb(frame).astype(float)
     assert picture.shape[:2] == env.size, env.form

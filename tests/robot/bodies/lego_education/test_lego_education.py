@@ -110,7 +110,7 @@ def test_the_library_s_own_traceback_is_a_sentence(
 
 
 def test_a_computer_without_bluetooth_is_told_so() -> None:
-    """The library has no errors of its own there: they are those of what it uses."""
+    """The library has no error classes for this, so the errors of its dependencies are raised."""
 
     def fail(**_: object) -> None:
         raise RuntimeError("Bluetooth device is turned off")

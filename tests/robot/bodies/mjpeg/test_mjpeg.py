@@ -1,4 +1,4 @@
-"""The MJPEG camera: its parser on bytes, and the camera on a server that misbehaves."""
+"""The MJPEG camera: its parser on bytes, and the camera with a server that misbehaves."""
 
 from __future__ import annotations
 

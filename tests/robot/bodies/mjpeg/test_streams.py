@@ -1,4 +1,4 @@
-"""Streams as cameras write them: a picture is shown, or a true sentence; never silence."""
+"""Streams as cameras write them: the page shows a picture or a true sentence, never nothing."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ WHOLE = [*JPEGS, *PNGS, WITH_THUMBNAIL, PROGRESSIVE]
 
 
 class FakeSocket(io.RawIOBase):
-    """Gives what a camera sends, a piece at a time; the clock stands for the time between."""
+    """Delivers a camera's bytes piece by piece; the clock replaces the time between them."""
 
     def __init__(
         self, pieces: list[bytes], clock: VirtualClock, pause_s: float = 0.0, *, stalls: bool
@@ -90,7 +90,8 @@ def cut(data: bytes, dice: random.Random) -> list[bytes]:
 
 def watch(answers: list[list[bytes]], *, pause_s: float = 0.01, stalls: bool = False,
           source: str = SOURCE) -> tuple[list[Any], str, list[bytes]]:  # fmt: skip
-    """Run a camera over what a server sends at each request: what it showed, said and asked."""
+    """Run a camera over a server's answers to each request; return what it showed, reported and
+    requested."""
     clock, shown = VirtualClock(), []
     sockets: list[FakeSocket] = []
     camera = MjpegCamera(MjpegOptions(source=source), clock)
@@ -113,7 +114,7 @@ def watch(answers: list[list[bytes]], *, pause_s: float = 0.01, stalls: bool = F
 
 
 def made_stream(dice: random.Random) -> tuple[bytes, list[bytes], str, bool]:
-    """Return what some camera sends, its whole pictures, words that are said, and if it stalls."""
+    """Return a camera's bytes, its whole pictures, the expected words, and whether it stalls."""
     end = dice.choice([b"\r\n", b"\n"])
     what = dice.choice(["whole"] * 5 + ["cut", "other", "none", "status", "page"])
     boundary = dice.choice(
@@ -274,7 +275,7 @@ def test_an_answer_that_leads_nowhere_is_no_circle(status: str) -> None:
 
 @pytest.mark.parametrize("letter", ["\u00fc", "\u00c5", "\u041c", "\u0105", "\u4e1c"])
 def test_a_redirect_may_have_letters_of_any_language(letter: str) -> None:
-    """The bytes of some are line ends in other codings."""
+    """In some encodings these bytes are line ends."""
     asked = watch([answer("302 Found", f"Location: /k{letter}che"), list(STREAM)])[2]
     assert asked[1].startswith(f"GET /k{quote(letter)}che ".encode())
 
@@ -310,7 +311,7 @@ def test_digest_is_answered_and_what_does_not_fit_is_said() -> None:
 )
 def test_a_digest_that_is_not_known_is_said(unknown: str) -> None:
     source = "http://me:secret@camera.local/stream"
-    assert "not known here" in watch([answer("401 No", unknown)], source=source)[1]
+    assert "unsupported kind" in watch([answer("401 No", unknown)], source=source)[1]
 
 
 @pytest.mark.parametrize(

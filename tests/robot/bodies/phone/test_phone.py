@@ -1,4 +1,5 @@
-"""The phone as a camera, in time that a test moves: what it says when it is gone or blind."""
+"""The phone as a camera, with a clock that the test moves: its messages when it is gone or
+blind."""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ def camera() -> Iterator[PhoneCamera]:
 
 
 def look(camera: PhoneCamera, seconds: float) -> None:
-    """Let time pass, and the watching thread look once at its end."""
+    """Let time pass, and have the watch check once at the end."""
     clock = camera.clock
     assert isinstance(clock, Clock)
     clock.advance(seconds)

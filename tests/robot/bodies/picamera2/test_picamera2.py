@@ -16,7 +16,7 @@ from tests.standins import picamera2
 
 
 class StillPicamera2(picamera2.Picamera2):
-    """Gives pictures when a test asks for one."""
+    """Gives a picture whenever a test requests one."""
 
     def start(self) -> None:
         pass

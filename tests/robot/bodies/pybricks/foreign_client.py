@@ -1,6 +1,6 @@
-"""The foreign client `pybricksdev` talks to the stand-in of a hub; run with its folder on the path.
+"""Runs the third-party client `pybricksdev` with the stand-in of a hub; its folder is on the path.
 
-Prints what it saw, as JSON.
+Prints what it received, as JSON.
 """
 
 from __future__ import annotations

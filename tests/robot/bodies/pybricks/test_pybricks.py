@@ -36,7 +36,7 @@ def driver_for(hub: FakeHub, name: str = "") -> PybricksDriver:
 
 
 def until(happens: Callable[[], object]) -> None:
-    """Ask again and again; what is asked waits by itself."""
+    """Check again and again; the checked function waits by itself."""
     for _ in range(300):
         if happens():
             return
@@ -44,7 +44,7 @@ def until(happens: Callable[[], object]) -> None:
 
 
 def moved(hub: FakeHub) -> list[tuple[str, float, int]]:
-    """Return what the motors were told, without being told to brake."""
+    """Return the motors' orders, except orders to brake."""
     return [told for told in hub.told if told[2]]
 
 
@@ -68,7 +68,7 @@ def test_the_program_fits_a_page() -> None:
 
 @pytest.mark.realtime
 def test_a_hub_is_found_driven_hung_up_and_lost_and_driven_again(hub: FakeHub) -> None:
-    """One hub lives through all of it: its program runs until somebody ends it."""
+    """One hub is used for all of this: its program runs until somebody ends it."""
     check_driver_on_its_real_line("pybricks")
     a_hub_without_our_program_is_told(hub)
     a_hub_is_found_by_its_name(hub)
@@ -240,7 +240,7 @@ def test_a_computer_without_bluetooth_says_so(
 
 
 def test_a_foreign_client_finds_a_hub(hub: FakeHub) -> None:
-    """`pybricksdev`, by the firmware's authors; CI installs it for this test alone."""
+    """`pybricksdev` is by the firmware's authors; CI installs it only for this test."""
     if not (FOREIGN / "pybricksdev").is_dir():
         if os.environ.get("CI") == "true":
             pytest.fail("CI needs pybricksdev: pip install --target var/pybricksdev pybricksdev")

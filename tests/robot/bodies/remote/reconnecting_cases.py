@@ -1,6 +1,6 @@
-"""A kept connection ends what it runs, and says why it cannot connect.
+"""A maintained connection ends its tasks, and says why it cannot connect.
 
-For `test_ws.py`, whose real line is one.
+For `test_ws.py`, whose real connection is one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from robot.clock import RealClock
 
 
 class Standing(ReconnectingConnection):
-    """Connects at once, and stays so."""
+    """Connects at once, and stays connected."""
 
     async def _connect_once(self, connected: Callable[[], None]) -> None:
         connected()
@@ -36,7 +36,7 @@ def check_what_hangs_is_followed_by_no_second_and_cancelled_at_the_end() -> None
     hanging = kept._send_one(hang())
     with pytest.raises(TimeoutError):
         hanging.result(0.01)
-    with pytest.raises(ConnectionError, match="nothing more"):
+    with pytest.raises(ConnectionError, match="no more data"):
         kept._send_one(hang())
     other = kept._send_one(hang(), "another topic")
     kept.close()

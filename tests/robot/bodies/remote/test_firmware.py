@@ -30,7 +30,7 @@ def driver_for(robot: FirmwareRobot, secret: str = SECRET) -> UdpDriver:
 
 
 class Sender:
-    """Sends what a driver would not, and reads the reports."""
+    """Sends orders that a driver would not send, and reads the reports."""
 
     def __init__(self, robot: FirmwareRobot) -> None:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -51,7 +51,7 @@ class Sender:
         return self.report
 
     def drain(self) -> None:
-        """Leave the answers to what was not waited for; the next report is a new one."""
+        """Drop reports that nobody waited for, so that the next report is a new one."""
         self.socket.settimeout(0.5)
         with contextlib.suppress(TimeoutError):
             while True:
@@ -74,7 +74,7 @@ NONSENSE: tuple[dict[str, Any], ...] = ({"speed": "x"}, {"move": 7}, {"for_ms": 
 
 @pytest.mark.realtime
 def test_it_is_driven_and_attacked_and_always_stands() -> None:
-    """One robot is switched on, and lives through all of it."""
+    """One robot is used for all of this."""
     check_driver_on_its_real_line("udp")
     with FirmwareRobot() as robot:
         a_wrong_secret_moves_nothing_and_is_told(robot)

@@ -1,4 +1,4 @@
-"""A robot whose answers are late obeys; one that takes no order does not."""
+"""A robot whose answers are late obeys; a robot that obeys no order does not."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from robot.types import Action, Point
 
 
 class LateLine:
-    """Answers so many orders late, one answer for each; `obeys` False: takes none of them.
+    """Answers this number of orders late, one answer each; with `obeys` False it obeys none of
+    them.
 
-    `tells` is what it says of itself besides; `orders` are those that came.
+    `tells` are further fields of its reports; `orders` are the received orders.
     """
 
     def __init__(self, lag: int, *, obeys: bool = True, **tells: object) -> None:
@@ -49,7 +50,7 @@ class LateLine:
 
 
 class StallingLine(LateLine):
-    """The computer stands still while it waits for the first answers."""
+    """The computer is paused while it waits for the first answers."""
 
     def __init__(self, stalls: int) -> None:
         super().__init__(0)

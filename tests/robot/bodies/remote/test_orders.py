@@ -1,4 +1,4 @@
-"""The one-page protocol on bytes."""
+"""The one-page protocol as bytes."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ def test_a_sensor_that_says_what_cannot_be_says_nothing(number: bytes) -> None:
 
 @pytest.mark.parametrize("word", ["inf", "-inf", "nan", "-nan", "NaN", "Infinity", "INF", "ovf"])
 def test_a_small_computer_writes_that_it_sees_nothing(word: str) -> None:
-    """As MicroPython's `json.dumps(float("inf"))`; the report was dropped, and the robot silent."""
+    """Like MicroPython's `json.dumps(float("inf"))`; such a report was dropped, and the robot
+    counted as silent."""
     text = (
         f'{{"nonce": "inf nan \\" inf", "distance_m": {word}, "seq": 3, "ms": 9, "battery":{word}}}'
     )

@@ -1,5 +1,5 @@
-"""A robot keeps its device through drops, renames, twins and swaps; generated histories of all
-bodies and cameras that search for theirs, by the code that searches."""
+"""A robot keeps its device through drops, renames, twins and swaps: generated histories of all
+bodies and cameras that search for their device, by the code that searches."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from robot.types import Action
 from tests.kit.sizes import size
 
 HISTORIES = size("TWINS", 240, 10_000)
-"""Of all kinds of devices together."""
+"""Number of histories, of all kinds of devices together."""
 REFUSED = ("fit:", "which brick?", "are plugged in", "which robot")
-"""What is said where nobody knows which one is meant."""
+"""Words of the error if it is unknown which device is meant."""
 
 
 class Place(ABC):
-    """Devices of one kind in range, each with what it is called now, and one robot's search."""
+    """Devices of one kind in range, each with its current name, and one robot's search."""
 
     names: ClassVar[tuple[str, ...]] = ("Pybricks Hub", "Pybricks Hub", "Anna", "")
     can_refuse: ClassVar[bool] = True
@@ -59,15 +59,15 @@ class Place(ABC):
 
     @abstractmethod
     async def take(self) -> str:
-        """Search as the driver does; return the one that obeys. Raises if none does."""
+        """Search like the driver; return the device that obeys. Raises an error if none does."""
 
     @property
     @abstractmethod
     def shown(self) -> str:
-        """What the page calls it."""
+        """The device's name on the page."""
 
     def happen(self) -> None:
-        """Let one be lost, come, or be renamed; or let two swap their names."""
+        """Lose, add or rename a device, or swap the names of two."""
         chance, there, event = self.chance, self.there, self.chance.random()
         if event < 0.4 and there:
             there.pop(chance.choice(sorted(there)))
@@ -163,7 +163,7 @@ class WifiBricks(Place):
 
 
 class CableBricks(WifiBricks):
-    """The same at USB cables; their names are sockets, which say nothing."""
+    """The same on USB cables; their names are sockets, which identify nothing."""
 
     def _open(self, kind: str, brick: str, *_: Any) -> Any:
         there = {at.replace(":", ""): at for at, _ in self.shuffled()}
@@ -190,7 +190,7 @@ class Cameras(Place):
         self.sights: dict[str, str] = {}
 
     def _plug(self, at: str) -> None:
-        """Into a free socket; one without a serial number is known by its own, and keeps it."""
+        """Plug into a free socket; a camera without a serial number belongs to its socket."""
         self.there.pop(at, None)
         own = self.names[self.all.index(at)]
         free = sorted({*self.names} - {*self.there.values()})
@@ -200,7 +200,7 @@ class Cameras(Place):
             del self.there[next(one for one in taken if one != at)]
 
     def happen(self) -> None:
-        """Let one be pulled out, or plugged in elsewhere, as another number."""
+        """Unplug a camera, or plug it in elsewhere under another number."""
         self.first_number = self.chance.randint(0, 2)
         if self.chance.random() < 0.5 and self.there:
             del self.there[self.chance.choice(sorted(self.there))]
@@ -263,7 +263,7 @@ class Board:
 
 
 class Robots(Place):
-    """Small robots that get each other's address and name; all of them without a secret."""
+    """Small robots that take over each other's address and name, all without a secret."""
 
     names = ("robot.local", "robot.local", "10.0.0.9")
 
@@ -325,7 +325,7 @@ KINDS: tuple[type[Place], ...] = (Hubs, DoubleMotors, WifiBricks, CableBricks, C
 
 
 async def live(place: Place, seed: int) -> list[int]:
-    """Live through one history; returns how often one was found, refused and missing."""
+    """Run one history; return how often the device was found, refused and missing."""
     counts, mine = [0, 0, 0], ""
     for _ in range(12):
         try:

@@ -1,4 +1,4 @@
-"""A websocket that was lost is opened again, and nothing moves by it."""
+"""A lost websocket is opened again, and nothing moves by that."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def switched_off_and_on(robot: WsRobot) -> None:
 
 
 def silent_for_a_while(robot: WsRobot) -> None:
-    """As when its power is cut: nothing ends the connection."""
+    """As when the robot's power is cut: nothing closes the connection."""
     robot.silent.set()
 
 
@@ -62,7 +62,7 @@ def check_that_it_comes_back(lose: Callable[[WsRobot], None]) -> None:
 
 
 def check_that_it_catches_up_with_late_answers() -> None:
-    """Whoever takes one answer for each order, and no more, stays behind for ever."""
+    """A reader that takes one answer for each order, and no more, stays behind forever."""
     with WsRobot("geheim") as robot:
         host, _, port = robot.address.partition(":")
         line = WebsocketLine(host, int(port))

@@ -1,7 +1,7 @@
-"""The foreign client `roslibpy` at a rosbridge; run with its folder on the path.
+"""Runs the third-party client `roslibpy` with a rosbridge; its folder is on the path.
 
-Says `ready` when it listens to /cmd_vel, publishes one velocity of its own, and prints each that it
-hears, until it is killed.
+Prints `ready` when it listens to /cmd_vel, publishes one velocity, and prints each velocity that it
+receives, until it is killed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A ROS robot over DDS: messages by another maker's codec, options, and a robot that dies."""
+"""A ROS robot over DDS: messages by a third-party codec, options, and a robot that dies."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ VALUES: dict[str, Any] = {"int32": -7, "uint32": 9, "uint8": 3, "float32": 0.5, 
 
 
 def example(store: Any, kind: str) -> Any:
-    """Make a message of a type as rosbags has it, each field with a value of its own."""
+    """Make a message of a type as rosbags has it, each field with another value."""
 
     def value(form: Any) -> Any:
         node, details = form
@@ -61,7 +61,7 @@ def example(store: Any, kind: str) -> Any:
 
 
 def plain(message: Any) -> Any:
-    """Return the fields of one of rosbags' messages."""
+    """Return the fields of a message of rosbags."""
     if hasattr(message, "__dataclass_fields__"):
         names = [name for name in message.__dataclass_fields__ if name != "__msgtype__"]
         return {name: plain(getattr(message, name)) for name in names}
@@ -210,7 +210,7 @@ def test_odometry_and_range_are_sensed_while_they_are_fresh() -> None:
 
 
 class RobotProcess:
-    """`tests.standins.dds_robot` as a program; `velocities` has what its base was told."""
+    """`tests.standins.dds_robot` as a program; `velocities` are the orders to its base."""
 
     def __init__(self, *words: str) -> None:
         self.velocities: list[tuple[float, float, float]] = []
@@ -256,7 +256,7 @@ def driver_for(**options: Any) -> RosDriver:
 
 
 def drives_until_it_fails(driver: RosDriver) -> tuple[str, float]:
-    """Drive as the loop does; return what is raised, and after how long."""
+    """Drive as the loop does; return the raised error, and after how long."""
     began_s = time.monotonic()
     while time.monotonic() - began_s < 60.0:
         try:
@@ -302,7 +302,7 @@ def a_robot_in_another_process_is_found_frozen_and_dead() -> None:
 
 
 def a_robot_that_starts_again_is_driven_again() -> None:
-    """Though DDS takes ten seconds to forget the one that died."""
+    """This holds although DDS takes ten seconds to forget a dead participant."""
     with robot_process("watchdog") as robot, driver_for(watchdog=True) as driver:
         send_until(driver, Action.FORWARD, lambda: robot.is_moving)
         robot.process.kill()
@@ -339,7 +339,7 @@ def others_on_the_topic_are_in_the_log(caplog: pytest.LogCaptureFixture) -> None
 
 
 def a_publisher_that_leaves_sends_nothing_more() -> None:
-    """DDS tells of it by a sample without fields."""
+    """DDS reports it by a sample without fields."""
     told: list[set[str]] = []
     listening = open_topics(
         RosOptions(transport="dds", address="127.0.0.1", domain=own_domain()),

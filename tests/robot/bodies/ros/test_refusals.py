@@ -1,4 +1,4 @@
-"""What a rosbridge refuses is an error in its own words, however it is said.
+"""Every refusal of a rosbridge becomes an error in rosbridge's own words.
 
 The answers are generated; DRIVELESSON_FULL=1 draws 200 of them (.ci/run).
 """
@@ -47,7 +47,7 @@ TEXTS = (
 
 @dataclass
 class Answer:
-    """What is said to one operation, and whether it is a refusal."""
+    """The answers to one operation, and whether they are a refusal."""
 
     operation: str
     texts: list[str]
@@ -57,7 +57,7 @@ class Answer:
 
 
 def text_as_png(text: str) -> str:
-    """Write a text as rosbridge's png_compression does: bytes as pixels, filled with newlines."""
+    """Write a text as rosbridge's png_compression does: bytes as pixels, padded with newlines."""
     data = text.encode()
     width = max(1, int((len(data) / 3) ** 0.5))
     height = -(-len(data) // (3 * width))
@@ -103,7 +103,7 @@ def make(seed: int) -> Answer:
 
 
 class RefusingBridge:
-    """A rosbridge that answers each operation of one kind with what `answer` has."""
+    """A rosbridge that answers each operation of one kind with `answer`."""
 
     def __init__(self) -> None:
         self.answer = Answer("", [])
@@ -145,7 +145,7 @@ def warned(caplog: pytest.LogCaptureFixture) -> list[str]:
 
 
 def hears(driver: RosDriver, seconds: float) -> str:
-    """Drive as the loop does; return what is raised first, but for a silence of this computer."""
+    """Drive as the loop does; return the first error, except a pause of this computer."""
     start_s = time.monotonic()
     while time.monotonic() - start_s < seconds:
         try:
@@ -181,7 +181,7 @@ def test_each_refusal_is_heard_and_named(
 
 
 def answering(chance: random.Random, *, refuses: bool) -> Callable[[dict[str, Any]], list[str]]:
-    """Say what is drawn to each operation: refusals only, or all that is none."""
+    """Answer each operation with the drawn messages: only refusals, or none."""
 
     def answers(asked: dict[str, Any]) -> list[str]:
         while bool((drawn := make(chance.randrange(10**6))).says) != refuses:
@@ -206,7 +206,7 @@ def the_drivers_suite_notices_a_refusal() -> None:
 
 
 def a_refusal_ends_when_the_bridge_takes_it(bridge: RefusingBridge) -> None:
-    """The node in the way may end: the topic is asked for again, and nobody connects anew."""
+    """The conflicting node may end: then the topic is requested again, without a new connection."""
     text = json.dumps({"op": "status", "level": "error", "msg": TEXTS[0]})
     bridge.answer = Answer("advertise", [text])
     with RosDriver(RosOptions(address=bridge.address)) as driver:

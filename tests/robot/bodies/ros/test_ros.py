@@ -1,4 +1,4 @@
-"""A ROS robot over a small rosbridge: velocities, pictures, advice, and what happens without it."""
+"""A ROS robot over a small rosbridge: velocities, pictures, advice, and their absence."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def speeds(message: dict[str, Any]) -> tuple[float, float]:
 
 @pytest.mark.realtime
 def test_a_base_is_driven_watched_and_lost(ros: RosBridgeServer) -> None:
-    """One bridge lives through all of it."""
+    """One bridge is used for all of this."""
     check_driver_on_its_real_line("ros")
     check_camera_on_its_real_line("ros")
     a_bridge_that_is_not_there_is_a_sentence()
@@ -103,7 +103,7 @@ def test_stamped_velocities_carry_the_time() -> None:
 
 
 def a_velocity_that_is_not_renewed_is_followed_by_zero(ros: RosBridgeServer) -> None:
-    """The base here never stops by itself: it is our zero that ends the move."""
+    """This base never stops by itself, so our zero ends the move."""
     with mock.patch.object(ros, "has_timeout", False), driver_for(ros) as driver:
         ros.settle(driver._connection)
         before = len(ros.cmd_vel)
@@ -175,7 +175,8 @@ def a_topic_that_sends_something_else_is_a_fault(ros: RosBridgeServer) -> None:
 
 
 def who_is_just_leaving_takes_no_picture_from_others(ros: RosBridgeServer) -> None:
-    """The stand-in itself: under load a camera that had left was met there, and ended the rest."""
+    """Tests the stand-in itself: under load it failed at a camera that had left, which ended the
+    test."""
 
     class Leaving:
         async def send(self, text: str) -> None:
@@ -187,7 +188,7 @@ def who_is_just_leaving_takes_no_picture_from_others(ros: RosBridgeServer) -> No
 
 
 def what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
-    """Nobody starts the robot: it is advice alone."""
+    """Nobody starts the robot: it only gives advice."""
     ros.cmd_vel.clear()
     driver = driver_for(ros, advice_topic=ADVICE)
     clock = RealClock()
@@ -206,7 +207,7 @@ def what_the_learner_would_do_is_a_topic(ros: RosBridgeServer) -> None:
 
 @pytest.mark.realtime
 def test_a_foreign_client_hears_what_we_say(ros: RosBridgeServer) -> None:
-    """`roslibpy`; CI installs it for this test alone."""
+    """CI installs `roslibpy` only for this test."""
     if not (FOREIGN / "roslibpy").is_dir():
         if os.environ.get("CI") == "true":
             pytest.fail("CI needs roslibpy: pip install --target var/roslibpy roslibpy")

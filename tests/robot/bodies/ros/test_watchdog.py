@@ -1,4 +1,4 @@
-"""The node that stops a ROS robot, in virtual time: what it lets through, and for how long."""
+"""The node that stops a ROS robot, in virtual time: which orders it passes on, and for how long."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STANDS_S = 0.5
 
 
 class Robot:
-    """A base that goes on with its last velocity for ever."""
+    """A base that continues with its last velocity forever."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self.clock = clock
@@ -136,7 +136,7 @@ def test_its_last_word_is_a_stop(robot: Robot) -> None:
 def test_however_orders_are_held_up_it_stands_half_a_second_after_the_last_was_written(
     orders: list[tuple[float, float]],
 ) -> None:
-    """Each is written some time after the one before, and held up for so long."""
+    """Each order is written some time after the previous one, and delayed by the given time."""
     clock = VirtualClock(100.0)
     robot = Robot(clock)
     written_s, arrivals = clock.now_s(), []

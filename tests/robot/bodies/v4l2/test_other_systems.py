@@ -1,4 +1,4 @@
-"""The camera of Linux where there is no Linux: it says what to take instead."""
+"""The camera for Linux on another system names the camera to use instead."""
 
 from __future__ import annotations
 

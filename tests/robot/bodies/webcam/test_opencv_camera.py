@@ -1,4 +1,4 @@
-"""The opencv camera on a film, and on captures that break as real ones do."""
+"""The opencv camera with a film, and with captures that break like real ones."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.kit.wait import wait_until
 
 
 class BreakableCapture:
-    """Behaves as cv2.VideoCapture of a webcam: 30 pictures a second, until it breaks."""
+    """Behaves like cv2.VideoCapture of a webcam: 30 pictures a second, until it breaks."""
 
     clock: VirtualClock
     how = "run"

@@ -1,4 +1,4 @@
-"""The adapters pass all checks of the libraries they are for, and predict on threads."""
+"""The adapters pass all checks of their libraries, and predict on several threads."""
 
 from __future__ import annotations
 

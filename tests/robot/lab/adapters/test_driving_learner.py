@@ -1,4 +1,4 @@
-"""The learner as it drives, in a foreign loop: the same as in ours, undo and all."""
+"""The learner as it drives, in a loop of another program: the same as in ours, including undo."""
 
 from __future__ import annotations
 

@@ -74,7 +74,8 @@ def test_a_broken_frame_is_a_camera_error(features: EyesFeatures) -> None:
 
 
 def test_it_drives_by_few_examples_in_another_light(features: EyesFeatures) -> None:
-    """Three things to turn at or to pass, each seen at a few places, then at others and darker."""
+    """Three things to turn at or to pass, each seen from a few places, then from others and
+    darker."""
     moves = (Action.FORWARD, Action.LEFT, Action.RIGHT)
     things = {move: room(seed)[:60, :60] for seed, move in enumerate(moves, 10)}
 

@@ -1,4 +1,4 @@
-"""The net that ships sees what it saw when it was made of the published weights."""
+"""The net that is shipped has the outputs that it had when it was made of the published weights."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def photograph(seed: int) -> NDArray[np.uint8]:
 
 
 def test_it_sees_what_it_saw_when_it_was_made() -> None:
-    """Then plain numpy, layer by layer, had the same outputs to 0.002."""
+    """At that time plain numpy, layer by layer, had the same outputs to 0.002."""
     outputs = Network().run(photograph(1))
     assert outputs.shape == (CHANNELS, ROWS, COLUMNS)
     np.testing.assert_allclose(outputs[::20, 0, 0], SEEN, atol=5e-3)

@@ -1,4 +1,4 @@
-"""Who drives when in a foreign world, and what counts as an example."""
+"""Who drives at which time in a third-party world, and what counts as an example."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robot.types import Point
 
 
 class Lamp:
-    """A world of one lamp, left or right: whoever turns to it wins a point."""
+    """A world with one lamp, left or right: a turn to the lamp scores a point."""
 
     moves = ("port", "starboard")
     longest = 40
@@ -80,7 +80,7 @@ def test_who_makes_no_mistakes_is_not_corrected(learner: DrivingLearner) -> None
 
 def test_who_is_always_wrong_is_corrected_until_it_has_all_its_examples() -> None:
     class Turncoat(Lamp):
-        """Wants the other side in every drive but the first ones."""
+        """Wants the other side in every drive except the first ones."""
 
         n_drives = 0
 

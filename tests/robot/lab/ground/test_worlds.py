@@ -1,4 +1,4 @@
-"""The foreign worlds themselves: the scripted teachers do what they are there for."""
+"""The third-party worlds themselves: the scripted teachers reach their goals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tests.kit.sizes import IS_FULL
 CARS = [name for name in WORLDS if name.startswith("CarRacing")]
 LIBRARY = {"ViZDoom": "vizdoom", **dict.fromkeys(CARS, "Box2D")}
 GOOD = {"YMaze": 0.0, "ViZDoom": 1900.0, **dict.fromkeys(CARS, 25.0)}
-"""The least that a teacher's drives score; in the maze of three arms it may lose its way."""
+"""The least score of a teacher's drives; it may lose its way in the maze of three arms."""
 
 pytestmark = [pytest.mark.filterwarnings("ignore"), pytest.mark.slow]
 

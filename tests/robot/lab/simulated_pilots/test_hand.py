@@ -1,4 +1,4 @@
-"""Between wish and button: times and chances of a simulated hand."""
+"""From decision to button: times and errors of a simulated hand."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ F, L = Action.FORWARD, Action.LEFT
 def held_over_time(
     config: HumanDelayConfig, wishes: list[Action | None], seed: str = "0"
 ) -> list[str]:
-    """Wish every 0.1 s, and list what is held at each of these instants: `f`, `l` or `.`."""
+    """Decide every 0.1 s, and list the held move at each of these moments: `f`, `l` or `.`."""
     hand = HumanDelayModel(config, (F, L), seed)
     heard = []
     for tick, wish in enumerate(wishes):

@@ -1,4 +1,4 @@
-"""When a simulated pilot takes the wheel, and when it gives it back."""
+"""When a simulated pilot takes the wheel, and when it returns it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STRICT = TakeoverPolicy(patience_s=0.3, shortest_hold_s=0.5, contented_s=0.2, le
 
 
 class Strict:
-    """Wants LEFT always, and lets nothing else pass."""
+    """Always wants LEFT, and tolerates nothing else."""
 
     def choose(self, situation: Situation) -> Action:
         return L
@@ -32,7 +32,8 @@ def pilot(takeover: TakeoverPolicy = STRICT, hand: HumanDelayConfig = STEADY) ->
 
 
 def drive(who: SimulatedPilot, doing: str, proposed: str, start: int = 0) -> str:
-    """Let the robot do and propose, tick by tick (`f` or `l`); return what is held (`l` or `.`)."""
+    """Let the robot make and propose moves, tick by tick (`f` or `l`); return the held moves (`l`
+    or `.`)."""
     names = {"f": F, "l": L}
     held = ""
     for tick, (now, next_) in enumerate(zip(doing, proposed, strict=True), start):
@@ -87,7 +88,7 @@ def test_watching_it_never_takes_the_wheel() -> None:
 
 
 class Counting(Strict):
-    """Counts how often it is asked, and notes how old what it sees is."""
+    """Counts the calls, and notes the age of each view."""
 
     def __init__(self) -> None:
         self.seen_s: list[float] = []

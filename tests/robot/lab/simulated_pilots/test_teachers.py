@@ -1,4 +1,4 @@
-"""What simulated teachers want, in situations drawn by hand."""
+"""The moves that simulated teachers want, in constructed situations."""
 
 from __future__ import annotations
 

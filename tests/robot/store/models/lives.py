@@ -1,7 +1,7 @@
-"""A robot's lives over one data folder, in virtual time: taught, undone, edited, killed, damaged.
+"""A robot's lives on one data folder, in virtual time: taught, undone, edited, killed, damaged.
 
-`Lives` runs the real autosave, journal and store over the real loop; only threads and the disk's
-waiting are left out. It remembers what the learner was at each moment that must survive a kill.
+`Lives` runs the real autosave, journal and store with the real loop; only threads and the disk's
+waiting are left out. It remembers the learner at each moment that must survive a kill.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class _Refusing:
 
 
 class DiskStore(ModelStore):
-    """A store on such a disk, with a wall clock that goes wherever a test sets it."""
+    """A store on such a disk, with a wall clock that a test can set anywhere."""
 
     def __init__(self, storage: Storage, disk: Disk, wall_s: list[float]) -> None:
         super().__init__(storage, wall_s=lambda: wall_s[0])
@@ -120,10 +120,10 @@ class Life(BenchRobot):
         self.autosave.load_last()
         self.frame = 0
         self.durable = [self.state()]
-        """What may be found after a kill: the newest that was written, and what came since."""
+        """The states that may be found after a kill: the newest written one, and later ones."""
         self.journalled = list(self.durable)
-        """The same without the models' files: one of them may be damaged within the very moment
-        in which the journal's thread has not had its turn."""
+        """The same without the models' files, one of which may be damaged at the very moment in
+        which the journal's thread has not had its turn."""
         if writes:
             self.write()
 
@@ -175,7 +175,7 @@ class Life(BenchRobot):
         self._changed()
 
     def drive(self) -> None:
-        """A drive ends here: some learners look for their place at the next one's beginning."""
+        """End a drive: some learners look for their place when the next one begins."""
         self.loop.submit(self.loop.history.begin_drive).result(0)
         self._changed()
 
@@ -194,7 +194,7 @@ class Life(BenchRobot):
             self._switch(lambda: self.autosave.load(self.rng.choice(names)))
 
     def _switch(self, switch: Any) -> None:
-        """Change the model; where that is refused nothing may have changed."""
+        """Change the model; a refused change may have changed nothing."""
         before = self.state()
         had_unsaved = self.autosave.has_unsaved
         try:
@@ -216,7 +216,7 @@ class Life(BenchRobot):
         self.write()
 
     def write(self) -> None:
-        """The journal's thread has its turn: what came before must survive from here on."""
+        """Give the journal's thread its turn: everything before it must survive from now on."""
         self.journal.write_waiting()
         if self.journal.fault is None and not self.journal._needs_checkpoint:
             self.durable = [self.state()]
@@ -227,7 +227,7 @@ class Life(BenchRobot):
         self.journalled.append(self.state())
 
     def die(self) -> None:
-        """Be killed: what was only in memory is gone."""
+        """Be killed: data that was only in memory is lost."""
         self.journal._queue.clear()
         self.journal.stop()
 

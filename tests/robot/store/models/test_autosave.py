@@ -1,4 +1,4 @@
-"""What was learned is saved by itself, to the very last turn."""
+"""Everything learned is saved automatically, up to the very last tick."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tests.robot.bench_robot import BenchRobot
 
 
 class KeptRobot(BenchRobot):
-    """A robot whose loop turns on its own thread, with a keeper."""
+    """A robot whose loop ticks on its own thread, with autosave."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__()
@@ -64,7 +64,7 @@ def robot(tmp_path: Path) -> Iterator[KeptRobot]:
 
 
 def test_what_the_turn_under_way_taught_is_saved(robot: KeptRobot) -> None:
-    """The keeper is stopped before the loop has told it of the turn that taught."""
+    """Autosave is stopped before the loop has reported the tick that taught."""
     taught, go_on = threading.Event(), threading.Event()
 
     def hold_up(tick: Tick) -> None:
@@ -125,7 +125,7 @@ def test_a_disk_that_refused_is_tried_again(robot: KeptRobot) -> None:
 
 
 class _FullShelf:
-    """Refuses as a full disk does."""
+    """Refuses like a full disk."""
 
     def __init__(self, store: ModelStore) -> None:
         self.current = store.current

@@ -1,4 +1,4 @@
-"""Models from anywhere: what is not what it says it is, is refused before it is made."""
+"""Models from any source: a file that does not match its own description is refused unopened."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from tests.kit.sizes import IS_FULL, crossed
 from tests.learners import installed
 
 EVERY = 1 if IS_FULL else 10
-"""One of how many malformed models is tried: all in CI."""
+"""One in this number of malformed models is tried; all in CI."""
 LEARNERS = installed("default-4", "published-4", "whole-numbers-4", "integer-4", "knn-3")
 Arrays = dict[str, NDArray[Any]]
 FRAME = Frame(
@@ -64,7 +64,7 @@ def parts(data: bytes) -> tuple[dict[str, Any], Arrays]:
 
 
 def packed(meta: dict[str, Any], arrays: Arrays, *, is_signed: bool = True) -> bytes:
-    """Return the file of these, with a checksum that fits: only what it says is wrong."""
+    """Return the file of these values, with a valid checksum, so that only the values are wrong."""
     if is_signed:
         meta = {**meta, "sha256": _checksum(meta, arrays)}
     file = io.BytesIO()
@@ -77,7 +77,7 @@ Change = Callable[[dict[str, Any], Arrays], None]
 
 
 def of_arrays(arrays: Arrays) -> Iterator[tuple[str, Change]]:
-    """Yield what may be wrong with each array."""
+    """Yield the possible faults of each array."""
     for name, array in arrays.items():
         if name == "state.pace_picture" or name.endswith("novelty"):
             continue
@@ -129,7 +129,7 @@ def of_arrays(arrays: Arrays) -> Iterator[tuple[str, Change]]:
 
 
 def of_params(value: Any, path: tuple[Any, ...]) -> Iterator[tuple[tuple[Any, ...], Any]]:
-    """Yield where something is in a description, and what does not belong there."""
+    """Yield places in a description, each with a wrong value."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from of_params(inner, (*path, key))
@@ -174,7 +174,7 @@ MAY_BE_ANY = {
 
 
 def malformed(learner: str, every: int = 1) -> Iterator[tuple[str, bytes]]:
-    """Yield what is wrong, and the file; every so many only: packing a large model takes long."""
+    """Yield faults with their files; only a sample, because packing a large model takes long."""
     for what, meta, arrays in itertools.islice(_wrong(learner), 0, None, every):
         yield what, packed(meta, arrays)
     meta, arrays = parts(good(learner))
@@ -215,7 +215,7 @@ def test_every_model_of_ours_is_let_in(tmp_path: Path, learner: str, lessons: in
 
 
 def test_what_is_refused_is_refused_before_it_is_unpacked(tmp_path: Path) -> None:
-    """A packed file of zeros, and a header that claims more than there is."""
+    """A packed file of zeros, and a header that claims more data than there is."""
     store = ModelStore(Storage(tmp_path))
     bomb = io.BytesIO()
     with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -58,7 +58,7 @@ def real(learner: str, n_examples: int, n_views: int = 120) -> Model:
 
 
 def changed_array(rng: Random, array: NDArray[Any], others: list[NDArray[Any]]) -> NDArray[Any]:
-    """Return the array with one thing wrong."""
+    """Return the array with one fault."""
     dice = np.random.default_rng(rng.randrange(2**32))
     array = array.copy()
     flat = array.reshape(-1)
@@ -108,7 +108,7 @@ def changed_array(rng: Random, array: NDArray[Any], others: list[NDArray[Any]]) 
 
 
 def changed_value(rng: Random, value: Any) -> Any:
-    """Return the plain value with one thing wrong, somewhere in it."""
+    """Return the plain value with one fault somewhere inside."""
     if isinstance(value, dict) and value and rng.random() < 0.9:
         key = rng.choice(sorted(value))
         if rng.random() < 0.1:
@@ -125,7 +125,7 @@ def changed_value(rng: Random, value: Any) -> Any:
 
 
 def crafted(seed: int) -> Model:
-    """Return a real model with one to three things wrong."""
+    """Return a real model with one to three faults."""
     rng = Random(seed)
     model = real(rng.choice(LEARNERS), rng.choice((0, 1, 5, 44, 119)))
     for _ in range(rng.choice((1, 1, 2, 3))):
@@ -153,7 +153,7 @@ def crafted(seed: int) -> Model:
 
 
 def drive(model: Model) -> Model:
-    """Drive, teach, take back and edit, as a person may; return what was learned."""
+    """Drive, teach, undo and edit, as a person may; return the learned state."""
     policy = model.to_policy()
     history = TrainingHistory(policy)
     xs, moves = views(policy.extract(FRAME).size), [*policy.moves, None]
@@ -174,7 +174,7 @@ def drive(model: Model) -> Model:
 
 
 def outcome(make: Callable[[], Model]) -> str:
-    """Tell what becomes of a model: a refusal, or that it drives."""
+    """Return the result for a model: a refusal, or that it drives."""
     model = make()
     try:
         try_model(model)

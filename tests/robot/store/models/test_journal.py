@@ -1,4 +1,4 @@
-"""Killed, damaged and full, over and over: what was written is there, what was undone is gone."""
+"""Kills, damage and full disks, over and over: written changes are there, undone ones are gone."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def damage(folder: Path, rng: random.Random) -> str:
-    """Damage one file of what is kept, as disks and people do; return what was done."""
+    """Damage one stored file, as disks and people do; return a description."""
     files = sorted(
         path
         for part in ("journal/*", "models/*/*", "models/current.txt")
@@ -156,7 +156,7 @@ def test_who_deleted_the_last_image_starts_again_with_none(tmp_path: Path, learn
 
 
 def test_a_position_rests_on_no_clock(tmp_path: Path) -> None:
-    """Thirty days back, the case of an EV3 without a clock of its own."""
+    """Thirty days back, as on an EV3 without a clock of its own."""
     wall_s = [1.7e9]
     rng = random.Random(1)
     first = Life(tmp_path, wall_s, rng)
@@ -247,7 +247,8 @@ def test_nothing_is_replayed_after_a_start_in_which_nothing_changed(tmp_path: Pa
 def check_a_disk_whose_flush_hangs_holds_up_no_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What a kill takes is what is not written; it does not wait for what a power cut takes."""
+    """A kill loses only unwritten data, so writing does not wait for the flush against power
+    cuts."""
     hangs, goes_on = threading.Event(), threading.Event()
 
     def flush(handle: int) -> None:
@@ -281,7 +282,7 @@ def check_a_disk_whose_flush_hangs_holds_up_no_record(
 
 
 class OneAtATime(random.Random):
-    """Teaches one example at a time, so that every state in between is known."""
+    """Teaches one example at a time, so that every intermediate state is known."""
 
     def randrange(self, *bounds: int) -> int:  # type: ignore[override]
         return 1 if bounds == (1, 6) else super().randrange(*bounds)
@@ -291,7 +292,7 @@ class OneAtATime(random.Random):
 def test_where_both_files_of_a_part_are_lost_the_saved_model_is_left(
     tmp_path: Path, seed: int, how: str
 ) -> None:
-    """The third source: what came since the last save may be lost, and nothing older is back."""
+    """The third source: changes since the last save may be lost, but no older state returns."""
     rng = random.Random(seed)
     life = Life(tmp_path, [0.0], rng)
     for op in ("teach", "teach", "write", "edit", "undo", "teach", "write"):

@@ -1,4 +1,4 @@
-"""A model goes to bytes and comes back, and whatever is no model is refused with a reason."""
+"""A model survives conversion to bytes and back, and all other bytes are refused with a reason."""
 
 from __future__ import annotations
 

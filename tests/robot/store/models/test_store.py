@@ -1,4 +1,4 @@
-"""Models by name: kept in versions, so that a damaged one never costs a lesson."""
+"""Models by name: stored in versions, so that a damaged version costs no lesson."""
 
 from __future__ import annotations
 
@@ -189,12 +189,12 @@ def test_a_model_that_failed_when_it_drove_is_set_aside_at_the_next_start(tmp_pa
 
 
 def model_of(number: int) -> Model:
-    """Return a model that is told from others by its place."""
+    """Return a model that is identified by its place."""
     return stamp(some_model(), place=str(number))
 
 
 def aside(store: ModelStore, tmp_path: Path, name: str) -> None:
-    """Do to a model what an older program does that cannot read it."""
+    """Treat a model like an older program that cannot read it."""
     for version in (tmp_path / "models" / name).glob("*.npz"):
         version.rename(version.with_name(f"{version.name}.damaged"))
 

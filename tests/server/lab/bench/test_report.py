@@ -1,4 +1,4 @@
-"""Ratios of what was measured in turns, and when none is printed."""
+"""Ratios of alternating measurements, and when no ratio is printed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A measured server that does not end is ended, and the benchmark says so."""
+"""A measured server that does not end is killed, and the benchmark reports it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from server.lab.bench.subject import ServerUnderTest
 
 
 def serve_for_ever(line: Connection, kind: str, rate_hz: float) -> None:
-    """Stay, though the line is closed."""
+    """Stay alive although the pipe is closed."""
     line.send(8080)
     threading.Event().wait()
 
