@@ -1,4 +1,4 @@
-"""Measures what is on the screen: no text may be cut, and no two things may lie on each other."""
+"""Measures the layout on the screen: no text may be truncated, and no two elements may overlap."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _WHEN_LAID_OUT = """async () => {
 
 
 def faults(page: Any, measure: str = MEASURE) -> list[str]:
-    """List what is cut or lies on something else, and stays so: a busy machine lays out late.
+    """List the truncated or overlapping elements that stay so; a busy machine lays out late.
 
     `measure` is a function of the page, which returns a list.
     """
@@ -31,9 +31,9 @@ def faults(page: Any, measure: str = MEASURE) -> list[str]:
 
 
 def speak_longer(context: Any) -> None:
-    """Have the page speak a language half as long again as English, with tall letters.
+    """Have the page use a language half as long again as English, with tall letters.
 
-    It may fill a button's padding, which no language that people speak may.
+    It may fill a button's padding, which no real language may.
     """
     context.add_init_script("window.isMadeUp = true")
 
@@ -77,7 +77,7 @@ NOTICES: list[dict[str, Any]] = [
     {"robot": {"mode": "train", "driven_by": "pilot", "action": "forward"}},
     {"link": "lost"},
 ]
-"""What may stand over the picture."""
+"""Elements that may lie over the picture."""
 
 
 def drive_faults(page: Any) -> list[str]:

@@ -1,4 +1,4 @@
-"""What stands between a phone and a robot in a school: real sockets, one fault at a time."""
+"""The network between a phone and a robot in a school: real sockets, one fault at a time."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ ANSWERS = {
     "wrong port": _answer("404 Not Found", b'{"error": "no such page"}', "application/json"),
     "gateway": _answer("502 Bad Gateway", b"upstream is gone", "text/plain"),
 }
-"""What is answered to everything, whoever asks."""
+"""The answer to every request, from anybody."""
 
 
 class BrokenWay:
-    """A way to a server on a port of its own, which is broken in the manner of `fault`.
+    """A path to a server on another port, broken in the manner of `fault`.
 
     `silent` passes on nothing, without closing anything: what was sent comes when it is healed.
 
@@ -64,7 +64,7 @@ class BrokenWay:
 
     @fault.setter
     def fault(self, fault: str) -> None:
-        """Break it, or heal it with the empty text; open connections feel it, too."""
+        """Break it, or restore it with the empty text; open connections are affected, too."""
         self._loop.do(self._become(fault))
 
     async def _listen(self) -> None:
@@ -101,7 +101,7 @@ class BrokenWay:
             server.close()
 
     async def _fill_up(self) -> None:
-        """Listen with a full queue: Linux drops all further calls."""
+        """Listen with a full queue, so that Linux drops all further connections."""
         listener = socket.socket()
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(("127.0.0.1", self.port))

@@ -36,7 +36,7 @@ NAMES = ("Ada", "Bolt", "Comet", "Dot", "Echo", "Fox", "Gizmo", "Hazel", "Indigo
 
 @dataclass
 class LiveClass:
-    """The board's address and board, and each robot's services."""
+    """The board and its address, and each robot's services."""
 
     address: str
     board: Board
@@ -47,7 +47,7 @@ class LiveClass:
 def running_class(
     folder: Path, robots: int = 3, away: int = 0, *, simulated: bool = False, tls: int = 0
 ) -> Iterator[LiveClass]:
-    """Serve so many robots and their board; `away` more are on its list and do not answer.
+    """Serve this number of robots and their board; `away` more are on its list and do not answer.
 
     The first `tls` robots are served over https.
     """

@@ -23,7 +23,7 @@ from .world import (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Be patient: what is waited for is an event, and a busy machine is no fault."""
+    """Long timeouts: tests wait for events, and a busy machine is not a fault."""
     for item in items:
         if Path(__file__).parent in item.path.parents and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(300))
@@ -37,7 +37,7 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture
 def frame_rate_hz() -> float:
-    """Pictures per second; a file whose tests must teach much first overrides it with more."""
+    """Pictures per second; a file whose tests must first teach a lot overrides it with more."""
     return 10.0
 
 
@@ -69,21 +69,21 @@ def desktop(chromium: Any, world: World) -> Iterator[Any]:
 def rover(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
     """One robot in the office for a whole file; each of its tests finds it stopped.
 
-    It has one page: a test that opens others takes a robot of its own (`world`).
+    It has one page: a test that opens other pages uses a robot of its own (`world`).
     """
     with running_world(tmp_path_factory.mktemp("rover"), world="office") as running:
         yield running
 
 
 class _OnePage:
-    """The only page that is open before the rover, so that it has the wheel."""
+    """The only page that is open on the rover, so that it has the wheel."""
 
     def __init__(self) -> None:
         self.page: Any = None
         self._viewport: dict[str, int] = {}
 
     def get(self, chromium: Any, rover: World, viewport: dict[str, int]) -> Any:
-        """Return the page as if it had just been opened; opening it costs a second."""
+        """Return the page as if it had just been opened, because opening it costs a second."""
         if self.page is not None and viewport is not self._viewport:
             come_to_rest(self.page, rover)  # what a closed page asked for last may arrive late
             self.close()
@@ -109,7 +109,7 @@ def _one_page() -> Iterator[_OnePage]:
 def rovers_page(
     request: pytest.FixtureRequest, chromium: Any, rover: World, _one_page: _OnePage
 ) -> Iterator[Callable[[dict[str, int]], Any]]:
-    """What returns the file's one page before the rover; after a failure the next is a new one."""
+    """Returns the file's one page on the rover; after a failure the next one is new."""
     failed = request.session.testsfailed
     yield lambda viewport: _one_page.get(chromium, rover, viewport)
     if request.session.testsfailed > failed:
@@ -124,7 +124,7 @@ def rovers_phone(rovers_page: Callable[[dict[str, int]], Any]) -> Any:
 
 @pytest.fixture
 def shelf(rover: World) -> Iterator[World]:
-    """The rover, with one recording and no others; it learns nothing here."""
+    """The rover with exactly one recording; it learns nothing here."""
     episodes = rover.persistence.part(Recordings).episodes
     put_recording(rover)
     yield rover

@@ -1,8 +1,8 @@
 """A phone that is the robot's eye, in Chromium: its fake camera shows recorded footage.
 
-`python -m tests.e2e.eye FIRST.npz SECOND.npz` measures it: the age of the picture that the policy
-gets, the rate with and without a CPU six times slower, and what is learned from these pictures
-compared with the same ones from the recording.
+`python -m tests.e2e.eye FIRST.npz SECOND.npz` measures the age of the pictures that the policy
+gets, and the rate with and without a CPU six times slower. It compares learning from these pictures
+with learning from the same pictures of the recording.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ from tests.e2e.world import running_chromium
 from tests.server.live_robot import WEB
 
 PLAYED_HZ = 30
-"""How fast the film is played where the eye is measured."""
+"""Speed at which the film is played for the measurement."""
 
 
 def write_film(path: Path, pictures: NDArray[np.uint8], rate_hz: int = 10) -> None:
-    """Write pictures (n, height, width, 3) as what the fake camera plays, without JPEGs to unpack.
+    """Write pictures (n, height, width, 3) in a format that the fake camera plays, without JPEGs.
 
-    Each pixel becomes several alike: a blurred one would be another picture than the recording's.
+    Each pixel becomes several equal ones: a blurred picture would differ from the recording's.
     """
     with path.open("wb") as file:
         file.write(f"YUV4MPEG2 W640 H480 F{rate_hz}:1 Ip C420jpeg\n".encode())
@@ -52,7 +52,7 @@ def write_film(path: Path, pictures: NDArray[np.uint8], rate_hz: int = 10) -> No
 
 @contextlib.contextmanager
 def robot_with_an_eye() -> Iterator[tuple[Rig, str]]:
-    """Serve a body that notes, with the camera `phone`."""
+    """Serve a body that notes its orders, with the camera `phone`."""
     clock = RealClock()
     camera = PhoneCamera(PhoneOptions(), clock)
     rig = Rig(ReplayDriver(), camera, make_policy("default-32"), clock)
@@ -63,7 +63,8 @@ def robot_with_an_eye() -> Iterator[tuple[Rig, str]]:
 
 @contextlib.contextmanager
 def phone_with_film(film: Path) -> Iterator[Any]:
-    """Start a Chromium whose camera shows the film, and which gives it to pages unasked."""
+    """Start a Chromium whose camera shows the film, and which gives pages the camera without
+    asking."""
     flags = (
         "--use-fake-ui-for-media-stream",
         "--use-fake-device-for-media-stream",
@@ -79,7 +80,7 @@ def phone_with_film(film: Path) -> Iterator[Any]:
 
 
 class Watch:
-    """Notes each picture that the loop gets, and how old it was when the loop had it."""
+    """Notes each picture that the loop gets, and its age at that time."""
 
     def __init__(self, rig: Rig) -> None:
         self.frames: list[Frame] = []
@@ -110,12 +111,13 @@ def rate_hz(frames: list[Frame]) -> float:
 
 
 PARTS = 5
-"""Learners that are averaged, each without another part of the lesson: noise that no eye sees moves
-the figure of one by a point."""
+"""Number of learners that are averaged, each without another part of the lesson, because noise that
+nobody sees changes the figure of one by a point."""
 
 
 def accuracy(lessons: list[tuple[Frame, Action]], trial: list[tuple[Frame, Action]]) -> float:
-    """Learn one drive, and return the share of the other's pictures that is proposed right."""
+    """Learn one drive, and return the share of the other drive's pictures that is proposed
+    correctly."""
     right = 0
     for part in range(PARTS):
         policy = make_policy("default-32")
@@ -130,9 +132,9 @@ def accuracy(lessons: list[tuple[Frame, Action]], trial: list[tuple[Frame, Actio
 
 
 def follow(received: list[Frame], small: NDArray[np.float32]) -> dict[int, Frame]:
-    """Return which source picture each one is: the most alike of those due at that moment.
+    """Return the source picture of each picture: the most similar one of those due at that moment.
 
-    A robot that stands takes many pictures that are alike; the film's speed tells them apart.
+    A robot that stands takes many similar pictures, and the film's speed distinguishes them.
     """
     found: dict[int, Frame] = {}
     due, last_s = 0.0, received[0].captured_s
@@ -150,7 +152,7 @@ def follow(received: list[Frame], small: NDArray[np.float32]) -> dict[int, Frame
 
 
 def measure(first: Path, second: Path) -> None:
-    """Print what the issue asks, for two drives of one place."""
+    """Print the figures for two drives of one place."""
     drives = [load_recording(path).shots for path in (first, second)]
     sources = [shot.frame(i, 0.0) for shots in drives for i, shot in enumerate(shots, start=1)]
     labels = [shot.label for shots in drives for shot in shots if shot.label is not None]

@@ -1,4 +1,4 @@
-"""Ten seconds of moving picture for the README: a pilot teaches, hands over and corrects."""
+"""Films ten seconds for the README: a pilot teaches, hands over and corrects."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from .world import PHONE, World, open_page, passing_world
 
 _SIZE_PX, _MOST_BYTES, _LONGEST_S = (312, 675), 2_000_000, 0.3
 _TURNS_AT_M = (0.35, 0.3, 0.4, 0.35, 0.25, 0.35, 0.3, 0.4, 0.3)
-"""Nobody turns at one place for ever; who does has a robot that asks everywhere else."""
+"""Turning at one place for too long makes a robot ask everywhere else."""
 _ASKED_SHARE = 0.1
 
 
 def take_film(browser: Any, folder: Path) -> None:
-    """Write `ten-seconds.webp`. A busy machine may stop the robot meanwhile: it is begun again."""
+    """Write `ten-seconds.webp`. A busy machine may stop the robot meanwhile; then the film begins
+    again."""
     for _ in range(5):
         with passing_world("box") as world:
             if _film(browser, world, folder / "ten-seconds.webp"):
@@ -28,8 +29,8 @@ def take_film(browser: Any, folder: Path) -> None:
 
 
 def _film(browser: Any, world: World, path: Path) -> bool:
-    """Film ten seconds of the drive screen: taught, handed over, corrected. True if it went on
-    to the end and the robot hardly ever had to ask."""
+    """Film ten seconds of the drive screen: taught, handed over, corrected. True if the film is
+    complete and the robot hardly asked."""
     context = browser.new_context(viewport=PHONE, has_touch=True, is_mobile=True)
     page = open_page(context, world.address)
     fingers, frames, asked = Fingers(page), [], []
@@ -64,7 +65,7 @@ def _film(browser: Any, world: World, path: Path) -> bool:
 
 
 def _save_film(frames: list[tuple[float, bytes]], path: Path) -> None:
-    """Write a film with the times at which its pictures were taken; small enough for a README."""
+    """Write a film with the times at which its pictures were taken, small enough for a README."""
     from PIL import Image
 
     pictures = [Image.open(io.BytesIO(data)).resize(_SIZE_PX) for _, data in frames]

@@ -1,4 +1,4 @@
-"""A hand on the glass: fingers that hold, and what a patient person does with them."""
+"""A hand on the glass: fingers that hold, and the actions of a patient person."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from robot.types import Mode
 from .world import World
 
 Way = tuple[float, float]
-"""From the middle of a control to the right and upwards, as shares of what it is high or wide."""
+"""Distance from a control's middle to the right and upwards, as shares of its width and height."""
 MIDDLE: Way = (0.0, 0.0)
 _LET_GO = 100
-"""A page that was looked at so often, and held nothing, has let go."""
+"""A page that was checked this number of times without a held move has let go."""
 
 
 class Fingers:
@@ -67,7 +67,7 @@ def teach(
     near_m: float = 0.35,
     until: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Drive as a person would: straight on, and left before whatever stands in the way."""
+    """Drive like a person: straight on, and left before an obstacle."""
     held: str | None = None
     deadline_s = time.monotonic() + 100
     while world.lessons < lessons and not until():
@@ -96,12 +96,12 @@ def pad(move: str) -> str:
 
 
 def stick(side: str = "left") -> str:
-    """Selector of a thumb stick; the right one lies under the other thumb, where there is room."""
+    """Selector of a thumb stick; the right one is under the other thumb if there is space."""
     return f"drive-pad .stick.{side}"
 
 
 def steer_by(page: Any, by: str) -> None:
-    """Choose, as in the settings, how this robot is steered: by `moves` or by a `stick`."""
+    """Choose in the settings how this robot is steered: by `moves` or by a `stick`."""
     page.evaluate(
         """(isStick) => {
           const { page } = document.querySelector('app-bar');
@@ -114,7 +114,7 @@ def steer_by(page: Any, by: str) -> None:
 
 
 def hold_left(fingers: Fingers, by: str, finger: int = 1) -> None:
-    """Hold what turns the robot left: the arrow, or the stick to one side."""
+    """Hold the input that turns the robot left: the arrow, or the stick to one side."""
     if by == "stick":
         fingers.press(stick(), finger, at=(-0.8, 0.2))
     else:
@@ -122,8 +122,8 @@ def hold_left(fingers: Fingers, by: str, finger: int = 1) -> None:
 
 
 def choose(page: Any, world: World, mode: Mode) -> None:
-    """Choose a mode on the page as a user does, who taps again if the robot was stopped at once
-    (a link that has just come back is still slow), and wait until the robot is in it."""
+    """Choose a mode on the page, and tap again if the robot was stopped at once (a restored link is
+    still slow); wait until the robot is in the mode."""
     button = page.locator(f"mode-bar [data-mode={mode.value}]")
     shown = page.locator(f"mode-bar [data-mode={mode.value}][aria-checked=true]")
     deadline_s = time.monotonic() + 40.0
@@ -144,10 +144,10 @@ def press_until(
     done: Callable[[], bool],
     within_s: float = 100.0,
 ) -> None:
-    """Hold something until something is so, and go on holding; again after each stop.
+    """Hold an input until a condition holds, and keep holding; begin again after each stop.
 
-    A busy machine is late, and the robot stops for it; a page that hears of a stop after the next
-    start lets go of what is held by then.
+    A busy machine is late, so the robot stops. A page that learns of a stop after the next start
+    releases the inputs held until then.
     """
     deadline_s = time.monotonic() + within_s
     press()
@@ -178,7 +178,7 @@ def hold_until(
 
 
 def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: float = 60.0) -> None:
-    """Have the robot drive itself, again after each stop, as a patient person would."""
+    """Have the robot drive itself, again after each stop, like a patient person."""
     deadline_s = time.monotonic() + within_s
     while not until():
         assert time.monotonic() < deadline_s, f"not done in {within_s} s"
@@ -189,20 +189,20 @@ def drive_on(page: Any, world: World, *, until: Callable[[], bool], within_s: fl
 
 
 def turned_rad(world: World, seconds: float = 0.4) -> float:
-    """Return how far the robot turns to the left in some time."""
+    """Return the angle by which the robot turns to the left in some time."""
     before = world.pose.heading_rad
     time.sleep(seconds)
     return math.remainder(world.pose.heading_rad - before, math.tau)
 
 
 def turning(world: World) -> Callable[[], bool]:
-    """Return what says whether the robot has really turned since now."""
+    """Return a function that says whether the robot has really turned since now."""
     before = world.pose.heading_rad
     return lambda: abs(world.pose.heading_rad - before) > 0.03
 
 
 def wait_until_standing(world: World, within_s: float = 30.0) -> None:
-    """Wait until the robot's body moves no more, and print how long that took."""
+    """Wait until the robot's body stands, and print how long that took."""
     since_s = time.monotonic()
     pose, moved_s = world.pose, since_s
     while time.monotonic() - moved_s < 0.3:

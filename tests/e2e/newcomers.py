@@ -1,11 +1,13 @@
-"""Twelve scripted newcomers before the real page: python -m tests.e2e.newcomers
+"""Twelve scripted newcomers use the real page: python -m tests.e2e.newcomers
 
-Each opens the page for the first time, does what its sentences say, and drives by real touch events
-with the irregular hand of one of `robot/lab/simulated_pilots/habits.py`. While the robot drives, it
-corrects it as its habit does until it has read when the page wants to be touched; then only then.
-Each has a screen and a language of its own: five sizes and en, es, zh in turn. Asked: within four
-minutes of opening the page it has a robot that drives a minute by itself without pushing a wall.
-With `--challenge` it goes on: it finds the challenge, starts it, and ends three tries as told.
+Each opens the page for the first time, follows its sentences, and drives by real touch events with
+the irregular hand of one of `robot/lab/simulated_pilots/habits.py`. While the robot drives, the
+newcomer first corrects it by habit. After reading when the page wants to be touched, the newcomer
+touches it only then. Each has another screen and language: five sizes and en, es, zh in turn. The
+requirement: within four minutes of opening the page the robot drives by itself for a minute without
+pushing a wall. With `--challenge` the newcomer continues: it finds the challenge, starts it, and
+completes three tries.
+
 All runs in real time: a newcomer takes two to four minutes. `--habits regular,late` chooses some.
 """
 
@@ -35,14 +37,14 @@ LIMIT_S = 240.0
 SOON_S = 120.0
 ALONE_S = 60.0
 CHALLENGE_S = 420.0
-"""A newcomer has three tries of a minute, and a while to read and to free its robot."""
+"""A newcomer has three tries of a minute, and time to read and to free its robot."""
 FREEING_S = 6.0
-"""Driving a robot off before the next try, after one that ended at a wall."""
+"""Time to drive the robot away before the next try, after a try that ended at a wall."""
 PUSHED_S = 0.5
-"""Driving against something for longer than this is pushing; a touch in passing is not."""
+"""Driving against something for longer than this is pushing; a brief touch is not."""
 READ_EVERY_S = 0.4
 READING_S = 1.5
-"""A person reads a sentence before doing what it says."""
+"""Time for which a person reads a sentence before following it."""
 SIZES = ((390, 844), (360, 640), (844, 390), (320, 568), (768, 1024))
 LANGUAGES = ("en", "es", "zh")
 TOLD = {
@@ -51,7 +53,7 @@ TOLD = {
     "teach": ("hint.teach", "advice.start", "advice.more", "advice.first"),
     "go on": ("stop.", "local.", "busy.", "emergency", "out_of_reach", "way."),
 }
-"""What the page's sentences ask for, by the beginnings of their names."""
+"""The action that the page's sentences request, by the beginnings of their keys."""
 _TEXT = """() => {
   const notice = document.querySelector('.notice:not([hidden]) p');
   return (notice ?? document.querySelector('.advice')).textContent;
@@ -60,7 +62,7 @@ _TEXT = """() => {
 
 @dataclass(slots=True)
 class Story:
-    """What became of one newcomer; times in seconds since the page was opened."""
+    """The result of one newcomer; times in seconds since the page was opened."""
 
     habit: str
     screen: str
@@ -76,7 +78,7 @@ class Story:
     offered_s: float | None = None
     started_s: float | None = None
     tried_s: float | None = None
-    """When the third try was over."""
+    """The time at which the third try ended."""
     tries: list[dict[str, Any]] = field(default_factory=list)
     read: list[str] = field(default_factory=list)
 
@@ -88,7 +90,7 @@ class Story:
 class Lenient:
     """A teacher who has read when to touch: before a bump, or when the robot stands.
 
-    Before that it corrects whatever it would do otherwise itself.
+    Before that it corrects everything that it would do differently.
     """
 
     def __init__(self, teacher: Teacher) -> None:
@@ -105,7 +107,7 @@ class Lenient:
 
 
 class Newcomer:
-    """Reads the page, taps what it is told to tap, and holds directions as its habit does."""
+    """Reads the page, taps as requested, and holds directions by its habit."""
 
     def __init__(self, page: Any, world: World, story: Story, opened_s: float) -> None:
         self.page, self.world, self.opened_s = page, world, opened_s
@@ -125,7 +127,7 @@ class Newcomer:
         return time.monotonic() - self.opened_s
 
     def live(self) -> Story:
-        """Teach and let it drive until the minute is done, or the time is over."""
+        """Teach and let it drive until the minute is complete, or the time is over."""
         while not self.story.is_done and self.now_s < LIMIT_S:
             self._go_on()
             self._watch()
@@ -134,16 +136,17 @@ class Newcomer:
         return self.story
 
     def _go_on(self) -> None:
-        """Read if it is time to, and drive a moment."""
+        """If it is time to read, read; then drive for a moment."""
         if self.now_s - self._read_s > READ_EVERY_S:
             self._read()
         self._drive()
         time.sleep(0.03)
 
     def take_challenge(self) -> Story:
-        """Find the challenge, start it, and end three tries; the hands stay off meanwhile.
+        """Find the challenge, start it, and complete three tries without touching the pad.
 
-        Until the page offers it, the newcomer goes on as before: the robot may not be ready yet.
+        Until the page offers it, the newcomer continues as before, because the robot may not be
+        ready yet.
         """
         until_s, freed_s, story = self.now_s + CHALLENGE_S, 0.0, self.story
         challenge = next(
@@ -203,7 +206,7 @@ class Newcomer:
             self._do_as_told(text)
 
     def _do_as_told(self, text: str) -> None:
-        """Do what the sentence says, whatever its language."""
+        """Follow the sentence, in any language."""
         mode, told = self.world.mode, asked_by(text, self._words)
         if told == "lenient":
             self._judge.is_lenient = True
@@ -262,7 +265,7 @@ class Newcomer:
     # Judging -----------------------------------------------------------------------------------
 
     def _watch(self) -> None:
-        """Follow how long the robot has driven by itself without pushing."""
+        """Measure how long the robot has driven by itself without pushing."""
         decision, now_s = self.world.rig.loop.state.decision, self.now_s
         is_alone = decision.driven_by is DrivenBy.ROBOT and not decision.asks_pilot
         if not is_alone or self._held is not None:
@@ -282,12 +285,12 @@ class Newcomer:
 
 
 def is_said(key: str, text: str, words: dict[str, str]) -> bool:
-    """True if a text is the sentence of this name, with whatever is filled in."""
+    """True if a text is the sentence with this key, with any values filled in."""
     return re.fullmatch(re.sub(r"\\{\w+\\}", ".*", re.escape(words[key])), text) is not None
 
 
 def asked_by(text: str, words: dict[str, str]) -> str | None:
-    """Return what a text on the drive screen asks for."""
+    """Return the action that a text on the drive screen requests."""
     for asked, names in TOLD.items():
         if any(is_said(key, text, words) for key in words if key.startswith(names)):
             return asked
@@ -295,7 +298,7 @@ def asked_by(text: str, words: dict[str, str]) -> str | None:
 
 
 def run(story: Story, world_name: str = "box", with_challenge: bool = False) -> Story:
-    """Return what became of a newcomer with a fresh robot and a fresh browser."""
+    """Return the result of a newcomer with a new robot and a new browser."""
     width, height = map(int, story.screen.split("x"))
     with (
         tempfile.TemporaryDirectory() as kept,

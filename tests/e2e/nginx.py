@@ -1,4 +1,5 @@
-"""A real nginx or Caddy before robots, with the file that the docs give away; nginx also plain."""
+"""A real nginx or Caddy in front of robots, with the configuration of the docs; nginx also
+plain."""
 
 from __future__ import annotations
 
@@ -41,7 +42,7 @@ SITE
 
 
 def find_proxy(name: str, package: str) -> str:
-    """Return a program's path; skips loudly where there is none, and fails in CI."""
+    """Return a program's path; skips visibly if it is missing, and fails in CI."""
     found = shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin")
     if found is None and os.environ.get("CI") == "true":
         pytest.fail(f"CI needs {name}: apt-get install {package}")
@@ -58,7 +59,7 @@ def free_port() -> int:
 
 
 def plain_site(port: int, robot: int, connection: str = "upgrade") -> str:
-    """Return the form that passes on nothing but the request."""
+    """Return the configuration that passes on only the request."""
     site = _PLAIN.replace("PORT", str(port)).replace("ROBOT", str(robot))
     return site.replace("CONNECTION", connection)
 
@@ -79,7 +80,7 @@ def site_of_the_docs(port: int, robots: Sequence[int], folder: Path, *, tls: boo
 
 @contextlib.contextmanager
 def running_nginx(folder: Path, site: str, port: int) -> Iterator[None]:
-    """Serve a site while the block runs."""
+    """Serve a site inside the block."""
     folder.mkdir()
     config = folder / "nginx.conf"
     config.write_text(_AROUND.replace("SITE", site).replace("FOLDER", str(folder)))

@@ -1,7 +1,7 @@
 """Firefox over WebDriver BiDi and WebKit over WebDriver, without a library in between.
 
-Firefox listens by itself; WebKit's is Debian's `webkit2gtk-driver`, whose browser needs a display
-(`xvfb`). Both take the actions of the W3C's WebDriver, so a hand on the glass is the same.
+Firefox listens by itself; WebKit is Debian's `webkit2gtk-driver`, whose browser needs a display
+(`xvfb`). Both accept the actions of the W3C's WebDriver, so a hand on the glass is the same.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ class OtherBrowser(Protocol):
         """Open an address."""
 
     def evaluate(self, expression: str) -> Any:
-        """Return what an expression comes to; a string, number, boolean or null."""
+        """Return the value of an expression; a string, number, boolean or null."""
 
     def perform(self, actions: list[dict[str, Any]]) -> None:
         """Have the fingers act as WebDriver describes."""
 
 
 def missing(name: str) -> str | None:
-    """Return what has to be installed for a browser; None if it is all there."""
+    """Return the package to install for a browser; None if everything is installed."""
     needed = {"firefox": ("firefox-esr",), "webkit": ("WebKitWebDriver", "Xvfb")}[name]
     packages = {"WebKitWebDriver": "webkit2gtk-driver", "Xvfb": "xvfb"}
     lacking = [packages.get(one, one) for one in needed if shutil.which(one) is None]

@@ -1,4 +1,4 @@
-"""A recording without driving, for pages that show and mend it."""
+"""A recording made without driving, for pages that show and edit it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def film_a_good_pilot(frames: int) -> tuple[FrameEvent, ...]:
 
 
 def put_recording(world: World) -> None:
-    """Have a recording without driving: no busy machine can make it shorter."""
+    """Make a recording without driving, so that a busy machine cannot shorten it."""
     store = world.persistence.part(Recordings).episodes
     film = Drive(
         name="film",

@@ -1,4 +1,4 @@
-"""Take the pictures of every screen for the docs, from the running program: make screenshots.
+"""Takes the pictures of every screen for the docs from the running program: make screenshots.
 
 The world is simulated; no picture shows a real place.
 """
@@ -43,7 +43,7 @@ LIGHT = {
     "landscape": (LANDSCAPE, "light"),
     "desktop": (DESKTOP, "light"),
 }
-"""What a picture's name ends in: size and colour scheme."""
+"""The endings of the pictures' names: size and colour scheme."""
 ALSO_DARK = {**LIGHT, "phone-dark": (PHONE, "dark")}
 SCREENS = ("gallery", "why", "teaching", "undo", "home", "settings")
 Looks = dict[str, tuple[Any, str]]
@@ -96,7 +96,8 @@ def _each(
 
 
 def _contexts(browser: Any, looks: Looks = LIGHT) -> Iterator[tuple[str, Any]]:
-    """Yield a fresh browser of each size and colour scheme, with what their pictures end in."""
+    """Yield a fresh browser of each size and colour scheme, with the ending of its pictures'
+    names."""
     for ending, (viewport, scheme) in looks.items():
         context = browser.new_context(
             viewport=viewport, color_scheme=scheme, has_touch=True, is_mobile=ending != "desktop"
@@ -183,7 +184,7 @@ def _take_away(browser: Any, world: World, folder: Path) -> None:
 
 
 def _take_pairing(browser: Any, folder: Path) -> None:
-    """What an unpaired phone shows."""
+    """The screens of an unpaired phone."""
     with tempfile.TemporaryDirectory() as kept:
         config = NetworkConfig(port=0, web=WEB, lan=True, data=Path(kept))
         with live_server(config, pairing=Pairing(10)) as server:
@@ -223,7 +224,7 @@ def _take_class(browser: Any, folder: Path) -> None:
 
 
 def _hold_trial(browser: Any, world: World) -> None:
-    """Trial 1, fifteen times as fast as it is."""
+    """Trial 1, fifteen times as fast as in reality."""
     conductor = world.services.extension(StudyExtension).conductor
     assert conductor is not None
     conductor.pace = 15.0
@@ -281,7 +282,7 @@ options = ["yes", "perhaps", "no"]
 
 
 def _take_participants(browser: Any, folder: Path) -> None:
-    """A study with participants: the researcher's list, and what a participant meets."""
+    """A study with participants: the researcher's list, and a participant's screens."""
     with passing_world("box") as world:
         conductor = world.services.extension(StudyExtension).conductor
         assert conductor is not None
@@ -335,7 +336,7 @@ PARTS: dict[str, Callable[[Any, Path], None]] = {
     "study": _take_trial,
     "participants": _take_participants,
 }
-"""What can be taken alone: python -m tests.e2e.screenshots FOLDER office film."""
+"""The parts that can be taken separately: python -m tests.e2e.screenshots FOLDER office film."""
 
 PAGE = "screens.md"
 

@@ -1,4 +1,4 @@
-"""Behind a real nginx, plain, under paths, with TLS there, and Caddy: page, sockets and STOP."""
+"""Behind a real nginx (plain, under paths, with TLS there) and Caddy: page, sockets and STOP."""
 
 from __future__ import annotations
 
@@ -79,7 +79,8 @@ def _paired(context: Any, address: str, server: LiveServer, pairing: Pairing) ->
 
 
 def _judge(page: Any, address: str, server: LiveServer) -> None:
-    """See that this page shows and stops its own robot, on both ways, and keeps to its path."""
+    """Check that this page shows and stops its own robot, in both ways, and stays within its
+    path."""
     page.wait_for_selector("video-view[data-frames]", state="attached", timeout=60_000)
     stops = server.rig.loop.state.stops
     assert not server.rig.loop.state.emergency
@@ -97,7 +98,7 @@ def _judge(page: Any, address: str, server: LiveServer) -> None:
 
 
 def _judge_strangers(address: str, server: LiveServer) -> None:
-    """See that nobody without pairing gets anything, whatever headers they make up."""
+    """Check that nobody without pairing gets anything, with any forged headers."""
     made_up = {
         "X-Forwarded-For": "127.0.0.1",
         "X-Forwarded-Host": "localhost",

@@ -1,4 +1,4 @@
-"""Whatever a class's robots have to say, no STOP of the board moves under the teacher's hand."""
+"""Whatever a class's robots report, no STOP of the board moves under the teacher's hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever happens to the page while it drives, the robot stands; how soon: tests/faults."""
+"""Whatever happens to the page while it drives, the robot stops; tests/faults checks how soon."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_killing_the_browser(chromium: Any, world: World, tmp_path: Path) -> Non
 
 @contextlib.contextmanager
 def _own_chromium(chromium: Any, folder: Path) -> Iterator[tuple[Any, subprocess.Popen[bytes]]]:
-    """Start a Chromium whose process is ours to kill."""
+    """Start a Chromium whose process the test can kill."""
     profile = folder / "profile"
     command = [
         find_chromium(), *CHROMIUM_FLAGS, "--headless=new", "--remote-debugging-port=0",

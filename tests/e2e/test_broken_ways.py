@@ -1,4 +1,4 @@
-"""What the page says of a broken way, in a real Chromium, beside what is true at that moment."""
+"""The page's messages on a broken network path, in a real Chromium, compared with the truth."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ LAG_S = 6.0
 """How long a sentence may take to follow the truth, in seconds: the page asks once a second and
 waits 2 s for an answer, on a machine that may be busy."""
 SILENT_S = 2.0
-"""How long a page takes a silent link for a living one, in seconds."""
+"""How long a page may take a silent link for a working one, in seconds."""
 NOTED_S = 0.5
-"""How much later than the page a busy machine may note what is true, in seconds."""
+"""How much later than the page a busy machine may note the truth, in seconds."""
 WAYS = (
     *("refused", "no route", "asleep", "wrong port", "gateway", "websockets blocked"),
     *("captive portal, 200", "captive portal, 302", "captive portal, 401", "websockets cut"),
@@ -51,7 +51,8 @@ TRUE_IN: dict[str, set[str]] = {
     "way.offline": {"offline"},
     "way.full": set(),
 }
-"""The ways in which each sentence is true. Of the others none speaks of a broken way."""
+"""The conditions in which each sentence is true. The other sentences are not about a broken
+path."""
 _WHO = {"who.nobody": "stands", "who.other": "driven", "who.robot": "alone"}
 _RECORD = """
   window.said = [];
@@ -74,14 +75,14 @@ _LINK = "document.querySelector('app-bar')?.page?.store.state.link"
 
 
 def keys_of_sentences() -> dict[str, str]:
-    """Return the English sentences by what they say; those with blanks are left out."""
+    """Return the English sentences by their texts; sentences with blanks are left out."""
     text = Path(__file__).parents[2].joinpath("web/js/messages/en.js").read_text("utf-8")
     found = re.findall(r"^  '?([\w.]+)'?: (['\"])(.*)\2,$", text, re.MULTILINE)
     return {said.replace("\\'", "'"): key for key, _, said in found}
 
 
 class Log:
-    """What was so from when on."""
+    """A condition, and the time since which it has held."""
 
     def __init__(self, first: str) -> None:
         self.entries = [(0.0, first)]
@@ -91,7 +92,8 @@ class Log:
             self.entries.append((time.time(), value))
 
     def between(self, from_s: float, to_s: float) -> set[str]:
-        """Return all that was so at some moment of a span, or is noted a little after it."""
+        """Return all conditions that held at some moment of a time span, or were noted a little
+        after it."""
         ends = [at_s for at_s, _ in self.entries[1:]] + [float("inf")]
         return {
             value
@@ -101,7 +103,7 @@ class Log:
 
 
 class Judge:
-    """Compares what a page says with what is so: the way, and what the robot does."""
+    """Compares the page's messages with the truth: the network path, and the robot's activity."""
 
     def __init__(self) -> None:
         self.way, self.doing = Log(""), Log("stands")
@@ -110,7 +112,7 @@ class Judge:
         self._keys = keys_of_sentences()
 
     def hear(self, page: Any) -> None:
-        """Judge all that the page has said since it was opened, and forget it."""
+        """Check everything that the page has said since it was opened, and forget it."""
         said = page.evaluate("window.said.splice(0, window.said.length - 1)")
         said += page.evaluate("window.said")
         end_s = time.time()
@@ -144,7 +146,7 @@ class Judge:
 
 
 class Scene:
-    """A robot, a broken way to it, somebody beside it who drives, and what is true."""
+    """A robot, a broken path to it, somebody beside it who drives, and the truth."""
 
     def __init__(self, world: World, way: BrokenWay) -> None:
         self.world, self.road, self.judge = world, way, Judge()
@@ -174,7 +176,7 @@ class Scene:
 
     @contextlib.contextmanager
     def somebody_drives(self, page: Any) -> Iterator[None]:
-        """Let another pilot drive past the broken way; the page goes on saying what it says."""
+        """Let another pilot drive past the broken path; the page keeps its messages."""
         with contextlib.closing(Pilot(self.world.address.replace("http", "ws") + "/ws/drive",
                                       sees=True)) as pilot:  # fmt: skip
             pilot.send(type="take")
@@ -232,7 +234,7 @@ def test_no_sentence_about_a_broken_way_is_false(
 
 
 def a_device_without_network(context: Any, page: Any, scene: Scene) -> None:
-    """Only a page of another computer looks at the device's network: this one's needs none."""
+    """Only a page on another computer checks the device's network; this page needs no network."""
     scene.judge.way.note("refused")
     context.set_offline(True)
     scene.road.fault = "refused"

@@ -52,10 +52,10 @@ READ_CODES = """async () => {
 
 
 def free_ports(count: int) -> int:
-    """Return the first of so many ports in a row that nobody has, at most fifteen.
+    """Return the first of this number of free ports in a row, at most fifteen.
 
-    The one before them stays bound while this process lives: no other worker, nor another run of
-    these tests on the same machine, is given the same.
+    The port before them stays bound while this process lives, so that no other worker, and no other
+    run of these tests on this machine, gets the same ports.
     """
     for before in range(21_000, 32_000, PORTS_APART):
         claim = socket.socket()
@@ -98,7 +98,7 @@ def a_class(
     robots: int,
     command: Path,
 ) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """Run the command while the block runs; yield the board's address."""
+    """Run the command inside the block; yield the board's address."""
     words = ["class", "--robots", str(robots), "--host", "127.0.0.1", "--port", str(port)]
     process = subprocess.Popen(
         [str(command), *words, "--data", str(folder)],
@@ -124,9 +124,9 @@ def robots_of(board: str) -> list[dict[str, Any]]:
 
 
 def read_paper(page: Any) -> list[str]:
-    """Return what a phone reads off the printed page.
+    """Return the codes that a phone reads off the printed page.
 
-    By markers, as OpenCV's other reader sees nothing in one of 250 sound codes.
+    They are found by markers, because OpenCV's other reader misses one in 250 valid codes.
     """
     cv2, numpy = pytest.importorskip("cv2"), pytest.importorskip("numpy")
     import base64
@@ -140,7 +140,7 @@ def read_paper(page: Any) -> list[str]:
 
 
 def press(page: Any, mode: str, until: Callable[[], bool]) -> None:
-    """Choose a mode as a patient person does, until something has come of it."""
+    """Choose a mode like a patient person, until it has an effect."""
     button = page.locator(f"mode-bar [data-mode={mode}]")
     for _ in range(TRIES):
         if until():
@@ -152,7 +152,7 @@ def press(page: Any, mode: str, until: Callable[[], bool]) -> None:
 
 
 def running(folder: Path) -> list[str]:
-    """Return the processes that have to do with this folder."""
+    """Return the processes that belong to this folder."""
     found = []
     for entry in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):

@@ -1,7 +1,8 @@
-"""The image and the Pi's service, each as far as a machine without Podman and without a Pi can try.
+"""The container image and the Pi's service, as far as a machine without Podman and Pi can test
+them.
 
-The steps of the Containerfile run in a root folder of their own, and then its command: without
-root, without a capability, with nothing but /data to write to. A pupil teaches that robot.
+The steps of the Containerfile run in a separate root folder, and then its command: without root and
+capabilities, and with only /data to write to. A pupil teaches that robot.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def steps(text: str) -> list[tuple[str, str]]:
 
 
 def image_script(asked: list[str]) -> str:
-    """Return a shell script that does what the Containerfile says, and runs it as it says."""
+    """Return a shell script that executes the Containerfile's steps, and runs its command."""
     text = (EXAMPLES / "container" / "Containerfile").read_text("utf-8")
     script, environment, user, command = [BEGIN], ["LANG=C.UTF-8"], "0:0", []
     script += [f"lend {shlex.quote(place)} {shlex.quote(place)}" for place in LENT]
@@ -106,7 +107,7 @@ def image_script(asked: list[str]) -> str:
 
 @contextlib.contextmanager
 def contained(tmp_path: Path, port: int) -> Iterator[tuple[subprocess.Popen[str], Path]]:
-    """Run the image's command while the block runs; yields the process, and what /data is."""
+    """Run the image's command inside the block; yield the process, and the folder of /data."""
     if os.geteuid() or not shutil.which("unshare") or not shutil.which("setpriv"):
         pytest.skip("THE IMAGE WAS NOT TRIED: its root folder needs root, unshare and setpriv")
     root, data = tmp_path / "root", tmp_path / "data"

@@ -1,4 +1,4 @@
-"""A recording is seen along its time and mended, step by step, on a phone."""
+"""A recording is shown on its time axis and edited, step by step, on a phone."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ FORWARD = Action.FORWARD
 
 @pytest.fixture
 def frame_rate_hz() -> float:
-    """Many, so that short drives are long recordings."""
+    """A high rate, so that short drives are long recordings."""
     return 30.0
 
 
 def drive(world: World, examples: int) -> None:
-    """Drive without a page until so much was taught, again after each stop of a busy machine."""
+    """Drive without a page until enough was taught; begin again after each stop on a busy
+    machine."""
     loop, clock = world.rig.loop, world.rig.clock
     latest_s = clock.now_s() + 60.0
     while world.lessons < examples:
@@ -59,7 +60,7 @@ def test_a_recording_is_cut_relabelled_and_restored_on_the_page(phone: Any, worl
     assert phone.locator(".timeline path.robot").get_attribute("d").startswith("M")
 
     def press(text: str, edits: int) -> None:
-        """Press, and wait until the page has drawn the recording with so many edits."""
+        """Press, and wait until the page has drawn the recording with this number of edits."""
         phone.get_by_role("button", name=text).tap()
         back = phone.get_by_role("button", name="Undo the last")
         if edits:
@@ -126,8 +127,8 @@ def test_recordings_beyond_their_space_are_offered(
 
 
 def spoil(film: tuple[FrameEvent, ...]) -> tuple[list[FrameEvent], list[tuple[int, int, Action]]]:
-    """Put a fifth of the labels wrong, in two stretches; return also what would repair them:
-    first and last index of each, and the right label, which is one and the same all through."""
+    """Mislabel a fifth of the examples, in two stretches; return also the repair: first and last
+    index of each stretch, and the right label, which is the same in both."""
     shots, runs = list(film), []
     begin = 0
     for i in range(1, len(shots) + 1):
@@ -268,7 +269,7 @@ def test_teaching_again_is_followed_though_an_answer_is_lost(
     asked: list[str] = []
 
     def answer(route: Any) -> None:
-        """Teaching is under way, then out of reach for a moment, then done."""
+        """A training run is in progress, then unreachable for a moment, then done."""
         asked.append(route.request.method)
         state = {"state": "running", "share": 0.5} if len(asked) < 3 else {"state": "idle"}
         if len(asked) == 2:

@@ -1,4 +1,4 @@
-"""Every screen at every size and in every language: nothing is cut, nothing overlaps."""
+"""Every screen at every size and in every language: nothing is truncated, nothing overlaps."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _STOP_LIES_ON_THE_PANEL = """() => innerHeight >= 480 && innerWidth < 700
   && document.querySelector('button.stop').getBoundingClientRect().bottom
      > document.querySelector('#panel .title').getBoundingClientRect().top
   ? ['STOP lies on the panel'] : []"""
-"""A panel at the side reaches up to the bar, and one in a low window cannot help it."""
+"""A panel at the side may reach up to the bar, and in a low window this is unavoidable."""
 _HEIGHTS = """() => {
   const heights = () => [...document.querySelectorAll('.robot')].map((card) => card.offsetHeight);
   const shown = [...document.querySelectorAll('.release')].filter((button) => !button.hidden);
@@ -47,14 +47,14 @@ _HEIGHTS = """() => {
   for (const button of shown) button.hidden = false;
   return [held, free];
 }"""
-"""The cards' heights with the buttons that release a robot, and without: in one moment, for what
-a robot has to say may come at any time and stretch its neighbours."""
+"""The cards' heights with and without the buttons that release a robot, measured at one moment,
+because a robot's message may come at any time and stretch the neighbouring cards."""
 SCREENS = ("gallery", "why", "teaching", "undo", "challenge", "study", "home", "settings")
 
 
 @pytest.fixture(scope="module")
 def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    """A robot that was taught a little, which is recorded; the pages here only look at it."""
+    """A recorded robot that was taught a little; the pages here only show it."""
     folder = tmp_path_factory.mktemp("taught")
     with running_world(folder, world="office") as running:
         drive(running, 60)
@@ -118,7 +118,7 @@ def test_no_advice_moves_the_pad_under_the_hand(
 
 @pytest.fixture(scope="module")
 def school(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveClass]:
-    """A class of which one robot does not answer, and one has a long name."""
+    """A class in which one robot does not answer, and one has a long name."""
     with running_class(tmp_path_factory.mktemp("class"), 3, 1) as running:
         running.robots[0].identity.change(name="Wolkenkuckucksheim Wagen")
         yield running
@@ -158,13 +158,13 @@ def test_the_board_of_a_class_has_room_everywhere(
 def _everywhere(
     page: Any, language: str, what: str, found: Callable[[Any], list[str]] = faults
 ) -> list[str]:
-    """Return what is wrong with what is shown now, at each size."""
+    """Return the faults of the current screen, at each size."""
     sizes = _sizes(page, language)
     return [f"{what} {size}: {fault}" for size in sizes for fault in found(page)]
 
 
 def _sizes(page: Any, language: str) -> Any:
-    """Go through all sizes in CI, otherwise through those that fall to this language."""
+    """Yield all sizes in CI, and otherwise the sizes that belong to this language."""
     devtools = page.context.new_cdp_session(page)
     first = LANGUAGES.index(language)
     for width, height in SIZES if IS_FULL else SIZES[first :: len(LANGUAGES)]:
@@ -177,7 +177,7 @@ def _sizes(page: Any, language: str) -> Any:
 
 
 def _open_all(page: Any) -> None:
-    """Open what a screen shows on a touch: a card's detail, the tools of a model or recording."""
+    """Open everything that a touch opens: a card's detail, the tools of a model or recording."""
     for opener in ("[aria-expanded=false].quiet", ".gallery .card"):
         shown = page.locator(f"#other {opener}")
         for i in range(min(shown.count(), 3) - 1, -1, -1):

@@ -1,4 +1,4 @@
-"""The page is for everyone: accessible, small, in three languages, there without a link."""
+"""The page is for everyone: accessible, small, in three languages, and shown without a link."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
 
 @pytest.fixture
 def frame_rate_hz() -> float:
-    """Many, so that what is taught first takes little time."""
+    """A high rate, so that the first teaching takes little time."""
     return 30.0
 
 
 def complaints(page: Any) -> list[str]:
-    """What axe-core finds wrong on the page as it is now."""
+    """The faults that axe-core finds on the current page."""
     found = page.evaluate(
         """async (tags) => (await axe.run({runOnly: tags, resultTypes: ['violations']}))
              .violations.map((v) => `${v.id}: ` +
@@ -95,7 +95,7 @@ def test_axe_finds_nothing_on_any_screen_and_each_target_has_room_for_a_thumb(
 
 
 def too_small(page: Any) -> list[str]:
-    """What is too small for a thumb on the page as it is now."""
+    """The elements of the current page that are too small for a thumb."""
     found = page.evaluate(
         """() => [...document.querySelectorAll('button, a, select, label.choice')]
              .filter((e) => e.checkVisibility())
@@ -108,12 +108,12 @@ def too_small(page: Any) -> list[str]:
 
 @dataclass
 class Visit:
-    """What a visit to all screens costs the link, and what it leads to."""
+    """The number of bytes that a visit to all screens costs, and its targets."""
 
     first_bytes: float = 0.0
     first_requests: int = 0
     bytes: float = 0.0
-    """Of all screens but that of a study, which is fetched by those alone who run one."""
+    """All screens except that of a study, which is only fetched by people who run one."""
     study_bytes: float = 0.0
     asked: list[str] = field(default_factory=list)
     errors: list[str] = field(default_factory=list)
@@ -210,7 +210,7 @@ def test_reduced_motion_moves_nothing(chromium: Any, rover: World) -> None:
 
 
 def test_the_first_visit_shows_three_hints_once(chromium: Any, tmp_path: Path) -> None:
-    """Each when its moment has come, and nothing else is said beside it."""
+    """Each hint comes at its moment, and nothing else is said beside it."""
     # This learner knows every view, so that nothing more urgent hides a hint.
     with running_world(tmp_path, learner="published-32", frame_rate_hz=30.0) as world:
         context = new_context(chromium, PHONE)

@@ -1,4 +1,4 @@
-"""Who drives the page by keyboard finds the focus where it was, whatever is drawn anew."""
+"""A keyboard user finds the focus where it was, whatever is redrawn."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
 def focused(page: Any) -> str:
-    """Return the name of what has the focus."""
+    """Return the name of the focused element."""
     name: str = page.evaluate(
         """() => {
           const { activeElement: e } = document;
@@ -23,7 +23,7 @@ def focused(page: Any) -> str:
 
 
 def to_another(control: Any) -> str:
-    """Return the key that leaves the chosen one of a list: a robot's colour is drawn by chance."""
+    """Return the key that leaves the chosen item of a list, because a robot's colour is random."""
     is_last = control.evaluate("(list) => list.selectedIndex === list.options.length - 1")
     return "ArrowUp" if is_last else "ArrowDown"
 

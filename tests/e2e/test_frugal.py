@@ -1,4 +1,4 @@
-"""Only what is shown crosses the link, and the cached page is enough to reconnect."""
+"""Only shown data is sent over the link, and the cached page is enough to reconnect."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ELSEWHERE = ("teaching", "undo", "home", "settings")
 
 
 def hide(page: Any, *, hidden: bool) -> None:
-    """Do to the page what a browser does when another tab is chosen."""
+    """Treat the page as a browser does when another tab is chosen."""
     page.evaluate(
         """(hidden) => {
           Object.defineProperty(document, 'hidden', { configurable: true, get: () => hidden });
@@ -56,10 +56,10 @@ def bytes_per_s(page: Any, http_bytes: list[int]) -> float:
 
 
 def at_rest(page: Any, http_bytes: list[int]) -> float:
-    """Return what a page costs a second while nothing changes.
+    """Return the bytes per second of a page on which nothing changes.
 
-    A robot on a busy machine has news of its own, such as that it is late, and each is sent at
-    once: up to five times two seconds are watched. Pictures would be in all of them.
+    A robot on a busy machine has news of its own, for example that it is late, and sends them at
+    once. So up to five spans of two seconds are watched; pictures would be in all of them.
     """
     for _ in range(5):
         rate = bytes_per_s(page, http_bytes)
@@ -69,7 +69,7 @@ def at_rest(page: Any, http_bytes: list[int]) -> float:
 
 
 def frames_of(page: Any) -> int:
-    """Return how many pictures the page has painted."""
+    """Return the number of pictures that the page has painted."""
     return int(page.evaluate("document.querySelector('video-view').frames"))
 
 

@@ -1,4 +1,4 @@
-"""What was let go of, in whatever way, is held only when it is pressed anew."""
+"""An input that was released, in any way, counts as held only after it is pressed again."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""The drive screen holds still: whatever is said on it, at any size and in any language.
+"""The drive screen does not move: for any message, at any size and in any language.
 
-STOP is wholly on the screen and on top, no control moves, no text lies on another, and no tap lands
-on a control that was not there when the finger set out. A subset of sizes by default, each in one
-language; in CI in all of them. With DRIVELESSON_SIZES=all the whole grid, and with 24:7 also 24 of
-it, drawn by the seed 7: CI draws others each time.
+STOP is completely on the screen and on top, no control moves, no texts overlap, and no tap hits a
+control that was not there when the finger set out. By default a subset of sizes is tested, each in
+one language; CI tests them in all languages. With DRIVELESSON_SIZES=all the whole grid is tested,
+and with 24:7 also 24 of the grid's sizes, drawn by the seed 7; CI draws others each time.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ FEW = [
     *((600, 520), (768, 1024), (1024, 600), (1280, 800)),
 ]
 ROOMY = {(360, 640), (390, 844), (844, 390), (768, 1024), (1024, 600), (1280, 800)}
-"""Here every sentence has room for itself; elsewhere some have to be scrolled."""
+"""At this size every sentence has enough space; at other sizes some have to be scrolled."""
 TEXT = (100, 130, 160, 200)
 MOVES = {
     "three": ["forward", "left", "right"],
@@ -108,7 +108,8 @@ def test_the_drive_screen_holds_still(
 
 
 def _sizes(language: str, moves: str) -> list[tuple[tuple[int, int], int]]:
-    """Return sizes with percentages of text; of the whole grid, each with another one in turn."""
+    """Return sizes with percentages of text; of the whole grid, each with another percentage in
+    turn."""
     turn = ["en", "es", "zh"].index(language) + (moves == "six") * 2
     whole = [(size, TEXT[(i + turn) % len(TEXT)]) for i, size in enumerate(GRID)]
     if IS_WHOLE:

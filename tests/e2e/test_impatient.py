@@ -1,4 +1,4 @@
-"""Who taps twice, goes back and forth, or comes to a robot that refuses sees what is true."""
+"""People who tap twice, go back and forth, or meet a robot that refuses see the true state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 
 def outcome(move: str) -> dict[str, Any]:
-    """Return what one participant drove: nothing, but for the move's name."""
+    """Return one participant's result: nothing, except for the move's name."""
     shares = {move: [0.0, 1.0]}
     return {
         "moves": [move],
@@ -49,7 +49,7 @@ def study(name: str) -> dict[str, Any]:
 
 
 class Studies:
-    """Answers for two studies; what is asked of `slow` waits until `let_go`."""
+    """Answers for two studies; requests for `slow` wait until `let_go`."""
 
     def __init__(self, context: Any, slow: str) -> None:
         self.slow, self.waiting = slow, list[Any]()

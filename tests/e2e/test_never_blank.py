@@ -1,4 +1,5 @@
-"""The page is never blank: a sentence and a STOP that works, whatever does not arrive."""
+"""The page is never blank: a sentence and a working STOP are shown, whichever file does not
+arrive."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ FIRST = "#first button"
 
 
 def lose(context: Any, part: str, times: int = LOST) -> list[str]:
-    """Have the first requests for a part fail, as in a hole of the Wi-Fi; returns those asked."""
+    """Have the first requests for a part fail, as in a gap of the Wi-Fi; return the requests."""
     asked: list[str] = []
 
     def answer(route: Any) -> None:

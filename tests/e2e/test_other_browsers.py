@@ -27,7 +27,7 @@ STEP_S = 60.0
 
 
 class Hand:
-    """A finger on the page of another browser; a mouse where it knows no touch."""
+    """A finger on another browser's page; a mouse if the browser has no touch."""
 
     def __init__(self, page: OtherBrowser) -> None:
         self._page = page
@@ -105,7 +105,7 @@ def test_teach_drive_and_stop(name: str, world: World) -> None:
 
 
 def _choose(page: OtherBrowser, hand: Hand, world: World, mode: Mode) -> None:
-    """Tap a mode, again after each stop: a busy machine is late."""
+    """Tap a mode, and again after each stop, because a busy machine is late."""
     deadline_s = time.monotonic() + STEP_S
     while world.mode is not mode:
         assert time.monotonic() < deadline_s, f"the robot does not stay in mode {mode.value}"
@@ -114,7 +114,7 @@ def _choose(page: OtherBrowser, hand: Hand, world: World, mode: Mode) -> None:
 
 
 def _teach(hand: Hand, world: World, move: Action, lessons: int) -> None:
-    """Hold a move until so much was learned, and again after each stop."""
+    """Hold a move until enough was learned, and again after each stop."""
     deadline_s = time.monotonic() + STEP_S
     while world.lessons < lessons:
         assert time.monotonic() < deadline_s, f"holding {move} taught {world.lessons} of {lessons}"
@@ -131,5 +131,5 @@ def _until(condition: Callable[[], bool], what: str) -> None:
 
 
 def until(page: OtherBrowser, expression: str) -> None:
-    """Wait until something is so on the page."""
+    """Wait until a condition holds on the page."""
     wait_until(lambda: bool(page.evaluate(expression)), expression, STEP_S)

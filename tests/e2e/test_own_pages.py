@@ -1,7 +1,7 @@
-"""Ways of driving that need pages of their own, and so robots of their own.
+"""Ways of driving that need separate pages, and therefore separate robots.
 
-What a closed page asked for last, such as STOP, may reach its robot late: in the next test, if both
-had the same one.
+The last request of a closed page, such as STOP, may reach its robot late: in the next test, if both
+tests used the same robot.
 """
 
 from __future__ import annotations
@@ -60,7 +60,8 @@ def test_a_gamepad_drives_and_its_button_stops(chromium: Any, world: World) -> N
 
 @pytest.fixture
 def whole_chromium() -> Iterator[Any]:
-    """The Chromium with windows, though none is opened: the other one knows no leaning phone."""
+    """The Chromium with windows, although none is opened, because the other one has no tilt
+    sensor."""
     with running_chromium(whole=True) as browser:
         yield browser
 
@@ -194,7 +195,7 @@ WRONGLY_HIT = """(n) => {
 def test_no_word_of_a_move_lies_over_another_move(
     chromium: Any, world: World, size: dict[str, int]
 ) -> None:
-    """A finger on it would drive that one."""
+    """A finger on it would drive that robot."""
     context = new_context(chromium, size)
     page = open_page(context, world.address)
     assert [move for n in (5, 12) for move in page.evaluate(WRONGLY_HIT, n)] == []

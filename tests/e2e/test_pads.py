@@ -1,4 +1,4 @@
-"""Game pads on the page: an unknown layout is asked for, and of two the newest drives."""
+"""Game pads on the page: it asks about an unknown layout, and the most recently used pad drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A phone that scans the code in the terminal is paired; one that does not is refused."""
+"""A phone that scans the code in the terminal is paired; any other phone is refused."""
 
 from __future__ import annotations
 

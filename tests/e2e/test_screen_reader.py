@@ -1,4 +1,4 @@
-"""What a screen reader is given of driving and mending: names, roles, states and their order."""
+"""A screen reader's view of driving and editing: names, roles, states and their order."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class Node(NamedTuple):
     states: dict[str, Any]
     value: Any
     path: tuple[str, ...]
-    """What it lies in: role and name of each."""
+    """Its containers: role and name of each."""
 
 
 def tree(page: Any) -> list[Node]:
-    """Return what Chromium gives to a screen reader, in its order."""
+    """Return Chromium's output for a screen reader, in its order."""
     session = page.context.new_cdp_session(page)
     nodes = {n["nodeId"]: n for n in session.send("Accessibility.getFullAXTree")["nodes"]}
     session.detach()
@@ -71,7 +71,7 @@ def in_order(nodes: list[Node], *wanted: str) -> None:
 
 
 def sound(nodes: list[Node]) -> None:
-    """Check what holds on any screen."""
+    """Check the requirements of every screen."""
     assert [node for node in nodes if node.role in CONTROLS and not node.name.strip()] == []
     assert [node.role for node in nodes].count("main") == 1
     levels = [node for node in nodes if node.role == "heading"]

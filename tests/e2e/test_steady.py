@@ -1,6 +1,6 @@
-"""Nothing moves under a finger: what the robot answers late moves no button that is shown already.
+"""Nothing moves under a finger: a late answer of the robot moves no button that is already shown.
 
-A finger that comes down on "Save" while something arrives above it would tap on that instead.
+Otherwise a finger on its way to "Save" would tap on something that arrived above it.
 """
 
 from __future__ import annotations
@@ -68,7 +68,8 @@ HOLD = """() => {
 
 
 def answer(phone: Any, order: str, wanted: str = "") -> Any:
-    """Let the answers arrive one by one until what is wanted is shown, and no more is asked.
+    """Let the answers arrive one by one until the wanted content is shown and no request is
+    pending.
 
     Returns:
         What of the page moved meanwhile, and the names of what it shows.
@@ -78,7 +79,7 @@ def answer(phone: Any, order: str, wanted: str = "") -> Any:
 
 @pytest.fixture
 def slow(rovers_phone: Any) -> Iterator[Any]:
-    """The rover's page, whose answers arrive only when the test lets them."""
+    """The rover's page, whose answers arrive only when the test releases them."""
     rovers_phone.evaluate(HOLD)
     yield rovers_phone
     rovers_phone.evaluate("letGo()")

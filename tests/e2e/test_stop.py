@@ -114,12 +114,13 @@ COVERINGS = (
   return wrong;
 }"""
 )
-"""Covers the screen with all there is, one after the other, and says what STOP suffers from."""
+"""Covers the screen with everything possible, one after the other, and reports the effects on
+STOP."""
 
 
 @pytest.fixture(scope="module")
 def untouched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    """A robot that nobody drives or stops, so that it has nothing to say over a toast."""
+    """A robot that nobody drives or stops, so that no message of its own covers a toast."""
     with running_world(tmp_path_factory.mktemp("untouched"), world="office") as running:
         yield running
 

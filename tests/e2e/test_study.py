@@ -1,7 +1,7 @@
 """A study on the page: scripted participants from consent to the last answer, and the zip.
 
-DRIVELESSON_PARTICIPANTS says how many; `make test` takes two. They drive with a hand on the
-glass. A phase of teaching hardly moves on before enough was taught, however slow the machine, and
+DRIVELESSON_PARTICIPANTS is their number; `make test` takes two. They drive with a hand on the
+glass. A phase of teaching hardly advances before enough was taught, however slow the machine, and
 then runs faster than its plan says.
 """
 
@@ -36,7 +36,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 PARTICIPANTS = size("PARTICIPANTS", 2, 2)
 WAITING, SLOW, FAST = 0.01, 2.0, 8.0
-"""Seconds of a phase in one second: until enough was taught, while the robot drives, and else."""
+"""Seconds of a phase per second: until enough was taught, while the robot drives, and otherwise."""
 EXAMPLES = 20
 PLAN = """
 title = "Short or long teaching"
@@ -73,7 +73,7 @@ when = "end"
 
 
 class Person:
-    """A scripted participant: how early he turns, and what he answers, are his own."""
+    """A scripted participant with individual turns and answers."""
 
     def __init__(self, page: Any, world: World, number: int) -> None:
         self.page, self.world = page, world
@@ -99,7 +99,7 @@ class Person:
         self.page.get_by_role("heading", name="Participants", exact=True).wait_for()
 
     def drive(self) -> None:
-        """Teach, then let it drive, with one correction while that is asked for."""
+        """Teach, then let it drive, with one correction if the phase asks for one."""
         session = self.conductor.session
         assert session is not None
         self.page.locator(".notice", has_text="tap Teach").wait_for()
@@ -219,7 +219,7 @@ def test_a_study_from_the_plan_to_the_same_tables_elsewhere(
 
 
 def check_rows(file: Path, people: list[Person]) -> None:
-    """Every participant's rows say what he did and answered, and the order is balanced."""
+    """Every participant's rows match the driving and the answers, and the order is balanced."""
     with zipfile.ZipFile(file) as packed:
         rows = list(csv.DictReader(packed.read("phases.csv").decode().splitlines()))
     assert len(rows) == len(people) * 2 * 4

@@ -1,4 +1,4 @@
-"""What the page shows of the learner is true: gallery, undo, trial, models, settings."""
+"""The page shows the learner truthfully: gallery, undo, trial, models, settings."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 @pytest.fixture
 def frame_rate_hz() -> float:
-    """Many, so that what is taught first takes little time."""
+    """A high rate, so that the first teaching takes little time."""
     return 30.0
 
 
 def teach_both_moves(page: Any, world: World, frames_each: int = 25) -> None:
-    """Forward first, then left, so that the learner holds images of both."""
+    """Forward first, then left, so that the learner has images of both."""
     choose(page, world, Mode.TRAIN)
     fingers = Fingers(page)
     for move in ("forward", "left"):
@@ -109,7 +109,7 @@ def _teaching_s(world: World) -> float:
 
 
 def _seconds_of_last(world: World, lessons: int) -> float:
-    """How many seconds of training the last so many examples cover."""
+    """The seconds of training that the last this many examples cover."""
     seconds = 0.05
     while len(world.rig.loop.history.last_examples(seconds)) < lessons:
         seconds += 0.01
@@ -227,11 +227,11 @@ SHOWN = """async () => {
   }
   return shown;
 }"""
-"""The bytes of each image that the gallery shows, as the browser has kept them."""
+"""The bytes of each image in the gallery, as the browser has cached them."""
 
 
 def test_the_gallery_shows_the_images_of_the_model_in_use(phone: Any, world: World) -> None:
-    """Those of another one bear the same numbers."""
+    """The images of another model have the same numbers."""
 
     def begin_and_teach() -> dict[str, list[int]]:
         world.services.persistence.autosave.begin()

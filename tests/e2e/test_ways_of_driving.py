@@ -136,7 +136,8 @@ def _histories(first: int, count: int) -> list[dict[str, Any]]:
 
 
 def test_no_generated_keyboard_drives_on_beside_the_robot(desktop: Any, world: World) -> None:
-    """Its answers come as late as they do; most histories run in node (tests/web/keys.test.mjs)."""
+    """Its answers come late at their own pace; node tests most histories
+    (tests/web/keys.test.mjs)."""
     played = desktop.evaluate(
         PLAY, {"histories": _histories(1, size("LIVE_KEYS", 4, 40)), "isLive": True}
     )
@@ -193,7 +194,7 @@ LETTING_GO: dict[str, tuple[str, Callable[[Any, Fingers], None]]] = {
         lambda page, fingers: page.evaluate("location.hash = 'home'"),
     ),
 }
-"""What ends a hold, and in which event the page says so."""
+"""The ends of a hold, and the event in which the page reports each."""
 NOTE_SAID = """() => {
   window.said = [];
   const { connection } = document.querySelector('app-bar').page;
@@ -207,8 +208,8 @@ NOTE_SAID = """() => {
 
 @crossed(name=LETTING_GO, by=["moves", "stick"])
 def test_letting_go_stops(phone: Any, world: World, name: str, by: str) -> None:
-    """The page says so while it handles the event itself: what is late then is the link, and from
-    there on the table of faults counts, in virtual time (tests/faults)."""
+    """The page reports it while it handles the event itself. Later delays are due to the link, and
+    from there the table of faults applies, in virtual time (tests/faults)."""
     steer_by(phone, by)
     choose(phone, world, Mode.TRAIN)
     fingers = Fingers(phone)
@@ -278,7 +279,7 @@ def test_what_is_taught_by_degrees_is_seen_over_the_picture_and_in_the_gallery(
 
 
 def near(world: World, steering: float) -> bool:
-    """True if the robot is driven about so far to one side."""
+    """True if the robot is driven about this far to one side."""
     point = world.rig.loop.state.decision.point
     return point is not None and abs(point.steering - steering) < 0.25
 

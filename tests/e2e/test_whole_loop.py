@@ -1,4 +1,4 @@
-"""The whole loop on a phone: teach, see it agree, let it drive, correct it, stop it."""
+"""The whole loop on a phone: teach, see the agreement, let it drive, correct it, stop it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 @pytest.fixture
 def frame_rate_hz() -> float:
-    """Many, so that what is taught takes little time."""
+    """A high rate, so that teaching takes little time."""
     return 30.0
 
 
@@ -34,17 +34,17 @@ BOTH = (Action.FORWARD, Action.LEFT)
 
 
 def fewest(world: World, *moves: Action) -> int:
-    """How many examples there are of the move that was taught least."""
+    """Number of examples of the move that was taught least."""
     taught = world.rig.loop.state.taught
     return min(taught.get(move, 0) for move in moves)
 
 
 def learned(world: World) -> dict[Action, float]:
-    """For each move, the share of what was taught that is proposed in the same view now.
+    """For each move, the share of its examples for which the move is proposed now.
 
-    The agreement that the page shows is of the newest examples, each before it was learned: it
-    goes up and down with the way that is driven. This does not; who always proposes one and the
-    same move has 1 and 0, and who guesses has a half.
+    The agreement on the page is that of the newest examples, each before it was learned, so it
+    varies with the path. This measure does not: a robot that always proposes one move has 1 and 0,
+    and a robot that guesses has a half.
     """
     history = world.rig.loop.history
 

@@ -1,4 +1,4 @@
-"""A real server around a simulated robot, and a Chromium before it."""
+"""A real server around a simulated robot, and a Chromium that shows its page."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ CHROMIUMS = (
     "/usr/bin/chromium",
     "/usr/bin/chromium-browser",
 )
-"""Where Chromium is looked for. The first has no windows, and takes a third less of a machine."""
+"""Paths of Chromium. The first one has no windows, and uses a third less CPU."""
 PATIENCE_MS = 90_000
-"""Where a test names no time, it waits so long: it must not judge how fast a machine is."""
+"""Timeout if a test names none; it must not judge the speed of a machine."""
 CHROMIUM_FLAGS = [
     "--no-sandbox",
     "--disable-gpu",
@@ -50,7 +50,7 @@ CHROMIUM_FLAGS = [
 
 
 class World:
-    """One running robot: its address, and the truth about it that no page can bend."""
+    """One running robot: its address, and its true state, independent of the page."""
 
     def __init__(self, address: str, services: Services) -> None:
         self.address, self.services, self.rig = address, services, services.robot
@@ -107,8 +107,8 @@ PATIENT = LoopConfig(
     camera=CameraTimingConfig(longest_timeout_s=6.6, full_speed_s=5.0),
     stall_s=4.0,
 )
-"""The loop's rules with longer times. Whether browser and robot work together is judged here; how
-soon the robot stops is judged in virtual time (tests/faults), where no busy machine shifts it."""
+"""The loop's rules with longer times. These tests check that browser and robot work together;
+virtual time checks how soon the robot stops (tests/faults), independent of the machine's load."""
 
 
 @contextlib.contextmanager
@@ -120,9 +120,9 @@ def running_world(
     limits: LoopConfig = PATIENT,
     **options: Any,
 ) -> Iterator[World]:
-    """Serve a robot on a free port of this machine while the block runs.
+    """Serve a robot on a free port of this machine inside the block.
 
-    The simulator sends ten pictures a second, as the camera of a real EV3 does.
+    The simulator sends ten pictures a second, like the camera of a real EV3.
     """
     config = config or Config(port=0, data=folder, web=joined_page())
     if robot == "sim":
@@ -143,7 +143,7 @@ def passing_world(name: str) -> Iterator[World]:
 
 
 def find_chromium(*, whole: bool = False) -> str:
-    """Return Chromium's path; skips loudly where there is none, and fails in CI.
+    """Return Chromium's path; skips visibly if there is none, and fails in CI.
 
     Args:
         whole: The one with windows, where the other one lacks something.
@@ -157,7 +157,7 @@ def find_chromium(*, whole: bool = False) -> str:
 
 
 _PLAYWRIGHTS: list[Any] = []
-"""The one that runs in this process, if any: there may be only one."""
+"""The browser that runs in this process, if any, because there may be only one."""
 
 
 @contextlib.contextmanager
@@ -199,8 +199,8 @@ def running_chromium(*flags: str, whole: bool = False) -> Iterator[Any]:
 def new_context(browser: Any, viewport: dict[str, int], **options: Any) -> Any:
     """Return a fresh profile: a phone's, or a computer's with a mouse.
 
-    Without a service worker, which fetches the whole page a second time: what it is for is judged
-    in tests of its own.
+    It has no service worker, which would fetch the whole page a second time; the service worker has
+    tests of its own.
     """
     if viewport is not DESKTOP:
         options = {"has_touch": True, "is_mobile": True, **options}
@@ -214,7 +214,7 @@ def remember(**preferences: Any) -> str:
 
 
 def open_page(context: Any, address: str, path: str = "/", *, hints: bool = False) -> Any:
-    """Open the page and wait for the first picture; without the first visit's hints."""
+    """Open the page and wait for the first picture, without the first visit's hints."""
     page = context.new_page()
     _load(page, address + path, hints=hints)
     return page
@@ -229,7 +229,7 @@ def _load(page: Any, address: str, *, hints: bool = False) -> None:
 
 
 def release_stop(page: Any, world: World) -> None:
-    """Release the emergency stop, if it is latched, when the page knows of it and asks for nothing.
+    """Release a latched emergency stop when the page knows of it and has no request pending.
 
     A page that does not know yet would stop the robot once more, over HTTP.
     """
@@ -242,7 +242,7 @@ def release_stop(page: Any, world: World) -> None:
 
 
 def come_to_rest(page: Any, world: World) -> None:
-    """Have the robot stand, with no emergency, and nothing left that its page has asked for."""
+    """Have the robot stand, with no emergency, and with no pending request of its page."""
     world.rig.loop.set_mode(Mode.STOPPED).result(5)
     if page.url.startswith(world.address):
         release_stop(page, world)
@@ -251,7 +251,8 @@ def come_to_rest(page: Any, world: World) -> None:
 
 
 def begin_anew(page: Any, world: World, viewport: dict[str, int]) -> None:
-    """Have the robot stand, with no emergency, and the page show it, as if both had just begun."""
+    """Have the robot stand, with no emergency, and the page show it, as if both had just
+    started."""
     is_open = page.url.startswith(world.address)
     was_stopped = world.rig.loop.state.emergency
     come_to_rest(page, world)
@@ -296,7 +297,7 @@ _SETTLED = """async ([quietMs, longestMs]) => {
 
 
 def show(page: Any, screen: str) -> None:
-    """Go to a screen, and wait until it has all that it asks for and has drawn it."""
+    """Go to a screen, and wait until it has received and drawn all of its data."""
     page.evaluate(f"location.hash = '{screen}'")
     if screen != "drive":
         page.wait_for_selector(f"{screen}-screen", state="attached")
@@ -304,7 +305,7 @@ def show(page: Any, screen: str) -> None:
 
 
 def settle(page: Any) -> None:
-    """Wait until the screen asks for nothing and adds nothing any more."""
+    """Wait until the screen requests and adds nothing any more."""
     page.evaluate(_SETTLED, [100, 5000])
 
 

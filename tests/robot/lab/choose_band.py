@@ -1,6 +1,6 @@
 """Which width of the band is best for all places but one? Each place is left out in turn.
 
-    python -m tests.robot.lab.choose_band ../shared/recordings [EXAMPLES]
+python -m tests.robot.lab.choose_band ../shared/recordings [EXAMPLES]
 """
 
 from __future__ import annotations
