@@ -52,7 +52,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.Item]) -> None:
-    """Mark what runs real parts, hold the number of the others to the limit, and put in order."""
+    """Mark tests of real parts, check the number of other real-time tests, and sort the tests."""
     wall_clock.hold_to_the_limit(session, items)
     here = Path(__file__).parent
     for item in items:
@@ -64,7 +64,7 @@ def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.It
 
 
 def pytest_collection_finish() -> None:
-    """Spare the garbage collector what all tests share: it is there until the end anyway."""
+    """Exclude shared objects from garbage collection, because they exist until the end anyway."""
     gc.collect()
     gc.freeze()
 
@@ -79,7 +79,7 @@ def _own_data_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]
 
 @pytest.fixture(scope="session", autouse=True)
 def _authorities_are_read_once() -> Iterator[None]:
-    """Each `httpx.get` reads all authorities of TLS anew: 30 ms, most of a virtual request."""
+    """Each `httpx.get` would read all TLS authorities again: 30 ms, most of a virtual request."""
     before, trust = httpx.HTTPTransport.__init__, ssl.create_default_context()
 
     def begin(transport: httpx.HTTPTransport, verify: Any = True, **options: Any) -> None:
@@ -92,7 +92,7 @@ def _authorities_are_read_once() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def npm_modules() -> Path:
-    """Return the folder of what the page's tests need from npm; CI installs it."""
+    """Return the folder of the npm packages that the page's tests need; CI installs it."""
     folder = Path(__file__).parent / "web"
     modules = folder / "node_modules"
     if os.environ.get("CI") == "true" and not modules.is_dir():

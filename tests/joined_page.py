@@ -1,4 +1,4 @@
-"""The page as a wheel has it: made once for a run of tests."""
+"""The page as in a wheel: made once for a run of tests."""
 
 from __future__ import annotations
 

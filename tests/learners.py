@@ -1,4 +1,4 @@
-"""Which learners there are to try: extensions bring some, and may be taken away."""
+"""The learners to test: extensions add some, and may be removed."""
 
 from __future__ import annotations
 

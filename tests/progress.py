@@ -1,4 +1,4 @@
-"""Says what runs and how far it is, a line for each file: `pytest -p tests.progress`."""
+"""Prints the running tests and the progress, a line for each file: `pytest -p tests.progress`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 
 class Progress:
-    """Counts the tests of each file, and tells when the last of a file has ended."""
+    """Counts the tests of each file, and reports when the last of a file has ended."""
 
     def __init__(self, config: pytest.Config) -> None:
         self._config = config
@@ -21,12 +21,12 @@ class Progress:
         self._total = 0
 
     def pytest_collection_finish(self, session: pytest.Session) -> None:
-        """Count what this process has collected; with workers it is theirs that counts."""
+        """Count the tests that this process has collected; with workers, theirs count."""
         self._expect(item.nodeid for item in session.items)
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_node_collection_finished(self, node: Any, ids: list[str]) -> None:
-        """Count what a worker has collected: all of them have collected the same."""
+        """Count the tests of one worker, because all workers have collected the same."""
         if not self._total:
             self._expect(ids)
 
@@ -35,7 +35,7 @@ class Progress:
         self._total = self._left.total()
 
     def pytest_report_teststatus(self, report: pytest.TestReport) -> tuple[str, str, str] | None:
-        """Count an outcome, without a dot for it."""
+        """Count an outcome, without printing a dot for it."""
         is_one = report.when == "call" or (report.when == "setup" and not report.passed)
         if report.when == "teardown" and report.passed:
             return None
@@ -46,7 +46,7 @@ class Progress:
         return (report.outcome, "", report.outcome.upper()) if is_one else None
 
     def pytest_runtest_logfinish(self, nodeid: str) -> None:
-        """Tell of a file whose tests have all ended."""
+        """Report a file whose tests have all ended."""
         file = _file(nodeid)
         self._left[file] -= 1
         if not self._left[file]:
@@ -67,7 +67,7 @@ def _file(nodeid: str) -> str:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Follow the tests in the process that starts the workers, not in them."""
+    """Follow the tests in the process that starts the workers, not in the workers."""
     if not hasattr(config, "workerinput"):
         config.option.verbose = min(config.option.verbose, -1)
         config.pluginmanager.register(Progress(config), "progress")

@@ -26,7 +26,7 @@ _SERVED = ("virtual", "virtual_server", "scenario", "classroom_world", "sessions
 
 @dataclass(frozen=True, order=True)
 class Promise:
-    """What one test says."""
+    """The promise of one test."""
 
     file: str
     line: int
@@ -81,7 +81,7 @@ def _level(file: str, marks: str, imported: set[str]) -> str:
 
 
 def main() -> None:
-    """Print the table, or what is promised of some words."""
+    """Print the table, or the promises about some words."""
     parser = argparse.ArgumentParser(prog="python -m tests.promises", description=__doc__)
     parser.add_argument("words", nargs="*", help="only promises with one of these words")
     words = {word.lower() for word in parser.parse_args().words}

@@ -1,7 +1,7 @@
-"""`make test-stalls`: tests what waits for real on a computer that stands still now and then.
+"""`make test-stalls`: runs the real-time tests while the machine is paused at random.
 
-A laptop does that when it wakes up, and so does a machine that others use, too. All processes of
-the run are held for some seconds and go on. A test may take longer for it; it must not fail.
+A laptop that wakes up pauses like this, and so does a shared machine. All processes of the run are
+paused for some seconds and then continue. A test may take longer for that, but it must not fail.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ RUNS_S, STANDS_S = (0.5, 10.0), (2.0, 3.5)
 
 
 def find_running(root: int) -> list[int]:
-    """Return a process and its descendants, without those that somebody has stopped already."""
+    """Return a process and its descendants, except stopped ones."""
     children: dict[int, list[int]] = {}
     stopped = set()
     for entry in Path("/proc").iterdir():
@@ -37,7 +37,7 @@ def find_running(root: int) -> list[int]:
 
 
 def hold(root: int, seconds: float) -> None:
-    """Let everything stand still, and go on."""
+    """Pause all processes, and continue them."""
     held: list[int] = []
     while new := set(find_running(root)) - set(held):  # one may start another meanwhile
         for process in new:

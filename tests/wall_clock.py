@@ -1,7 +1,7 @@
-"""Keeps tests off the wall clock: whoever really needs it is marked `realtime`.
+"""Keeps tests off the wall clock: a test that really needs it is marked `realtime`.
 
-Refused are, in a test without the mark, all waits through `RealClock`, `time.sleep` and waits with
-a time limit in code of this project, its tests' own looks at the machine's clock, and sockets.
+A test without the mark may not wait through `RealClock` or `time.sleep`, wait with a time limit in
+code of this project, read the machine's clock itself, or use sockets.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ import pytest
 from robot.clock import RealClock
 
 MOST = 37
-"""The largest number of tests outside tests/e2e that are marked. It rises only for a new real part:
-LeRobot's robot against a served simulator and a robot on DDS came last."""
+"""The largest number of marked tests outside tests/e2e. It rises only for a new real part; the last
+ones were LeRobot's robot with a served simulator, and a robot on DDS."""
 BROWSERS = "e2e/"
-"""Runs Chromium throughout: marked by itself, and not counted."""
+"""These run Chromium throughout: they are marked automatically, and not counted."""
 _OURS = ("robot", "server", "tests")
 _ALL_SOCKETS = (socket.AF_INET, socket.AF_INET6)
 
 
 class TouchedTheWallClockError(AssertionError):
-    """A test that is not marked `realtime` waited for real."""
+    """A test that is not marked `realtime` waited in real time."""
 
 
 def is_exempt(file: str, name: str) -> bool:
-    """True for a test that may touch the wall clock without a mark.
+    """True for a test that may use the wall clock without a mark.
 
     Args:
         file: Below tests/, as in `robot/test_clock.py`.
@@ -48,15 +48,15 @@ def is_exempt(file: str, name: str) -> bool:
 
 
 def is_marked(item: pytest.Item) -> bool:
-    """True for a test that may touch the wall clock."""
+    """True for a test that may use the wall clock."""
     return item.get_closest_marker("realtime") is not None
 
 
 def hold_to_the_limit(session: pytest.Session, items: list[pytest.Item]) -> None:
-    """End the run where more tests are marked by hand than may be.
+    """End the run if too many tests are marked by hand.
 
-    A worker's `shouldfail` is said by the process that started it; of any other error in a worker
-    only the traceback of a broken run comes through.
+    The starting process prints a worker's `shouldfail`; of any other error in a worker only the
+    traceback of a broken run is shown.
     """
     by_hand = [item.nodeid for item in items if is_marked(item)]
     if len(by_hand) > MOST:
@@ -86,7 +86,7 @@ def _off_the_wall_clock(
         )
 
     def is_named(frame: FrameType, what: str) -> bool:
-        """False for a compiled library, which has no frame of its own: PyAV looks at the clock."""
+        """False for a compiled library, which has no frame of its own: PyAV reads the clock."""
         return what.rpartition(".")[2] in frame.f_code.co_names
 
     def refused(original: Callable[..., Any], what: str, callers: tuple[str, ...] = ()) -> Any:

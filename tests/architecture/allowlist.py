@@ -1,4 +1,4 @@
-"""A contract for import-linter: a package may import only what is listed."""
+"""A contract for import-linter: a package may import only the listed modules."""
 
 from __future__ import annotations
 

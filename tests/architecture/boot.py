@@ -1,7 +1,7 @@
-"""Starts the core once for each extension that is taken away: `python boot.py FOLDER...`.
+"""Starts the core once for each removed extension: `python boot.py FOLDER...`.
 
-Each folder holds a tree without one extension. Libraries are imported once; a child of this process
-then starts a server from each tree, in memory, and prints what it has as a line of JSON.
+Each folder contains a tree without one extension. Libraries are imported once; then a child of this
+process starts a server from each tree, in memory, and prints its content as a line of JSON.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def main(folders: list[str]) -> int:
 
 
 def start(folder: Path) -> dict[str, object]:
-    """Serve a robot of this file's own from a tree; return its commands, paths and sentences."""
+    """Serve a robot of this file from a tree; return its commands, paths and sentences."""
     sys.path.insert(0, str(folder))
     import contextlib
     import io

@@ -1,7 +1,7 @@
-"""Prints how many lines each extension and room has: `make extensions`.
+"""Prints the number of lines of each extension and package: `make extensions`.
 
-A room is what lies directly in `robot` or `server`; loose modules are rooms of their own. An
-extension is what `EXTENSIONS` says; all else is the core.
+A package here is a folder or a loose module directly in `robot` or `server`. `EXTENSIONS` lists the
+extensions; everything else is the core.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NEEDS: dict[str, tuple[str, ...]] = {
     "study": (),
     "testing": ("devkit",),
 }
-"""Each extension, and those without which it does not work."""
+"""Each extension, and the extensions that it needs."""
 EXTENSIONS = tuple(NEEDS)
 WEB = {
     "access": ("pair",),
@@ -69,22 +69,22 @@ CORE_DOCUMENTS = (
     "howto/write-a-driver.md",
     "reference/protocol.md",
 )
-"""Pages about the core only; the others name extensions, to say where they are."""
+"""Pages about the core only; the other pages name extensions, to say where they are."""
 KINDS = ("code", "docstring", "comment", "blank")
 
 
 def extension_of(file: Path) -> str:
-    """Return the extension that a module of the product stands in, by its path from the root."""
+    """Return the extension to which a module of the product belongs, by its path from the root."""
     return file.parts[1] if file.parts[1] in EXTENSIONS else "core"
 
 
 def room_of(file: Path) -> str:
-    """Return the room: a folder of the package, or a loose module."""
+    """Return the package: a folder, or a loose module."""
     return "/".join(file.parts[:2]).removesuffix(".py")
 
 
 def count_lines(text: str) -> Counter[str]:
-    """Return how many lines of a module are code, docstring, comment and blank."""
+    """Return the number of a module's lines of code, docstring, comment, and blank lines."""
     documented: set[int] = set()
     for node in ast.walk(ast.parse(text)):
         body = getattr(node, "body", None)
@@ -108,7 +108,7 @@ def count_lines(text: str) -> Counter[str]:
 
 
 def count(root: Path) -> dict[str, dict[str, Counter[str]]]:
-    """Return the lines by extension, room and kind."""
+    """Return the lines by extension, package and kind."""
     found: dict[str, dict[str, Counter[str]]] = defaultdict(lambda: defaultdict(Counter))
     for file in rules.modules(root):
         inner = file.relative_to(root)

@@ -1,4 +1,4 @@
-"""Rules for the source code as a whole; each reads a folder and returns what breaks it."""
+"""Rules for the source code as a whole; each reads a folder and returns the violations."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def modules(root: Path) -> list[Path]:
 
 
 def classes_used_twice(root: Path) -> dict[str, list[str]]:
-    """Return public class names that mean several things, and where."""
+    """Return public class names with several meanings, and their locations."""
     places = defaultdict(list)
     for file in modules(root):
         for node in ast.parse(file.read_text("utf-8")).body:
@@ -27,7 +27,7 @@ def classes_used_twice(root: Path) -> dict[str, list[str]]:
 
 
 def rooms(root: Path, package: str) -> set[str]:
-    """Return what lies directly in a package: its folders and modules."""
+    """Return the folders and modules directly in a package."""
     return {
         path.stem
         for path in (root / package).iterdir()
@@ -36,7 +36,7 @@ def rooms(root: Path, package: str) -> set[str]:
 
 
 def drawn_layers(root: Path, package: str) -> list[set[str]]:
-    """Return the layers of a package as the architecture page draws them, top first."""
+    """Return the layers of a package in the map of the architecture page, top first."""
     page = (root / "docs/explanation/architecture.md").read_text("utf-8")
     found = re.search(rf"```layers {package}\n(.*?)```", page, re.DOTALL)
     assert found, f"the page has no map of {package}"
@@ -44,7 +44,7 @@ def drawn_layers(root: Path, package: str) -> list[set[str]]:
 
 
 def contracted_layers(root: Path, package: str) -> list[set[str]]:
-    """Return the layers of a package as the contract in pyproject.toml has them, top first."""
+    """Return the layers of a package in the contract of pyproject.toml, top first."""
     settings = tomllib.loads((root / "pyproject.toml").read_text("utf-8"))
     [layers] = [
         contract["layers"]

@@ -1,7 +1,7 @@
-"""Each extension can be taken away without a trace, and with it those that need it.
+"""Each extension can be removed without a trace, together with the extensions that need it.
 
-A server boots in memory from the tree without it; the words of an extension stand nowhere in the
-core. With DRIVELESSON_EXTENSIONS=all the core's own quick tests run in each tree as well: it takes
+A server boots in memory from the tree without it, and the core does not contain the extension's
+words. With DRIVELESSON_EXTENSIONS=all the core's own quick tests also run in each tree, which takes
 hours.
 """
 
@@ -45,7 +45,7 @@ def packages_of(extensions: set[str]) -> set[str]:
 
 
 def imports(module: str, file: Path) -> set[str]:
-    """Return the modules that a module names in its imports, and what it takes from them."""
+    """Return the modules that a module imports, and the names that it imports from them."""
     found = set()
     for node in ast.walk(ast.parse(file.read_text("utf-8"))):
         if isinstance(node, ast.ImportFrom):
@@ -59,9 +59,9 @@ def imports(module: str, file: Path) -> set[str]:
 
 @cache
 def imports_of_tests() -> dict[str, set[str]]:
-    """Return every module of the tests with all that it imports, also through other tests.
+    """Return every test module with all of its imports, also through other tests.
 
-    The `conftest` of its folder, and of those above, counts as imported.
+    The `conftest` files of its folder and of the folders above count as imported.
     """
     files = {
         ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
@@ -82,7 +82,7 @@ def imports_of_tests() -> dict[str, set[str]]:
 
 
 def fixtures(module: str) -> set[str]:
-    """Return where a test's fixtures may come from, existing or not."""
+    """Return the possible locations of a test's fixtures, existing or not."""
     parts = module.split(".")
     return {".".join([*parts[:depth], "conftest"]) for depth in range(1, len(parts))}
 
@@ -100,7 +100,7 @@ def place(source: str, target: str) -> None:
 
 
 def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
-    """Copy the tree without extensions; return the packages that are gone."""
+    """Copy the tree without extensions; return the removed packages."""
     gone = packages_of(extensions)
     ignored = shutil.ignore_patterns("node_modules", "*.webp")  # compiled modules save a second
     for name in names:
@@ -140,7 +140,8 @@ def copy_without(extensions: set[str], folder: Path, *names: str) -> set[str]:
 
 @pytest.fixture(scope="module")
 def booted(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
-    """What the core is without each extension: `boot.py` starts all of them, one after another."""
+    """The core's content without each extension: `boot.py` starts all of them, one after
+    another."""
     if not hasattr(os, "fork"):
         pytest.skip("this system has no fork")
     folders = {}
@@ -207,7 +208,7 @@ WORDS = {
     "study": r"\bstud(y|ies)\b|participant|questionnaire",
     "testing": r"(?<!>>> )from robot\.testing|import robot\.testing",
 }
-"""What only an extension speaks of."""
+"""Words that belong only to an extension."""
 
 
 @pytest.mark.parametrize("extension", EXTENSIONS)
@@ -233,7 +234,7 @@ PAGE_WORDS = {
     "simulator": r"simulated|--robot sim",
     "study": r"\bstud(y|ies)\b|\bsession\b|participant",
 }
-"""What only an extension's part of the page, and its documents, speak of."""
+"""Words that belong only to an extension's part of the page, and to its documents."""
 
 
 def of_the_core(kind: str) -> list[Path]:

@@ -1,4 +1,4 @@
-"""No test compares a time that it measured on the machine's clock with less than five seconds."""
+"""No test compares a time measured on the machine's clock with less than five seconds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SCOPES = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 def is_measured(node: ast.AST, names: set[str]) -> bool:
-    """True if a clock is read in this expression, or a name in it holds what one has shown."""
+    """True if this expression reads a clock, or contains a name that holds a reading."""
     return any(
         (isinstance(part, ast.Call) and ast.unparse(part.func) in CLOCKS)
         or (isinstance(part, ast.Name) and part.id in names)

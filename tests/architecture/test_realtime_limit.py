@@ -1,4 +1,4 @@
-"""A run with too many tests that wait for real ends with a sentence, in workers, too."""
+"""A run with too many real-time tests ends with a sentence, in workers, too."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The source code is laid out as docs/explanation/architecture.md says."""
+"""The source code has the layout that docs/explanation/architecture.md describes."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ PASSES_BY = {
     "robot/control/gate.py": "select",
     "robot/simulator/driver.py": "_drive",
 }
-"""The function of each module by which a frame, or what was made of it, goes on."""
+"""The function of each module by which a frame, or data made from it, is passed on."""
 
 
 def test_a_frame_goes_from_camera_to_motor_by_the_modules_that_the_page_names() -> None:

@@ -1,1 +1,1 @@
-"""One random client over every route, message, command and fault; see `python -m tests.client`."""
+"""A random client of every route, message, command and fault; see `python -m tests.client`."""

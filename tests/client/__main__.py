@@ -1,8 +1,9 @@
-"""A random client over every route, message and fault, and a model of what was answered.
+"""A random client of every route, message and fault, and a model of the answers.
 
-`python -m tests.client --steps 200000 --kills 500 --seed 1`: each life of the server is a process
-of its own in virtual time, which is killed (SIGKILL) at any instruction, at a call of the disk, or
-between two steps. The next life starts on its folder, and must hold what was answered.
+`python -m tests.client --steps 200000 --kills 500 --seed 1`: each life of the server is a separate
+process in virtual time. It is killed (SIGKILL) at any instruction, at a call of the disk, or
+between two steps. The next life starts on its folder, which must contain everything that was
+answered.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Requests that a route may get: drawn from its description, with names and keys that exist."""
+"""Possible requests to a route: drawn from its description, with existing names and keys."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from urllib.parse import quote
 
 @dataclass
 class Pool:
-    """What is known of the server, to be named in requests."""
+    """The known names on the server, to be used in requests."""
 
     names: list[str] = field(default_factory=lambda: ["bench", "other", "third"])
     episodes: list[str] = field(default_factory=list)
@@ -22,7 +22,7 @@ class Pool:
 
 @dataclass(frozen=True)
 class Route:
-    """One method of one path, and what it takes."""
+    """One method of one path, and its parameters."""
 
     method: str
     path: str
@@ -80,7 +80,7 @@ class Requests:
         return path + ("?" + "&".join(query) if query else "")
 
     def body(self, route: Route) -> Any:
-        """Return what goes with it as JSON, bytes for a file, or None."""
+        """Return the request's body: a value for JSON, bytes for a file, or None."""
         if route.is_upload:
             return self._pool.model if self._dice.random() < 0.8 else b"no model"
         if route.schema is None:

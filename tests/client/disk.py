@@ -1,4 +1,4 @@
-"""A disk beneath one folder that can fail, fill up or be the last thing that a process touches."""
+"""A disk below one folder that can fail, fill up or kill the process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Disk:
         self.is_failing = False
 
     def fail(self, after: int, *, lasts: bool, why: int = errno.EIO) -> None:
-        """Fail the call that comes after so many, or all from it on until `heal`."""
+        """Fail the call after this number of calls, or all calls from it on until `heal`."""
 
         def refuse(path: str) -> None:
             raise OSError(why, os.strerror(why), path)
@@ -36,7 +36,7 @@ class Disk:
         self._left, self._do, self._lasts, self.is_failing = after, refuse, lasts, True
 
     def kill(self, after: int) -> None:
-        """Kill this process before the call that comes after so many."""
+        """Kill this process before the call after this number of calls."""
         self._left, self._lasts = after, True
         self._do = lambda path: os.kill(os.getpid(), signal.SIGKILL)
 
@@ -55,7 +55,8 @@ class Disk:
             do(os.fspath(path))
 
     def install(self, put: Callable[[Any, str, Any], None] = setattr) -> None:
-        """Come between the program and its folder, for the rest of the process or as `put` does."""
+        """Intercept the program's calls on its folder, for the rest of the process or as long as
+        `put` runs."""
 
         def counted(module: Any, name: str, writes: Callable[..., bool] = lambda *_: True) -> None:
             real = getattr(module, name)
@@ -81,7 +82,7 @@ class Disk:
         put(os, "fsync", sync)
 
     def lay_beneath(self, files: list[Any]) -> list[Any]:
-        """Return files that are open already, whose writes are counted, too."""
+        """Return the files that are open already, whose writes are also counted."""
         disk = self
 
         class File:

@@ -1,4 +1,5 @@
-"""What a data folder must hold: read from a running server, and compared after the next start."""
+"""The required content of a data folder: read from a running server, and compared after the next
+start."""
 
 from __future__ import annotations
 
@@ -63,9 +64,9 @@ _READ = {
 
 
 def lost(wanted: Facts, found: Facts) -> list[str]:
-    """Return what was answered and is gone.
+    """Return the facts that were answered and are lost.
 
-    There may be more episodes, since the last run becomes one, and a model that was begun since.
+    There may be additional episodes, since the last run becomes one, and a new model.
     """
     gone = []
     for group, value in wanted.items():

@@ -1,7 +1,7 @@
 """One life of a served robot: it starts on a folder, random things happen, and it is killed.
 
-Everything runs in virtual time in one process, which is killed for real (SIGKILL) where its parent
-or its disk decides. What was answered is told to the parent before the next step begins.
+Everything runs in virtual time in one process, which is really killed (SIGKILL) by its parent or at
+a call of the disk. Each answer is reported to the parent before the next step begins.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ from tests.server.virtual_pilot import VirtualPilot
 from tests.server.virtual_server import VirtualServer
 
 WATCHED_S = 0.5
-"""How long after its pilot's last message a wheel may turn, in seconds."""
+"""Longest time after its pilot's last message for which a wheel may turn, in seconds."""
 _MANY = 10**9
 LATE_S = 2.0
-"""The longest that a message is on a disturbed link, in seconds."""
+"""Longest delay of a message on a disturbed link, in seconds."""
 _LATER = 40
-"""How many steps a life waits for the call of the disk that ends it."""
+"""Number of steps for which a life waits for the disk call that ends it."""
 LIMITS = NetworkLimits(
     messages_per_second=_MANY,
     messages_burst=_MANY,
@@ -71,7 +71,7 @@ TOUCHED = (
     ("/api/studies", ("models", "learner", "episodes")),
     ("/api/pair", ("sessions",)),
 )
-"""What a request to change something may change, by the beginning of its path."""
+"""The parts of the state that a request may change, by the beginning of its path."""
 SPOKEN_OF = {"drive_fault": "driver", "camera_fault": "camera", "loop_fault": "sleep"}
 """Reasons that are false unless this happened."""
 PEOPLE = ("owner", "pupil", "viewer")
@@ -79,7 +79,7 @@ Tell = Callable[[dict[str, Any]], None]
 
 
 class Page:
-    """A browser; its life is told when it says something."""
+    """A browser; the life notes the time of each message that it sends."""
 
     def __init__(self, life: Life, person: str) -> None:
         self._life = life
@@ -99,7 +99,7 @@ class Page:
 
 
 class Errors(logging.Handler):
-    """Collects what the server logs as an error."""
+    """Collects the errors that the server logs."""
 
     def __init__(self) -> None:
         super().__init__(logging.ERROR)
@@ -119,7 +119,7 @@ def make_rig(*, has_eye: bool = False) -> Rig:
 
 
 def describe(folder: Path) -> dict[str, Any]:
-    """Return the routes' description; it also loads what every life needs before they begin."""
+    """Return the routes' description; this also loads all modules that every life needs."""
     with VirtualServer(data=folder, rig=make_rig()) as server:
         server.forward(0.1)
         spec: dict[str, Any] = server.app.openapi()
@@ -204,9 +204,9 @@ class Life:
         ]
 
     def run(self, steps: int, *, dies: bool) -> None:
-        """Start, compare with what was answered, and do the steps.
+        """Start, compare with the answers so far, and do the steps.
 
-        If it `dies`, a call of the disk after them is the last thing that this process does.
+        If it `dies`, a call of the disk after the steps is the last action of this process.
         """
         self.disk.install()
         logging.getLogger().addHandler(self.errors)
@@ -274,7 +274,7 @@ class Life:
     # What must hold ----------------------------------------------------------------------------
 
     def watch(self, tick: Tick) -> None:
-        """After each tick, on the loop's thread."""
+        """Check each tick, on the loop's thread."""
         drivers = {one.pilot for one in tick.commands}
         if len(drivers) > 1:
             self.violate(f"two drivers in one tick: {sorted(drivers)}")
@@ -300,7 +300,7 @@ class Life:
             self.violate(f"{reason.value} is said, but nothing of the kind happened")
 
     def check(self) -> None:
-        """After each step."""
+        """Check after each step."""
         state, driver = self.server.rig.loop.state, self.server.driver
         if driver.now is not Action.STOP:
             if state.emergency:
@@ -319,7 +319,7 @@ class Life:
     # Steps ---------------------------------------------------------------------------------------
 
     def ask(self) -> None:
-        """Any request by anybody."""
+        """Send any request by anybody."""
         route = self.dice.choice(self.requests.routes)
         if route.path in ("/api/unpair", "/api/stop") or "zip" in route.path:
             return
@@ -328,7 +328,7 @@ class Life:
         self.request(route, self.cookies[person])
 
     def request(self, route: Route, headers: dict[str, str]) -> httpx.Response:
-        """Make one request, and judge its answer."""
+        """Send one request, and check its answer."""
         path, body = self.requests.target(route), self.requests.body(route)
         self.step = f"{route.method} {path} {body if not isinstance(body, bytes) else '(file)'}"
         changes = route.method != "GET"
@@ -373,7 +373,7 @@ class Life:
         self.tell({"facts": found})
 
     def set_off(self) -> None:
-        """All is well again, and a page gets the robot moving, if it may."""
+        """End all faults; then a page makes the robot move, if it may."""
         if self._is_link_bad():
             self._bad_s = self.server.clock.now_s()
         self.server.link.conditions = LinkConditions()
@@ -408,7 +408,7 @@ class Life:
         self.server.forward(self.dice.choice([0.0, 0.02, 0.1]))
 
     def talk(self) -> None:
-        """Send any message: a right one, or nonsense."""
+        """Send any message, valid or nonsense."""
         page = self._page()
         if page is None:
             return
@@ -426,7 +426,7 @@ class Life:
         self.server.forward(0.0)
 
     def come_or_go(self) -> None:
-        """A tab is opened, closed, or dies."""
+        """Open or close a tab, or kill its browser."""
         open_pages = [page for page in self.pages if not page.pilot.page.socket.is_closed]
         if len(open_pages) < 4 and self.dice.random() < 0.6 and not self._is_link_bad():
             self.pages.append(Page(self, self.dice.choice(PEOPLE)))
@@ -439,7 +439,7 @@ class Life:
         self.server.forward(self.dice.choice([0.03, 0.03, 0.1, 0.3, 1.0]))
 
     def stop(self) -> None:
-        """Anybody's STOP is obeyed: within 100 ms, or when what is late has come."""
+        """Anybody's STOP is obeyed: within 100 ms, or when late messages have arrived."""
         is_late = self._was_latched = False
         if self.eye is not None and not self.eye.socket.is_closed and self.dice.random() < 0.3:
             if self._is_link_bad():
@@ -667,7 +667,7 @@ class Life:
         return answer
 
     def _know(self) -> None:
-        """Look at what there is, to name it in requests."""
+        """Read the existing names, to use them in requests."""
         if self.dice.random() < 0.1:
             self.pool.names = [
                 *(one.name for one in self.server.persistence.models.saved()),

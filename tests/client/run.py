@@ -1,4 +1,4 @@
-"""Lives one after the other on one folder, each killed, and what they were answered."""
+"""Runs lives one after the other on one folder, each killed, with the answers that they gave."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.client.life import Life, describe
 
 @dataclass
 class Outcome:
-    """What a run came to."""
+    """The result of a run."""
 
     steps: int = 0
     kills: int = 0
@@ -52,7 +52,7 @@ class Outcome:
 
 
 def run(folder: Path, steps: int, kills: int, seed: int) -> Outcome:
-    """Run so many steps, with so many kills among them; print violations as they are found."""
+    """Run this number of steps, with this number of kills; print violations as they are found."""
     dice, outcome = random.Random(seed), Outcome()
     root = folder / "data"
     root.mkdir(parents=True)
@@ -158,7 +158,7 @@ def _tell(writing: int, one: dict[str, Any]) -> None:
 
 
 def _live(life: Life, steps: int, *, dies: bool) -> None:
-    """Live, in the child; never returns."""
+    """Run the life, in the child; never returns."""
     code = 0
     try:
         life.run(steps if dies else steps + 40, dies=dies)

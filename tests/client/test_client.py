@@ -1,4 +1,4 @@
-"""A few lives of the random client; `python -m tests.client` lives longer."""
+"""A few lives of the random client; `python -m tests.client` runs longer."""
 
 from __future__ import annotations
 

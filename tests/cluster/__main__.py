@@ -1,7 +1,8 @@
-"""Run the cases of real Dask schedulers and workers: `python -m tests.cluster [CASE ...]`.
+"""Runs the cases of real Dask schedulers and workers: `python -m tests.cluster [CASE ...]`.
 
-Each must give the results of one process to the last digit, or end with one sentence and a
-non-zero code; and be silent for at most 30 s. Outside CI: one case installs another numpy.
+Each case must give the results of one process to the last digit, or end with one sentence and a
+non-zero code, and must be silent for at most 30 s. Outside CI, because one case installs another
+numpy.
 """
 
 from __future__ import annotations

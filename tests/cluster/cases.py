@@ -1,7 +1,7 @@
-"""Experiments on real Dask schedulers and workers, good and bad.
+"""Experiments on real Dask schedulers and workers, intact and faulty.
 
-Each case returns how a client ended, and what is expected of it: results equal to those of one
-process, or an end with this sentence.
+Each case returns how a client ended, and the expectation: results equal to those of one process, or
+an end with this sentence.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def case(function: Case) -> Case:
 
 
 def plain(folder: Path, expected: str, *workers: str, **client: str) -> tuple[Ended, str]:
-    """Run with these workers from the beginning; `expected` is `equal`, or of the sentence."""
+    """Run with these workers from the beginning; `expected` is `equal`, or part of the sentence."""
     with Cluster(folder) as cluster:
         for kind in workers:
             cluster.add(kind)

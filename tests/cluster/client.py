@@ -1,4 +1,5 @@
-"""What a person would start: some short lessons, here or on a cluster; for `tests.cluster`."""
+"""The program that a person would start: some short lessons, here or on a cluster; for
+`tests.cluster`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ideas of a person who tries something: one that works, and some that fail."""
+"""Ideas of a person: one that works, and some that fail."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Driving(Straight):
 
 
 class NotPicklableError(Exception):
-    """Pickle makes it anew with one argument, and it wants two."""
+    """Pickle constructs it again with one argument, but it needs two."""
 
     def __init__(self, one: str, two: int) -> None:
         super().__init__(one)

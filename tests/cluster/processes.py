@@ -1,4 +1,4 @@
-"""Real schedulers, workers and clients in processes of their own."""
+"""Real schedulers, workers and clients in separate processes."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Process:
 
 
 class Cluster:
-    """A scheduler on a port of its own, and the workers that were added."""
+    """A scheduler on a separate port, and the added workers."""
 
     def __init__(self, folder: Path, kind: str = "good") -> None:
         self._folder, self._kind = folder, kind
@@ -124,7 +124,7 @@ class Cluster:
 
 @dataclass
 class Ended:
-    """How a client ended."""
+    """The end of a client."""
 
     code: int | None
     lines: list[str] = field(default_factory=list)
@@ -158,7 +158,7 @@ def run_client(
     after_first: Callable[[], object] | None = None,
     **options: str,
 ) -> Ended:
-    """Run some short lessons in a process of their own, and read what it prints."""
+    """Run some short lessons in a separate process, and read its output."""
     shutil.copy(ROOT / "tests" / "cluster" / "ideas.py", folder)
     args = [scheduler, *(f"{name}={value}" for name, value in options.items())]
     environment = {**os.environ, **_ONE_THREAD, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1"}

@@ -1,7 +1,9 @@
-"""Tries the newest of each program that shares files or formats with this one: `make conformance`.
+"""Tests the newest version of each program that shares files or formats with this one: `make
+conformance`.
 
-Each peer gets an environment of its own below var/conformance, in which a script of this folder
-uses it; what cannot be had is named, and is no failure. Ends with a table.
+Each program gets a separate environment below var/conformance, in which a script of this folder
+uses it. A program that cannot be installed is named, and is not a failure. The run ends with a
+table.
 """
 
 from __future__ import annotations
@@ -38,11 +40,11 @@ class Result:
 
 
 class NotToBeHadError(Exception):
-    """No index, package manager or machine has this peer."""
+    """No index, package manager or machine has this program."""
 
 
 def check_lerobot(home: Path, samples: Samples) -> Iterator[Result]:
-    """Load, edit, merge and train three steps on an export; import a dataset of its own."""
+    """Load, edit, merge and train three steps on an export; import one of its datasets."""
     python = _environment(home, ["lerobot[dataset,training]"], "lerobot")
     out = _fresh(home / "out")
     given = samples.lerobot, samples.other, samples.plain
@@ -52,7 +54,7 @@ def check_lerobot(home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def check_donkeycar(home: Path, samples: Samples) -> Iterator[Result]:
-    """Read, delete from and append to an export; import what became of it."""
+    """Read, delete from and append to an export; import the result."""
     python = _environment(home, ["donkeycar"], "donkeycar.parts.tub_v2")
     out = _fresh(home / "out")
     yield from _run(home.name, [python, HERE / "in_donkeycar.py", samples.tub, out])
@@ -98,7 +100,7 @@ def check_ffprobe(home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def check_promtool(home: Path, samples: Samples) -> Iterator[Result]:
-    """Check what `/metrics` says, and the alerts of the docs."""
+    """Check the output of `/metrics`, and the alerts of the docs."""
     promtool = _program("promtool", package="prometheus", home=home)
     version = _said([promtool, "--version"]).split()[2]
     alerts = ROOT / "docs/examples/monitoring/alerts.yml"
@@ -132,7 +134,8 @@ def check_lerobot_robot(home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def check_fastdds(home: Path, samples: Samples) -> Iterator[Result]:
-    """Drive a ROS 2 robot's base by DDS, see its pictures, and disturb it; with its processes."""
+    """Drive a ROS 2 robot's base by DDS, receive its pictures, and disturb it, with real
+    processes."""
     from . import on_dds
 
     program = home / "fastdds"
@@ -148,7 +151,7 @@ def check_fastdds(home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def check_pythons(home: Path, samples: Samples) -> Iterator[Result]:
-    """Install the wheel on every Python that this machine has, and start it."""
+    """Install the wheel for every Python of this machine, and start it."""
     dist = _fresh(home / "dist")
     build = _environment(home / "build", ["build", "hatchling"], "build")
     _get([build, "-m", "build", "--quiet", "--wheel", "--outdir", dist, ROOT])
@@ -230,7 +233,7 @@ def _results(name: str, home: Path, samples: Samples) -> Iterator[Result]:
 
 
 def pythons() -> list[Path]:
-    """Return the Pythons of this machine that the package is for, the newest first."""
+    """Return this machine's Pythons that the package supports, the newest first."""
     found = {}
     names = [f"python3.{minor}" for minor in range(11, 20)]
     there = [shutil.which(name) for name in names]
@@ -249,7 +252,7 @@ def pythons() -> list[Path]:
 
 
 def _environment(home: Path, packages: list[str], module: str) -> Path:
-    """Install the newest of some packages, with the newest Python of those for which it is."""
+    """Install the newest of some packages, with the newest Python that one of them supports."""
     why, newest = "no Python", dict[Path, tuple[int, ...]]()
     for python in pythons():
         try:
@@ -285,7 +288,7 @@ def _virtual(home: Path, python: Path) -> Path:
 
 
 def _program(*names: str, package: str = "", home: Path | None = None) -> str:
-    """Return a program of this machine, or else of a package of Debian, unpacked into a folder."""
+    """Return a program of this machine, or of a Debian package that is unpacked into a folder."""
     missing = [name for name in names if shutil.which(name) is None]
     if not missing:
         return names[0]
@@ -321,7 +324,7 @@ def _said(words: list[object]) -> str:
 
 
 def _run(peer: str, words: list[object]) -> Iterator[Result]:
-    """Run a script in a peer's environment: each line it prints is a version or a result."""
+    """Run a script in a program's environment: each printed line is a version or a result."""
     environ = {**os.environ, "HF_HUB_OFFLINE": "1", "PYTHONDONTWRITEBYTECODE": "1"}
     process = subprocess.run(
         list(map(str, words)),

@@ -1,4 +1,4 @@
-"""LeRobot's commands before robots that are served here: a pilot drives one, LeRobot the other."""
+"""LeRobot's commands with robots that are served here: a pilot drives one, LeRobot the other."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def refused(address: str) -> dict[str, int]:
 
 
 def taught(address: str) -> int:
-    """Return how many examples a robot was given: it is driven by a pilot."""
+    """Return a robot's number of examples, which shows that a pilot drives it."""
     text = httpx.get(f"{address}/metrics").text
     found = re.search(r'learner_seconds_count\{work="learn"\} (\d+)', text)
     return int(found[1]) if found else 0

@@ -1,4 +1,4 @@
-"""Runs with LeRobot: uses an export as its users do, and makes a dataset of its own."""
+"""Runs with LeRobot: uses an export as its users do, and makes one of its datasets."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Drives one environment in virtual time, in the Python of its package: `ENV OPTIONS STEPS FOLDER`.
 
-Prints one line of JSON: what was seen, and what was wrong. The first picture is kept in the folder.
+Prints one line of JSON: the observations, and the faults. The first picture is saved in the folder.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from robot.testing import VirtualClock
 from robot.types import Action, Mode, PilotCommand
 
 LONGEST = 30
-"""Steps of a game, unless its environment ends it sooner: its end is to be seen."""
+"""Number of steps of a game, unless its environment ends it earlier, to test the end."""
 MOST_MOVES = 6
-"""Moves that are tried; a body with seventeen of them has the others in the same way."""
+"""Number of moves that are tried; further moves of a body work in the same way."""
 _CLOSE = 12.0
-"""Mean difference of bytes that JPEG makes, at most."""
+"""Largest mean difference of bytes due to JPEG."""
 
 
 class Watched:
-    """An environment, and what went in and came out."""
+    """An environment, with its inputs and outputs."""
 
     def __init__(self, env: Any) -> None:
         self.env = env
@@ -65,7 +65,7 @@ class Watched:
 
 
 class WatchedDriver(GymnasiumDriver):
-    """The driver, whose environment can be looked into."""
+    """The driver, whose environment can be inspected."""
 
     watched: Watched
 
@@ -100,7 +100,7 @@ class Pilot:
 
 
 def drive(name: str, options: str, steps: int, folder: Path) -> dict[str, Any]:
-    """Return what was seen of an environment; `wrong` names what is not as it should be."""
+    """Return the observations of an environment; `wrong` names the faults."""
     clock = VirtualClock(100.0)
     told: dict[str, Any] = {"env": name, "wrong": []}
     wrong = told["wrong"]
@@ -154,7 +154,7 @@ def drive(name: str, options: str, steps: int, folder: Path) -> dict[str, Any]:
 
 
 def _equals(picture: Any, given: list[Any]) -> bool | None:
-    """Return whether a picture is among what came; None where that is in no plain form."""
+    """Return whether a picture is among the outputs; None if no output has a plain form."""
     found: list[Any] = []
 
     def look(part: Any) -> None:

@@ -1,7 +1,7 @@
-"""A ROS 2 robot's DDS against Fast DDS in another process, and against processes that are killed.
+"""A ROS 2 robot's DDS with Fast DDS in another process, and with processes that are killed.
 
-`make conformance ARGS="--only fastdds"` builds fastdds.cpp and reports all of it. Run as a program,
-this is one of the processes.
+`make conformance ARGS="--only fastdds"` builds fastdds.cpp and reports all results. Run as a
+program, this is one of the processes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ PICTURE_TYPE = "sensor_msgs::msg::dds_::CompressedImage_"
 _SELF = "tests.conformance.on_dds"
 N_ORDERS, PICTURES_A_SECOND = 1000, 30
 _WATCHED_S = 0.45
-"""How long a base is watched after it stood first, in seconds; then the driver here tries again."""
+"""How long a base is watched after it first stood, in seconds; then the driver here tries again."""
 _STAMP = struct.Struct("<d")
 
 
@@ -80,7 +80,7 @@ def lines_of(running: subprocess.Popen[str]) -> list[str]:
 
 
 def orders(program: Path, *, stamped: bool) -> str:
-    """Have Fast DDS read what the driver writes; each order must come exactly, and in order."""
+    """Have Fast DDS read the driver's messages; each order must arrive exactly, and in order."""
     kind, chance = (STAMPED if stamped else TWIST), random.Random(1)
     with process(program, own_domain(), "read", f"rt{BASE}", DDS_TYPE[kind]) as reader:
         lines, wanted = lines_of(reader), []
@@ -108,9 +108,11 @@ def orders(program: Path, *, stamped: bool) -> str:
 
 
 def pictures(program: Path, seconds: float) -> str:
-    """Feed a body by Fast DDS and one by rosbridge with the same pictures; compare age and CPU.
+    """Send the same pictures to one body by Fast DDS and to another by rosbridge; compare age and
+    CPU.
 
-    The age counts from when the publisher's process, Fast DDS's or rosbridge's, has the picture.
+    The age counts from the time at which the publisher's process, Fast DDS's or rosbridge's, has
+    the picture.
     """
     from tests.standins.rosbridge import RosBridgeServer
 
@@ -163,7 +165,7 @@ def _publish(bridge: Any, data: bytes) -> None:
 
 
 class _Timed(RosCamera):
-    """Notes how old each picture is when it is shown."""
+    """Notes the age of each picture when it is shown."""
 
     def __init__(self, given: RosCameraOptions) -> None:
         super().__init__(given, RealClock())
@@ -175,7 +177,7 @@ class _Timed(RosCamera):
 
 
 def watch(given: dict[str, Any], seconds: float) -> None:
-    """Run one body's camera, and print what it cost."""
+    """Run one body's camera, and print its cost."""
     with _Timed(RosCameraOptions(**given)) as camera:
         while len(camera.ages_s) < PICTURES_A_SECOND:
             time.sleep(0.01)
@@ -199,7 +201,7 @@ def watch(given: dict[str, Any], seconds: float) -> None:
 
 
 class Robot:
-    """`tests.standins.dds_robot` in a process; `velocities` are time, way and turn."""
+    """`tests.standins.dds_robot` in a process; `velocities` are time, speed ahead and turn."""
 
     def __init__(self, running: subprocess.Popen[str]) -> None:
         assert running.stdout is not None and running.stdout.readline() == "ready\n"
@@ -215,7 +217,8 @@ class Robot:
         return bool(velocities) and any(velocities[-1][1:])
 
     def stood_after(self, since_s: float, seconds: float) -> str:
-        """Wait; say how soon after `since_s` it was told to stand, and how long it moved then."""
+        """Wait; return how soon after `since_s` it got the order to stand, and how long it moved
+        then."""
         time.sleep(seconds)
         told = [(at_s, any(speeds)) for at_s, *speeds in self.velocities if at_s >= since_s]
         stood = [at_s for at_s, moves in told if not moves]
@@ -237,7 +240,7 @@ def robot(*words: str) -> Iterator[Robot]:
 
 
 def drive(given: dict[str, Any]) -> None:
-    """Drive ahead for ever, as the loop does; print each fault."""
+    """Drive ahead forever, like the loop; print each fault."""
     with RosDriver(RosOptions(**given)) as driver:
         print("ready", flush=True)
         while True:
@@ -250,7 +253,7 @@ def drive(given: dict[str, Any]) -> None:
 
 
 def stands_after(fault: str, *, watchdog: bool) -> str:
-    """Drive, do what `fault` says, and say what the base did."""
+    """Drive, cause `fault`, and return the base's reaction."""
     given = json.dumps(options(watchdog=watchdog))
     with (
         robot(*(["watchdog"] if watchdog else [])) as body,
@@ -275,7 +278,7 @@ def stands_after(fault: str, *, watchdog: bool) -> str:
 
 
 def disturb(domain: int, how: str) -> None:
-    """Publish velocities beside the server, ten a second, or one only."""
+    """Publish velocities beside the server, ten a second, or only one."""
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.pub import DataWriter
     from cyclonedds.topic import Topic
@@ -315,7 +318,7 @@ def _wait(is_so: Callable[[], object]) -> None:
 
 
 def attempts(program: Path) -> Iterator[Callable[[], str]]:
-    """Yield what is tried; each says what was seen, or fails."""
+    """Yield the tests; each returns its observations, or fails."""
     yield lambda: f"{orders(program, stamped=False)} (Twist)"
     yield lambda: f"{orders(program, stamped=True)} (TwistStamped)"
     yield lambda: pictures(program, 20.0)

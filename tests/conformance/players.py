@@ -1,7 +1,7 @@
-"""How late players show `/video.mjpg`, in periods of the camera: `--players`.
+"""The latency of players that show `/video.mjpg`, in periods of the camera: `--players`.
 
 A camera draws the number of each picture in six stripes. Each player decodes the served video, and
-writes what it shows as grey pixels or, a browser, draws it on a canvas.
+writes what it shows as grey pixels; a browser draws it on a canvas.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ WIDTH, HEIGHT, BITS = 160, 120, 6
 RATE_HZ = 10.0
 NOBODY, VLC_LINE = 65534, b"FRAME\n"
 PICTURES = 60
-"""How many pictures each player shows before the median is taken."""
+"""Number of pictures that each player shows before the median is computed."""
 
 BY_OPENCV = """
 import sys, cv2
@@ -69,7 +69,7 @@ url => new Promise((resolve, reject) => {
 
 
 class NumberedCamera(FakeCamera):
-    """Shows numbers, and notes when each was taken, in seconds of the wall clock."""
+    """Shows numbers, and notes when each picture was taken, in seconds of the wall clock."""
 
     def __init__(self) -> None:
         numbers = range(1 << BITS)
@@ -93,7 +93,7 @@ def _read(grey: bytes) -> int:
 
 
 def players() -> dict[str, list[str]]:
-    """Return each player that this machine has, with the command that writes grey pixels."""
+    """Return each player on this machine, with the command that writes grey pixels."""
     raw = ["-f", "rawvideo", "-pix_fmt", "gray", "-"]
     quick = ["-fflags", "nobuffer", "-probesize", "32", "-analyzeduration", "0"]
     ffmpeg = ["ffmpeg", "-v", "error"]
@@ -141,7 +141,7 @@ def _by_chromium(url: str) -> list[tuple[int, float]]:
 
 
 def measure(folder: Path) -> Iterator[str]:
-    """Serve, and yield a line for each player: lateness in periods, median and largest tenth."""
+    """Serve, and yield a line for each player: latency in periods, median and largest tenth."""
     camera = NumberedCamera()
     with live_server(Config(port=0, web=WEB, data=folder), camera, data=folder) as server:
         url = f"{server.address}/video.mjpg?key={PlayerKey(folder).replace()}"

@@ -1,4 +1,5 @@
-"""What the peers are given: one simulated drive in every form; and how their own things come in."""
+"""Samples for the other programs: one simulated drive in every format; and imports of their
+data."""
 
 from __future__ import annotations
 
@@ -22,8 +23,8 @@ from tests.server.virtual import ServedWorld, virtually
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
-    """One drive as a recording, a tub, a dataset of two episodes and a film; a second, other lesson
-    as a dataset, and as a plain one; and `/metrics`."""
+    """One drive as a recording, a tub, a dataset of two episodes and a film; a second, different
+    lesson as a dataset and as a plain dataset; and `/metrics`."""
 
     recording: Path
     tub: Path
@@ -74,7 +75,7 @@ def metrics_of_a_robot() -> str:
 
 
 def imports_of(folder: Path) -> str:
-    """Import all that is in a folder, strictly; return how much that is."""
+    """Import everything in a folder, strictly; return the numbers of imports."""
     frames = examples = 0
     with tempfile.TemporaryDirectory() as scratch:
         for number, source in enumerate(find_drives(folder)):

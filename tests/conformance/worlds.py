@@ -1,7 +1,7 @@
 """Environments of other packages, each driven by the newest release: `--worlds`.
 
-Each package gets a Python environment of its own, in which `in_world.py` drives some of what it
-has. The table that comes of it is written into the how-to.
+Each package gets a separate Python environment, in which `in_world.py` drives some of its
+environments. The resulting table is written into the how-to.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ PACKAGES = (
     Package("pyflyt", ("PyFlyt.gym_envs:PyFlyt/QuadX-Hover-v4",), python="3.11"),
     Package("shimmy[dm-control]", ("shimmy:dm_control/cartpole-balance-v0",)),
 )
-"""What is tried."""
+"""The packages that are tried."""
 
 
 def drive_all(folder: Path, only: list[str]) -> Iterator[dict[str, Any]]:
@@ -173,7 +173,8 @@ def is_right(result: dict[str, Any]) -> bool:
 
 
 def write_table(results: list[dict[str, Any]]) -> None:
-    """Write the table of the how-to: one line a package, of what was driven without a fault."""
+    """Write the table of the how-to: one line per package with the environments driven without a
+    fault."""
     lines = [
         "| package | install | drive | pictures and moves | also driven |",
         "|---|---|---|---|---|",
@@ -197,7 +198,7 @@ def write_table(results: list[dict[str, Any]]) -> None:
 
 
 def _installed(home: Path, package: Package) -> tuple[Path, str]:
-    """Return a Python that has this package and what our tree needs, and the package's version."""
+    """Return a Python with this package and our requirements, and the package's version."""
     uv = shutil.which("uv")
     place = home / "env"
     python = place / "bin" / "python"
@@ -215,7 +216,7 @@ def _installed(home: Path, package: Package) -> tuple[Path, str]:
 
 
 def _python(newest: str) -> str:
-    """Return the newest Python of this machine, or this one."""
+    """Return the newest Python of this machine, or the running one."""
     from .__main__ import pythons
 
     found = [str(python) for python in pythons()]

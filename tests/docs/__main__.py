@@ -1,4 +1,4 @@
-"""Writes into the documents what the program knows: `make docs`."""
+"""Writes the program's facts into the documents: `make docs`."""
 
 from __future__ import annotations
 

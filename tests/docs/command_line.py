@@ -31,7 +31,7 @@ An error is one line on standard error that says what failed and what to do.
 
 
 def render() -> str:
-    """Return the whole page: of this program alone, whatever other plugins are installed."""
+    """Return the whole page, only for this program, whatever other plugins are installed."""
     own_drivers = patch("server.cli.serve.driver_names", lambda: own_plugins(DRIVERS))
     own_cameras = patch("server.cli.serve.camera_names", lambda: own_plugins(CAMERAS))
     with own_drivers, own_cameras:
@@ -91,7 +91,7 @@ def _plugin_row(option: Option) -> tuple[str, str, str]:
 
 
 def _cell(text: str, choices: Iterable[object] | None = None) -> str:
-    """Return one cell: the text, and the possible values where it does not name all of them."""
+    """Return one cell: the text, and the possible values if the text does not name all of them."""
     values = [str(choice) for choice in choices or ()]
     if not all(value in text for value in values):
         text = "; ".join(filter(None, (text, f"one of {', '.join(values)}")))

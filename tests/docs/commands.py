@@ -1,4 +1,4 @@
-"""Which commands, options, targets and extras a page names that do not exist."""
+"""Finds commands, options, targets and extras that a page names but that do not exist."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 
 
 def unknown(page: str) -> list[str]:
-    """Return what a page in Markdown tells its readers to type and that would not work."""
+    """Return the commands in a Markdown page that would not work."""
     return [fault for code in _code_of(page) for fault in _faults(code)]
 
 

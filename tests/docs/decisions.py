@@ -34,22 +34,22 @@ MISSING = {9, 10, 11, 14, 15, 16, 20, 22, 23}
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """A page: what its first lines say."""
+    """A page, by its first lines."""
 
     file: str
     number: int
     title: str
     date: str
     status: str
-    """`accepted`, or `superseded`, and by what, as the page's own second line has it."""
+    """`accepted`, or `superseded` and by what, as in the page's own second line."""
     made_void_by: frozenset[int]
-    """By which pages it is superseded, or changed in a part."""
+    """The pages by which it is superseded, or partly changed."""
     makes_void: frozenset[int]
-    """Which pages it supersedes, or changes in a part."""
+    """The pages that it supersedes, or partly changes."""
 
 
 def read(file: Path) -> Decision:
-    """Return what a page says of itself.
+    """Return the facts in a page's first lines.
 
     Raises:
         ValueError: If its first lines have another form.

@@ -35,7 +35,8 @@ def _text(x: float, y: float, text: str, anchor: str = "middle", extra: str = ""
 
 
 def render() -> str:
-    """Return the figure as SVG: how far robots are from their teachers, on a logarithmic scale."""
+    """Return the figure as SVG: the robots' distances from their teachers, on a logarithmic
+    scale."""
     data = json.loads(_DATA.read_text("utf-8"))
     bottom = _TOP + _PITCH * len(_ROWS) - 14
     title = "How far from their teacher robots drive after retraining (SSD, median of ten)"

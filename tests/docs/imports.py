@@ -1,4 +1,4 @@
-"""Writes docs/reference/imports.md from the table of forms: `make docs`."""
+"""Writes docs/reference/imports.md from the table of formats: `make docs`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All that the program writes into the documents: one build, and one test of it."""
+"""All generated parts of the documents: one build, and one test of it."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from . import command_line, decisions, figure, imports, results, sockets, values
 
 
 def made() -> dict[Path, str]:
-    """Return each file that is written, as it should be.
+    """Return the right content of each generated file.
 
-    The table of faults keeps the figures that it has: `python -m tests.faults.page` measures them.
+    The table of faults keeps its figures: `python -m tests.faults.page` measures them.
     """
     whole = {
         command_line.PAGE: command_line.render(),

@@ -1,7 +1,7 @@
 """Writes docs/results/README.md from the JSON files beside it, one for each question.
 
-`make docs` writes the page. A run of experiments fills a question's figures in, with its command,
-commit and date, where the file says in which of the run's tables they stand (`take`):
+`make docs` writes the page. A run of experiments can replace a question's figures, with its
+command, commit and date, if the file names the run's tables that contain them (`take`):
 
     drivelesson experiment mind --seeds 4 --json mind.json
     python -m tests.docs.results mind.json drivelesson experiment mind --seeds 4

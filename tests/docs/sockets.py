@@ -1,4 +1,5 @@
-"""Writes docs/reference/asyncapi.json: the two sockets for programs, from the types of the code."""
+"""Writes docs/reference/asyncapi.json, which describes the two sockets for programs, from the types
+in the code."""
 
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ def one_of(words: Any) -> Schema:
 
 
 def numbers_of(kind: type[Any]) -> tuple[Schema, list[str]]:
-    """Return the numbers that a message declares, and which of them must be there."""
+    """Return the numbers that a message declares, and the required ones among them."""
     schemas, required = {}, []
     for name, is_optional, types, least, most, _ in _numbers_of(kind):
         plain = {"type": "integer" if types == (int,) else "number"}
@@ -53,14 +54,14 @@ def numbers_of(kind: type[Any]) -> tuple[Schema, list[str]]:
 
 
 def message(kind: str, fields: Schema, required: list[str] | None = None) -> Schema:
-    """Return the schema of a message; further fields may come with later versions."""
+    """Return the schema of a message; later versions may add fields."""
     needed = list(fields) if required is None else required
     properties = {"type": {"const": kind}, **fields}
     return {"type": "object", "properties": properties, "required": ["type", *needed]}
 
 
 def upward() -> dict[str, Schema]:
-    """Return what a page sends on `/ws/drive`."""
+    """Return the messages that a page sends on `/ws/drive`."""
     drive, needed = numbers_of(DriveMessage)
     mode, mode_needs = numbers_of(ModeMessage)
     ping, ping_needs = numbers_of(Ping)
@@ -76,7 +77,7 @@ def upward() -> dict[str, Schema]:
 
 
 def by_degrees() -> list[Schema]:
-    """Return the two forms of `drive`: a move as it is, or one that is meant by degrees."""
+    """Return the two forms of `drive`: a plain move, or a move by degrees."""
     nothing, number = {"type": "null"}, {"type": "number"}
     names = Point._fields
     return [
@@ -89,7 +90,7 @@ def by_degrees() -> list[Schema]:
 
 
 def downward() -> dict[str, Schema]:
-    """Return what the server sends on `/ws/drive`."""
+    """Return the messages that the server sends on `/ws/drive`."""
     prediction = {
         "frame": _COUNT,
         "action": maybe(_TEXT),

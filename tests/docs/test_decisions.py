@@ -1,4 +1,4 @@
-"""Decisions are listed, and say by what they are superseded."""
+"""Decisions are listed, and name the decisions that supersede them."""
 
 from __future__ import annotations
 

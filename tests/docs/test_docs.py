@@ -1,4 +1,4 @@
-"""The documents tell the truth: links lead somewhere, and every option and word is written down."""
+"""The documents are true: links lead somewhere, and every option and word is documented."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ def test_every_refusal_of_the_guard_is_written_down() -> None:
 
 
 LIVING = [page for page in PAGES if page.name != "CHANGELOG.md" and "lab" not in page.parts]
-"""Pages that name things as they are called now; decisions too."""
+"""Pages that use only current names, decisions included."""
 CURRENT = [page for page in PAGES if page.name != "CHANGELOG.md" and "adr" not in page.parts]
-"""Pages about the program as it is now; decisions and changes tell of earlier ones too."""
+"""Pages about the current program; decisions and changes also describe earlier ones."""
 
 
 def test_every_command_that_a_page_names_exists() -> None:

@@ -1,4 +1,4 @@
-"""The documents say what the program knows: writing them once more changes nothing."""
+"""The documents agree with the program: generating them again changes nothing."""
 
 from __future__ import annotations
 

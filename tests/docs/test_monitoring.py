@@ -1,4 +1,4 @@
-"""What is given away for Prometheus, Grafana and Foxglove names what there is."""
+"""The files for Prometheus, Grafana and Foxglove use existing names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the package index is given: a page whose links lead somewhere, and true metadata."""
+"""The package index gets a page whose links lead somewhere, and true metadata."""
 
 from __future__ import annotations
 

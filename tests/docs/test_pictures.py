@@ -1,4 +1,4 @@
-"""Each picture of the docs is shown somewhere, and each that is shown is there."""
+"""Each picture of the docs is shown somewhere, and each shown picture exists."""
 
 from __future__ import annotations
 

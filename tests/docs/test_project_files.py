@@ -1,4 +1,4 @@
-"""The files at the root speak of the current version."""
+"""The files at the root name the current version."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of results is what its JSON files say."""
+"""The page of results agrees with its JSON files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The description of the sockets is true: of what the server says, and of what it takes."""
+"""The description of the sockets matches the server's messages and the accepted ones."""
 
 from __future__ import annotations
 

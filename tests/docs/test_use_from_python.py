@@ -1,4 +1,4 @@
-"""The how-to about the library, and the README's example, are run as they are written."""
+"""The how-to about the library, and the README's example, run as they are written."""
 
 from __future__ import annotations
 

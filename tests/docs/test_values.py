@@ -1,4 +1,4 @@
-"""The documents take the program's numbers from the program, so each stands in one place."""
+"""The documents take the program's numbers from the program, so each number is in one place."""
 
 from __future__ import annotations
 

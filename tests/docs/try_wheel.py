@@ -1,9 +1,9 @@
-"""Tries a wheel as a stranger does, in a fresh environment: `make dist`, and CI on every system.
+"""Tries a wheel as a new user does, in a fresh environment: `make dist`, and CI on every system.
 
     python tests/docs/try_wheel.py FOLDER_WITH_THE_WHEEL
 
-It needs nothing but Python: the wheel is installed with what it asks for, prints its version, runs
-the README's lines, and serves the page beside a simulated robot.
+It needs only Python: the wheel is installed with its requirements, prints its version, runs the
+README's lines, and serves the page beside a simulated robot.
 """
 
 from __future__ import annotations

@@ -41,21 +41,21 @@ SOURCES: Mapping[str, object] = {
     "ev3_stock": import_module("robot.bodies.ev3.stock.lines"),
     "lego_education": import_module("robot.bodies.lego_education.driver"),
 }
-"""Where a page may take a number from."""
+"""The sources from which a page may take a number."""
 
 
 def pages() -> list[Path]:
-    """Return every page that may have marks."""
+    """Return every page that may have markers."""
     return sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 
 
 def names(text: str) -> list[str]:
-    """Return what a page takes from the program."""
+    """Return the names that a page takes from the program."""
     return [name for _, name, _, _, _ in _MARK.findall(text)]
 
 
 def fill(text: str, sources: Mapping[str, object] = SOURCES) -> str:
-    """Return a page with the numbers as they are.
+    """Return a page with the current numbers.
 
     Raises:
         KeyError: If there is no such source.

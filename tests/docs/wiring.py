@@ -1,7 +1,7 @@
 """Draws the wiring of robots as SVG, from a list of boxes and wires (`make docs`).
 
-A box has its terminals along one side; a wire joins two terminals by right angles. The pictures
-are plain SVG with colours that can be read in the light and in the dark.
+A box has its terminals along one side; a wire joins two terminals by right angles. The pictures are
+plain SVG with colours that are readable on light and dark backgrounds.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ RED, BLACK, BLUE, GREEN = "#d33", "#555", "#27c", "#283"
 
 @dataclass(frozen=True)
 class Box:
-    """A part: its title, where it stands, and its terminals on either side, from top to bottom."""
+    """A part: its title, its position, and its terminals on either side, from top to bottom."""
 
     title: str
     x: int
@@ -45,7 +45,7 @@ class Box:
         return self._top - self.y + PITCH_PX * rows + (4 if rows else -6)
 
     def point(self, terminal: str) -> tuple[int, int]:
-        """Return where a wire is fixed."""
+        """Return the point at which a wire is attached."""
         is_left = terminal in self.left
         row = (self.left if is_left else self.right).index(terminal)
         return self.x + (0 if is_left else self.width), self._top + PITCH_PX * row + 8
@@ -63,7 +63,7 @@ class Wire:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A picture of its own."""
+    """A separate picture."""
 
     name: str
     title: str
@@ -178,7 +178,7 @@ def _with_motor_board(
 
 
 def _gpio() -> Drawing:
-    """The pins as the driver's options have them; in brackets where they are on the header."""
+    """The pins as the driver's options have them; in brackets the positions on the header."""
     header = {17: 11, 18: 12, 22: 15, 23: 16}
     left, right = GpioOptions().settings()["motor_pins"]
     pins = tuple(f"GPIO {pin} (pin {header[pin]})" for pin in left + right)
@@ -227,7 +227,7 @@ def _ros() -> Drawing:
 
 
 def _lego_education() -> Drawing:
-    """No cables: what lies on what."""
+    """There are no cables, so this shows which part lies on which."""
     phone = Box("phone", 190, 16, 230, note="the eye, looks ahead")
     motor = Box("double motor", 190, 100, 230, ("left",), ("right",), note="button: STOP")
     left = Box("wheel", 16, 106, 110, (), ("axle",))

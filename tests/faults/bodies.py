@@ -1,7 +1,8 @@
-"""What each body does when its server is gone, in virtual time: the last columns of the table.
+"""The reaction of each body when its server is gone, in virtual time: the last columns of the
+table.
 
-Judged is the body itself: nobody is left to tell it anything. The real processes of the same bodies
-are killed and frozen by their own tests.
+Only the body itself is tested, because nothing can send it orders any more. Other tests kill and
+freeze the real processes of the same bodies.
 """
 
 from __future__ import annotations
@@ -38,10 +39,10 @@ from tests.standins.rosbridge_in_time import WatchedBridge
 FAULTS = ("link lost", "server killed", "server frozen")
 STANDS_S = 0.5
 DRIVES = 50
-"""As many are measured for the page."""
+"""Number of drives measured for the page."""
 _STEP_S = 0.004
 _MEMORY = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-"""Where the files of a brick are: its kernel has none of them on a disk, either."""
+"""The folder of a brick's files, which on a brick are not on a disk either."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def _pybricks(seed: int) -> AbstractContextManager[TimedBody]:
 
 @contextmanager
 def _ev3_stock(seed: int) -> Iterator[TimedBody]:
-    """The stand-in's machine of bytecodes, without its sockets."""
+    """The stand-in's bytecode interpreter, without its sockets."""
     clock, chance = VirtualClock(), random.Random(seed)
 
     class Line:
@@ -176,7 +177,7 @@ def _gpio(seed: int) -> Iterator[TimedBody]:
 
 @contextmanager
 def _ev3_remote(seed: int) -> Iterator[TimedBody]:
-    """The brick's agent on a brick made of files, whose kernel ends what `run-timed` began."""
+    """The brick's agent on a brick made of files, whose kernel ends the moves of `run-timed`."""
     clock = VirtualClock(100.0)
     with (
         tempfile.TemporaryDirectory(dir=_MEMORY) as folder,
@@ -221,7 +222,7 @@ def _ros(seed: int) -> Iterator[TimedBody]:
 
 @contextmanager
 def _ev3(seed: int) -> Iterator[TimedBody]:
-    """The server runs on the brick: its line to the body are the motors' cables."""
+    """The server runs on the brick, so its line to the body consists of the motors' cables."""
     clock = VirtualClock(100.0)
     with (
         tempfile.TemporaryDirectory(dir=_MEMORY) as folder,
@@ -262,7 +263,7 @@ BODIES: dict[str, tuple[Callable[[int], AbstractContextManager[TimedBody]], str]
     "lego-education": (_lego_education, "the motor's timed move"),
     "ros": (_ros, "our watchdog on the robot: see [ROS 2](../howto/ros.md)"),
 }
-"""How each is made, and what stops it."""
+"""How each body is made, and what stops it."""
 OTHERS = (
     (
         "`ros` without the watchdog",
@@ -270,7 +271,7 @@ OTHERS = (
         "nothing of ours: see [ROS 2](../howto/ros.md)",
     ),
 )
-"""Bodies that are not driven here: what is said of all three faults, and what stops them."""
+"""Bodies that are not driven here: the table's text on all three faults, and what stops them."""
 
 
 def stood_after_s(name: str, fault: str, seed: int, *, by_degrees: bool = False) -> float:
@@ -335,5 +336,5 @@ def _pass(body: TimedBody, seconds: float) -> bool:
 
 
 def worst_ms(name: str, fault: str, n_seeds: int) -> float:
-    """Return the longest of so many drives, in milliseconds."""
+    """Return the longest time of this number of drives, in milliseconds."""
     return 1000 * max(stood_after_s(name, fault, seed) for seed in range(n_seeds))

@@ -1,6 +1,6 @@
-"""The server of a robot elsewhere is killed or frozen: the body's last command ends by itself.
+"""The server of a remote robot is killed or frozen: the body's last command ends by itself.
 
-How soon is judged by the contract of drivers: no move lasts longer than its time limit.
+The contract of drivers checks how soon: no move lasts longer than its time limit.
 """
 
 from __future__ import annotations

@@ -25,9 +25,10 @@ def worst_ms(cell: Cell, n_seeds: int) -> float:
 
 
 def measure(n_seeds: int) -> dict[tuple[str, str], float]:
-    """Return the worst of so many drives for each fault and mode, and say how long it took.
+    """Return the worst time of this number of drives for each fault and mode, and print the
+    duration.
 
-    A drive leaves few cycles behind, and looking for them would be a seventh of its time.
+    A drive leaves few reference cycles, and collecting them would take a seventh of its time.
     """
     numbered = [(number, mode) for number in range(len(FAULTS)) for mode in MODES]
     cells = [(FAULTS[number].name, mode) for number, mode in numbered]

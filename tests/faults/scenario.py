@@ -1,4 +1,4 @@
-"""One fault at a random moment of a drive, in virtual time; a thousand of them on one server."""
+"""One fault at a random moment of a drive, in virtual time; one server serves a thousand drives."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from server.protocol import parse_acknowledgement
 from tests.server.virtual import Pilot, ServedWorld
 
 _PICTURE = bytes(5000)
-"""As heavy as a JPEG of 160x120; nobody looks at it."""
+"""The size of a JPEG of 160x120; its content does not matter."""
 POINTS = {"forward": Point(0.15, 0.4), "left": Point(-0.6, 0.45)}
-"""What the pilot, and who learned from it, means by a move when it is steered by degrees."""
+"""The point of each move by degrees, for the pilot and for the learner."""
 _WATCHED_S = 0.15
-"""So long after the end of a fault the robot must stand still."""
+"""Time after the end of a fault for which the robot must stand still."""
 
 
 _T = TypeVar("_T")
@@ -30,7 +30,7 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What came of one fault."""
+    """The result of one fault."""
 
     stood_after_s: float
     reason: str | None
@@ -41,7 +41,7 @@ class FaultWorld(ServedWorld):
 
     page: Pilot
     received_s = 0.0
-    """When the server last received a message of the pilot."""
+    """The time at which the server last received a message of the pilot."""
 
     def __init__(self, clock: VirtualClock, *, by_degrees: bool = False) -> None:
         camera = FakeCamera(clock, pictures=[_PICTURE])
@@ -63,16 +63,16 @@ class FaultWorld(ServedWorld):
         await self.until(lambda: sum(self.loop.state.taught.values()) > 3)
 
     def hold(self, move: str) -> None:
-        """Have the pilot hold a move; by degrees, not quite as the move is declared."""
+        """Have the pilot hold a move; by degrees, slightly different from the declared point."""
         self.page.hold(move, POINTS[move] if self.driver.takes_points else None)
 
     def drives(self, move: str) -> bool:
-        """True while the body is told this move, or this point."""
+        """True while the body's order is this move, or this point."""
         point = POINTS[move] if self.driver.takes_points else None
         return self.driver.now == move and self.driver.point == point
 
     async def settle(self, seed: int) -> None:
-        """Begin anew: all is well, and chance is that of `seed`."""
+        """Start again: without faults, with the random numbers of `seed`."""
         self.dice.seed(seed)
         self.camera.rate_hz = self.dice.uniform(10.0, 30.0)
         self.camera.age_s = self.dice.uniform(0.0, 0.04)
@@ -138,7 +138,8 @@ class FaultWorld(ServedWorld):
         assert self.mode is Mode.STOPPED, f"{plan}: starts by itself"
 
     async def _stands_after_last_message(self, what: str) -> float:
-        """Wait until the robot stands; return how long after the last message it then received."""
+        """Wait until the robot stands; return the time since the last message that it then
+        received."""
         received_s = self.received_s
 
         def stands() -> bool:
@@ -154,7 +155,7 @@ class FaultWorld(ServedWorld):
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Faults, and how long to wait before each."""
+    """Faults, and the time to wait before each."""
 
     mode: str
     seed: int
@@ -163,7 +164,8 @@ class Plan:
 
 
 class HubSocket:
-    """A `Socket` that ends in the hub itself: a thousand runs a cell want no routes in between."""
+    """A `Socket` that ends in the hub itself, because routes would slow down a thousand runs a
+    cell."""
 
     def __init__(self, world: FaultWorld, path: str, on_message: Callable[[str | bytes], None]):
         self._world, hub = world, world.hub
@@ -193,7 +195,7 @@ class HubSocket:
         self._goodbye.send(None, 8)
 
     def cut(self) -> None:
-        """End as a killed browser ends."""
+        """End like a killed browser."""
         self._world.link.forget(self._up)
         self._world.link.forget(self._down)
         self.task.cancel()
@@ -220,7 +222,7 @@ Condition = Callable[[FaultWorld], bool]
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One thing that goes wrong, and comes right again."""
+    """One fault, and its end."""
 
     name: str
     begin: Change
@@ -228,14 +230,15 @@ class Fault:
     reasons: tuple[str, ...]
     """The stop reasons that the robot may report."""
     counts_from: Condition | None = None
-    """What has to be so before the robot must stand; None: it must from the beginning."""
+    """The condition after which the robot must stand; None: it must stand from the beginning."""
     counts_from_last_message: bool = False
-    """Chance lets some messages through in time: the robot must stand so long after the last."""
+    """Some messages may arrive in time by chance; the robot must stand this long after the last
+    one."""
     note: str = ""
 
 
 def outcomes(fault: Fault, mode: str, seeds: range, *, by_degrees: bool = False) -> list[Outcome]:
-    """Have one fault happen once for each seed."""
+    """Cause one fault once for each seed."""
 
     async def drives(world: FaultWorld) -> list[Outcome]:
         return [await world.live_through(fault, mode, seed) for seed in seeds]
@@ -246,7 +249,7 @@ def outcomes(fault: Fault, mode: str, seeds: range, *, by_degrees: bool = False)
 def in_fault_world(
     scenario: Callable[[FaultWorld], Coroutine[Any, Any, _T]], *, by_degrees: bool = False
 ) -> _T:
-    """Run a scenario on a robot that was taught, in virtual time."""
+    """Run a scenario with a taught robot, in virtual time."""
     clock = VirtualClock(100.0)
 
     async def main() -> _T:

@@ -1,4 +1,4 @@
-"""The faults, what the robot must do in each mode, and the page of docs that says so."""
+"""The faults, the required reaction in each mode, and the page of docs about them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "faults.md"
 MODES = ("train", "intervention", "autonomous")
 LIMIT_S = {"train": 0.5, "intervention": 0.5, "autonomous": 0.5}
 SEEDS = size("SEEDS", 6, 1_000)
-"""How many drives there are in each cell of the table (`.ci/run`: 1,000)."""
+"""Number of drives in each cell of the table (`.ci/run`: 1,000)."""
 
 
 def _silence(world: FaultWorld) -> None:
@@ -70,7 +70,7 @@ def _jump(world: FaultWorld) -> None:
 
 
 def _speak_late(world: FaultWorld) -> None:
-    """Messages of the past come after the robot was told to stop."""
+    """Old messages arrive after the robot was told to stop."""
     world.page.is_silent = True
     world.page.hold(None)
     world.page.mode("stopped")
@@ -91,7 +91,7 @@ def _acknowledge(world: FaultWorld) -> None:
 
 
 def _is_picture_old(world: FaultWorld) -> bool:
-    """True once the pilot looks at a picture that is older than what the governor allows."""
+    """True once the pilot sees a picture that is older than the governor allows."""
     frame = world.hub.video.captured_s.get(world.page.picture or 0)
     return frame is not None and world.clock.now_s() - frame > 0.5
 
@@ -190,7 +190,7 @@ ELSEWHERE = (
     ("the server is frozen (SIGSTOP) for a second", "`loop_fault`", "500 ms: the body's own limit"),
     ("the disk is full", "drives on; stands when the pilot lets go", "500 ms"),
 )
-"""Faults with tests of their own in tests/faults/, which need a process of their own."""
+"""Faults with tests in tests/faults/ that need a separate process."""
 
 
 def check(fault: Fault, mode: str, by: str) -> None:
@@ -206,7 +206,7 @@ def check(fault: Fault, mode: str, by: str) -> None:
 
 
 def render(measured_ms: dict[tuple[str, str], float]) -> str:
-    """Return the page; figures where a run has measured them (`figures`)."""
+    """Return the page; a cell contains figures if a run has measured them (`figures`)."""
     head = "| fault | in `train` | in intervention | in `autonomous` | the robot says |"
     lines = [*_INTRODUCTION, "", head, "|---|---|---|---|---|"]
     for fault in FAULTS:
@@ -225,7 +225,7 @@ def render(measured_ms: dict[tuple[str, str], float]) -> str:
 
 
 def figures(page: str) -> dict[tuple[str, str], float]:
-    """Return the figures that the page has, by row and column."""
+    """Return the figures in the page, by row and column."""
     rows = {f"{fault.name}{fault.note}": (fault.name, MODES) for fault in FAULTS}
     rows |= {f"`{name}`": (name, tuple(bodies.FAULTS)) for name in bodies.BODIES}
     found = {}

@@ -1,4 +1,4 @@
-"""Each body stands within half a second of losing its server, whatever was on its way."""
+"""Each body stands within half a second of losing its server, with any messages in transit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Several faults at once; and a drive is the same in every run. In virtual time."""
+"""Several faults at once, in virtual time; a drive is the same in every run."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ def test_a_drive_is_the_same_to_the_last_digit_in_every_run(fault: Fault, mode: 
 PROMPT = [fault for fault in FAULTS if not fault.counts_from and not fault.counts_from_last_message]
 PLANS = max(SEEDS, 50)
 A_WORLD = 25
-"""So many plans share a robot: each begins anew on it."""
+"""Number of plans that share a robot; each starts it again."""
 
 
 def make_plan(seed: int) -> Plan:
-    """Draw three faults, and when each begins."""
+    """Draw three faults, and the time at which each begins."""
     dice = random.Random(seed)
     mode = dice.choice(MODES)
     faults = tuple((dice.choice(PROMPT), dice.uniform(0.0, 0.3)) for _ in range(3))

@@ -1,6 +1,6 @@
-"""Each fault while the pilot teaches: the robot stops, says why, and stays.
+"""Each fault while the pilot teaches: the robot stops, reports why, and stays stopped.
 
-In virtual time. A file for each mode, so that several processes can share the table.
+In virtual time. There is one file for each mode, so that several processes can share the table.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """An ordinary phone never trips the robot, and a phone that is gone always stops it.
 
-Both figures that the limits must meet at once, in virtual time over the same Wi-Fi. Run with -s, it
+The limits must meet both figures at once, in virtual time over the same Wi-Fi. With -s the test
 prints them.
 """
 
@@ -17,18 +17,19 @@ from .table import FAULTS, MODES
 
 DRIVE_S = float(size("DRIVE", 120, 600))
 WIFI = LinkConditions(delay_s=0.004, jitter_s=0.03, stall_share=0.01, stall_s=0.06)
-"""Some milliseconds each way, other people's traffic, and one packet in a hundred sent again."""
+"""A delay of some milliseconds each way, other traffic, and one packet in a hundred sent again."""
 LONGEST_PAUSE_S = 0.2
-"""A phone looks for other networks or saves power: nothing passes for so long, then all at once."""
+"""A phone scans for networks or saves power: nothing passes for a while, then everything at
+once."""
 CAMERAS = {"33 ms / 5 ms": (30.0, 0.005), "100 ms / 145 ms": (10.0, 0.145)}
 GONE = ("the tab is closed", "the browser is killed", "the page hangs, or its tab is suspended",
         "the network falls silent")  # fmt: skip
 ENDS = size("ENDS", 3, 10)
-"""Drives of each kind that end with the pilot gone."""
+"""Number of drives of each kind that end with the pilot gone."""
 
 
 async def on_wifi(world: FaultWorld, camera: str, seed: int) -> None:
-    """Set the conditions of an ordinary drive; what the robot measures has settled when it ends."""
+    """Set the conditions of an ordinary drive; at its end the robot's measurements have settled."""
     await world.settle(seed)
     world.camera.rate_hz, world.camera.age_s = CAMERAS[camera]
     world.link.conditions = WIFI
@@ -36,7 +37,7 @@ async def on_wifi(world: FaultWorld, camera: str, seed: int) -> None:
 
 
 async def live_with_pauses(world: FaultWorld, seconds: float) -> int:
-    """Let time pass in which the Wi-Fi stops now and then; return how often it did."""
+    """Let time pass in which the Wi-Fi pauses occasionally; return the number of pauses."""
     ends_s, pauses = world.clock.now_s() + seconds, 0
     while world.clock.now_s() < ends_s:
         await world.forward(world.dice.uniform(0.5, 5.0))

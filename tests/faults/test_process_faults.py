@@ -1,4 +1,4 @@
-"""Faults that need a server in a process of its own: it is frozen, or its disk is full."""
+"""Faults that need a server in a separate process: it is frozen, or its disk is full."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def test_a_frozen_server_moves_nothing_afterwards_and_a_full_disk_does_not_stop_
 
 
 def a_frozen_server_lets_the_body_stop_and_does_not_move_it_again() -> None:
-    """The body ends each move by itself after `ACTION_TIMEOUT_S`, which every driver's tests show.
+    """The body ends each move by itself after `ACTION_TIMEOUT_S`, as every driver's tests show.
 
-    What is left to show is that nothing was told to move after the freeze.
+    It remains to show that no move was sent after the freeze.
     """
     assert ACTION_TIMEOUT_S <= 0.5
     with ServerUnderTest("drivelesson", 30.0) as subject, _pilot(subject.port) as pilot:

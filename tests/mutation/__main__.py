@@ -1,7 +1,7 @@
-"""Put faults into the modules on which safety rests, and see whether tests notice: `make mutate`.
+"""Puts faults into the safety-critical modules, and reports whether tests notice: `make mutate`.
 
-Each mutant lives in a forked copy of a process that has the libraries imported but nothing of this
-project. Prints each survivor, and the score of each module: the share that was noticed.
+Each mutant runs in a forked copy of a process that has imported the libraries but nothing of this
+project. Prints each survivor, and the score of each module: the share of noticed mutants.
 """
 
 from __future__ import annotations
@@ -45,13 +45,15 @@ SUBJECTS: dict[str, tuple[str, ...]] = {
         "tests/robot/control",
     ),
 }
-"""Each module, and the tests that are to notice. They run in this order until one fails."""
+"""Each module, and the tests that should notice its mutants. They run in this order until one
+fails."""
 _LIBRARIES = ("numpy", "hypothesis", "hypothesis.strategies", "fastapi", "uvicorn", "websockets")
 _PATIENCE_CPU_S = 120
 _PATIENCE_S = 1200
-"""A mutant that hangs is noticed, too: by what it computed, or by its clock if it only waits."""
+"""Time limits of a mutant that hangs, which counts as noticed: of CPU time, or of the clock if it
+only waits."""
 _UNUSED = 99
-"""The status of a run in which nothing imported the mutant: it says nothing about the tests."""
+"""The status of a run in which nothing imported the mutant, which says nothing about the tests."""
 
 
 def main() -> int:
@@ -81,7 +83,7 @@ def _lines(text: str) -> range:
 
 
 def report(name: str, jobs: int, lines: range) -> None:
-    """Print which mutants of one module survive, each at once, and the score at the end."""
+    """Print the surviving mutants of one module, each at once, and the score at the end."""
     path = ROOT / (name.replace(".", "/") + ".py")
     everyone = [mutant for mutant in mutants(path.read_text()) if mutant.line in lines]
     started_s = time.monotonic()
@@ -100,7 +102,7 @@ def report(name: str, jobs: int, lines: range) -> None:
 
 
 def _survives(name: str, path: Path, mutant: Mutant | None) -> bool:
-    """Run the tests on a mutant in a process of its own; True if none of them failed."""
+    """Run the tests on a mutant in a separate process; True if none of them failed."""
     child = os.fork()
     if child == 0:
         status = 1
@@ -127,7 +129,7 @@ def _survives(name: str, path: Path, mutant: Mutant | None) -> bool:
 
 
 class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """Gives a mutant for the module of its name."""
+    """Returns a mutant when the module of its name is imported."""
 
     def __init__(self, name: str, path: Path, mutant: Mutant) -> None:
         self._name, self._path, self._mutant = name, path, mutant

@@ -1,7 +1,7 @@
-"""Small faults put into a module's source, one at a time. Pure.
+"""Small faults in a module's source, one at a time. Pure.
 
-A mutant changes one place: a comparison, a number, a sign, a logical operator, a returned value,
-or leaves one call out. A suite that stays green did not look there.
+A mutant changes one place: a comparison, a number, a sign, a logical operator, or a returned value,
+or it leaves one call out. A suite that stays green does not test that place.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _UNSEEN_CALLS = ("debug", "info", "warning", "exception")
 
 @dataclass(frozen=True)
 class Mutant:
-    """One changed place: its line, what was there, and the whole changed module."""
+    """One changed place: its line, its original text, and the whole changed module."""
 
     line: int
     was: str
@@ -68,7 +68,7 @@ def mutants(source: str) -> Iterator[Mutant]:
 
 
 def _variants(node: ast.AST) -> list:  # type: ignore[type-arg]
-    """Return the changes that may be made to this node, as functions that make them."""
+    """Return the possible changes of this node, as functions that make them."""
     if isinstance(node, ast.Compare):
         return [
             lambda i=i, kind=kind: node.ops.__setitem__(i, kind())

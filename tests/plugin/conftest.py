@@ -19,7 +19,7 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> OwnEnvironment:
 def followed(
     environment: OwnEnvironment, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, list[str]]:
-    """Follow the how-to's commands in an empty folder; return it, and what they printed."""
+    """Follow the how-to's commands in an empty folder; return it, and their output."""
     folder = tmp_path_factory.mktemp("howto")
     [block] = re.findall(r"```console\n(.*?)```", HOWTO.read_text("utf-8"), re.DOTALL)
     commands = [line.removeprefix("$ ") for line in block.splitlines() if line]

@@ -1,4 +1,4 @@
-"""An environment in which a stranger's package is installed, as pip does it, beside the project."""
+"""An environment in which a third-party package is installed by pip, beside the project."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ _QUIET = {
 
 
 class OwnEnvironment:
-    """A virtual environment that also sees what this one has, so that little is installed."""
+    """A virtual environment that also sees the packages of this one, so that little is
+    installed."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -41,7 +42,7 @@ class OwnEnvironment:
             script.chmod(0o755)
 
     def run(self, command: str, cwd: Path) -> str:
-        """Run a line of shell with this environment's commands; return what it printed."""
+        """Run a shell line with this environment's commands; return its output."""
         path = f"{self.folder / 'bin'}{os.pathsep}{os.environ['PATH']}"
         done = subprocess.run(
             command,

@@ -1,7 +1,7 @@
-"""docs/howto/write-a-driver.md, done as it is written: a stranger's robot is made and installed,
+"""docs/howto/write-a-driver.md, followed literally: a third-party robot is made and installed,
 served, taught by touch, recorded, exported and learned again; and our own suite runs beside it.
 
-All in one file, whose tests share one environment.
+All tests are in one file and share one environment.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ pytestmark = [
 ]
 MOVES = ("fast", "slow", "push")
 _OVER_SOCKETS = ("ev3", "gpio", "lego", "mjpeg", "pybricks", "ros", "udp", "v4l2", "ws")
-"""Our drivers and cameras whose contract takes long, and which no stranger changes."""
+"""Our drivers and cameras whose contract takes long, and which a third-party package cannot
+affect."""
 
 
 def test_the_howto_works_as_written(followed: tuple[Path, list[str]]) -> None:
@@ -51,7 +52,7 @@ def test_the_howto_works_as_written(followed: tuple[Path, list[str]]) -> None:
 def test_with_a_strangers_plugin_our_own_suite_passes(
     environment: OwnEnvironment, followed: tuple[Path, list[str]]
 ) -> None:
-    """What asks the registry which robots there are: the contract, the reference, the options."""
+    """Tests that read the registry of robots: the contract, the reference, the options."""
     listed = environment.run("drivelesson serve --help", followed[0])
     assert "wheely" in listed
     cases = (f"[{kind}" for kind in _OVER_SOCKETS)
@@ -65,7 +66,7 @@ def test_with_a_strangers_plugin_our_own_suite_passes(
 
 @contextlib.contextmanager
 def stand_in(package: Path) -> Iterator[Any]:
-    """Play the robot, as the package's own conftest.py does."""
+    """Simulate the robot, as the package's own conftest.py does."""
     sys.path.insert(0, str(package))
     try:
         kit = importlib.import_module("conftest")
@@ -79,7 +80,7 @@ def stand_in(package: Path) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def served(environment: OwnEnvironment, data: Path, *options: str) -> Iterator[str]:
-    """Serve with the command that the package made known; yield the address."""
+    """Serve with the command that the package installed; yield the address."""
     program = str(environment.folder / "bin/drivelesson")
     process = subprocess.Popen(
         [program, "serve", "--port", "0", "--data", str(data), *options],
@@ -125,7 +126,7 @@ def teach(page: Any, address: str, each: int = 12) -> None:
 def teach_in_one_drive(
     environment: OwnEnvironment, package: Path, data: Path, chromium: Any
 ) -> dict[str, int]:
-    """Serve the robot and teach it by hand; return what each move has been taught."""
+    """Serve the robot and teach it by hand; return the number of examples of each move."""
     with stand_in(package) as robot, MjpegServer() as camera:
         options = [
             "--wheely-address",

@@ -1,4 +1,4 @@
-"""What the command that begins a driver refuses; what it makes: test_third_party.py."""
+"""Refusals of the command that begins a driver; test_third_party.py tests its result."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Serve, teach and hand over for some minutes, and report what grows: outside CI.
+"""Serves, teaches and hands over for some minutes, and reports growth: outside CI.
 
 `python -m tests.soak --minutes 60`: a real server with the simulator; a pilot teaches for 20 s and
-hands over for 10, again and again; viewers come, watch, stall and vanish. Reported are slopes an
-hour with intervals, from the fifth minute on (or from a quarter of a shorter run), and how long
-the journal takes to be read at the end. `--lessons 20000` adds a year of lessons in virtual time.
+hands over for 10, again and again; viewers connect, watch, stall and vanish. The report has the
+growth per hour with intervals, from the fifth minute on (or from a quarter of a shorter run), and
+the time to read the journal at the end. `--lessons 20000` adds a year of lessons in virtual time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ EVERY_S = 5.0
 
 
 class Served:
-    """A server in a process of its own, measured from outside."""
+    """A server in a separate process, measured from outside."""
 
     def __init__(self, folder: Path) -> None:
         with socket.socket() as free:
@@ -85,7 +85,7 @@ class Served:
         return 0
 
     def stop(self) -> float:
-        """End it as a system does; return how long that takes, in seconds."""
+        """End it as a system does; return the time that takes, in seconds."""
         began_s = time.monotonic()
         self.process.send_signal(signal.SIGTERM)
         self.process.wait(60)
@@ -112,7 +112,7 @@ def come_and_go(served: Served, ending: threading.Event) -> None:
 
 
 def drive(pilot: Pilot, minutes: float) -> Iterator[None]:
-    """Teach for 20 s, hand over for 10, and yield as often as it is to be measured."""
+    """Teach for 20 s, hand over for 10, and yield at each time of a measurement."""
     end_s, due_s = time.monotonic() + minutes * 60, time.monotonic()
     turn = 0
     while time.monotonic() < end_s:

@@ -1,4 +1,4 @@
-"""A school year of lessons in virtual time: what the learner's step costs, and what is kept."""
+"""A school year of lessons in virtual time: the cost of the learner's step, and the stored data."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _AT_ONCE = 1000
 
 
 def year(lessons: int) -> str:
-    """Teach so many lessons of views that change from hour to hour; return what it costs."""
+    """Teach this number of lessons, with views that change from hour to hour; return the costs."""
     chance, policy = np.random.default_rng(1), make_policy("default-32", DEFAULT_MOVES)
     views = chance.normal(size=(64, 768))
     steps_us: list[float] = []

@@ -1,4 +1,4 @@
-"""`drivelesson`, which writes how many Python objects it has when it gets SIGUSR1."""
+"""`drivelesson`, which writes its number of Python objects when it gets SIGUSR1."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A straight line through what was measured over time, with the interval of its slope."""
+"""A straight line through measurements over time, with the interval of its slope."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 
 
 class Slope(NamedTuple):
-    """How much a figure grows an hour, and half the width of its 95 % interval."""
+    """Growth of a figure per hour, and half the width of its 95 % interval."""
 
     hourly: float
     margin: float
 
     @property
     def is_flat(self) -> bool:
-        """Whether no growth is within the interval."""
+        """True if the interval includes no growth."""
         return abs(self.hourly) <= self.margin
 
 
 def slope(times_s: Sequence[float], values: Sequence[float]) -> Slope:
-    """Fit a line by least squares; the interval is as wide as neighbours are alike (Bartlett)."""
+    """Fit a line by least squares; correlated neighbours widen the interval (Bartlett)."""
     t, y = np.asarray(times_s, float) / 3600, np.asarray(values, float)
     if len(t) < 4 or np.ptp(t) == 0:
         return Slope(math.nan, math.inf)

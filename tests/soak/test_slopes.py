@@ -1,4 +1,4 @@
-"""Slopes: a growth is found, and chance is none."""
+"""Slopes: growth is found, and chance is not reported as growth."""
 
 from __future__ import annotations
 

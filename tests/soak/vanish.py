@@ -1,9 +1,9 @@
-"""Drive, vanish, and measure when the wheels stand: outside CI.
+"""Drives, vanishes, and measures when the wheels stand: outside CI.
 
-`python -m tests.soak.vanish --drives 300 --load 4`: a real server with the simulator; in each drive
-a pilot holds a move and then falls silent or is cut off, by chance. `--load 4` keeps every core
-busy with four processes of equal priority. Reported is the time from the pilot's last message until
-no wheel turns, and how often one turned again.
+`python -m tests.soak.vanish --drives 300 --load 4`: a real server with the simulator. In each drive
+a pilot holds a move and then, at random, falls silent or is cut off. `--load 4` keeps every core
+busy with four processes of equal priority. The report has the time from the pilot's last message
+until no wheel turns, and the number of drives in which a wheel turned again.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class TimedPilot(Pilot):
 
 
 class Wheels:
-    """What the simulated wheels did."""
+    """The motion of the simulated wheels."""
 
     def __init__(self, notes: Path) -> None:
         self._notes = notes
 
     def turns(self) -> list[tuple[float, bool]]:
-        """Return when they began to turn (True) or stood."""
+        """Return the times at which they began to turn (True) or stood."""
         lines = self._notes.read_text().splitlines() if self._notes.exists() else []
         return [(float(at), move != "stop") for at, move in map(str.split, lines)]
 
@@ -53,16 +53,17 @@ class Wheels:
 
 
 class Drives:
-    """Drives one after the other; a pilot that was only silent drives again."""
+    """Makes drives one after the other; a pilot that was only silent drives again."""
 
     def __init__(self, url: str, wheels: Wheels, seed: int) -> None:
         self._url, self._wheels, self._dice = url, wheels, random.Random(seed)
         self._pilot: TimedPilot | None = None
 
     def drive(self) -> list[tuple[float, bool]] | None:
-        """Drive, vanish, and return what the wheels did since the pilot's last message.
+        """Drive, vanish, and return the wheels' motion since the pilot's last message.
 
-        None if they stood when the pilot vanished: a busy machine had stopped the robot before.
+        None if they stood when the pilot vanished, because a busy machine had stopped the robot
+        before.
         """
         dice, wheels = self._dice, self._wheels
         pilot = self._pilot = self._pilot or TimedPilot(self._url)

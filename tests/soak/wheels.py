@@ -1,6 +1,6 @@
 """`drivelesson`, which notes when the simulated wheels turn and stand, one line each.
 
-A line is the system's monotonic time in seconds, which other processes share, and the move.
+A line contains the system's monotonic time in seconds, which other processes share, and the move.
 """
 
 from __future__ import annotations

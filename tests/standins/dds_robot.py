@@ -1,7 +1,7 @@
-"""A ROS 2 robot on DDS: a base that never stops by itself, a camera, and our watchdog if wanted.
+"""A ROS 2 robot on DDS: a base that never stops by itself, a camera, and optionally our watchdog.
 
-As a program it prints each velocity of its base, with the time, until its input ends:
-`python -m tests.standins.dds_robot DOMAIN [watchdog]`.
+As a program it prints each velocity of its base, with the time, until its input ends: `python -m
+tests.standins.dds_robot DOMAIN [watchdog]`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ AS_ROS = Qos(Policy.Reliability.Reliable(100_000_000), Policy.History.KeepLast(1
 
 
 def own_domain() -> int:
-    """Return a domain for this process and its children; other tests run beside it.
+    """Return a domain for this process and its children, because other tests run at the same time.
 
     Above 101 the ports are those that Linux gives to other connections.
     """
@@ -45,7 +45,7 @@ def own_domain() -> int:
 
 
 class DdsRobot:
-    """`frozen` takes and says nothing more.
+    """After `frozen` it receives and sends nothing more.
 
     Args:
         domain: In which it is; in the program's own process this is one participant more.
@@ -105,7 +105,7 @@ class DdsRobot:
 
     @property
     def drives(self) -> Point:
-        """What its base was told last: a turn to the right, and the way ahead."""
+        """The last order to its base: a turn to the right, and the speed ahead."""
         if not self.cmd_vel:
             return Point(0.0, 0.0)
         return Point(-self.cmd_vel[-1]["angular"]["z"], self.cmd_vel[-1]["linear"]["x"])

@@ -1,6 +1,6 @@
 """LEGO's library with a double motor, in virtual time.
 
-The real library is driven by tests of its own, with the motor of `lego_education.py` behind it.
+Other tests drive the real library, with the motor of `lego_education.py` behind it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from robot.testing import VirtualClock
 
 
 class DoubleMotor:
-    """What LEGO's library and motor do."""
+    """Behaves like LEGO's library and motor."""
 
     BUTTON_STATE_PRESSED = 1
     MOTOR_END_STATE_BRAKE = 1

@@ -1,7 +1,7 @@
-"""A brick with LEGO's firmware, played on this machine: beacon, unlock and direct commands.
+"""A simulated brick with LEGO's firmware on this machine: beacon, unlock and direct commands.
 
-Its reader of bytecodes is its own: nothing is shared with the driver's codec. The foreign client
-`ev3-dc` checks it (tests/robot/bodies/ev3/test_ev3_dc.py), and then it checks our driver.
+It has its own reader of bytecodes, and shares no code with the driver's codec. The third-party
+client `ev3-dc` checks it (tests/robot/bodies/ev3/test_ev3_dc.py), and then it checks our driver.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Motor:
 
 
 def _bind() -> tuple[socket.socket, socket.socket]:
-    """Take one port of four figures for both: clients answer the beacon there, too."""
+    """Return one port of four digits for both, because clients answer the beacon there, too."""
     for port in range(5555, 10_000):
         with contextlib.suppress(OSError):
             server = socket.create_server(("127.0.0.1", port), reuse_port=False)
@@ -53,7 +53,7 @@ def _bind() -> tuple[socket.socket, socket.socket]:
 
 
 class StockFirmware:
-    """What the firmware does with direct commands, on any clock; `frozen` does nothing any more.
+    """Executes direct commands like the firmware, on any clock; after `frozen` it does nothing.
 
     Args:
         now_s: The clock.
@@ -72,7 +72,7 @@ class StockFirmware:
 
     @property
     def wheels(self) -> tuple[float, float]:
-        """What the motors at the usual ports do, in percent."""
+        """The motion of the motors at the usual ports, in percent."""
         left, right = (motor.percent * motor.is_moving for motor in self.motors[1:3])
         return left, right
 
@@ -92,7 +92,7 @@ class StockFirmware:
 
 
 class StockBrick(StockFirmware):
-    """Listens on loopback; `frozen` answers nothing any more.
+    """Listens on loopback; after `frozen` it answers nothing.
 
     Args:
         beacon_port: Where it announces itself; 0 for a port of this test alone.

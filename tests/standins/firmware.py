@@ -1,4 +1,4 @@
-"""The sample firmware as a process of Debian's micropython; its pins are lines that it prints."""
+"""The sample firmware as a process of Debian's micropython; its pins print lines."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SECRET = "geheim"
 
 
 def find_micropython() -> str:
-    """Return the program; skips loudly where there is none, and fails in CI."""
+    """Return the program; skips visibly if it is missing, and fails in CI."""
     for path in (shutil.which("micropython"), str(ROOT / "var/micropython/run")):
         if path and Path(path).exists():
             return path
@@ -34,7 +34,7 @@ def find_micropython() -> str:
 
 
 def firmware(secret: bytes, port: int) -> str:
-    """Return the program, with these set as a person sets them."""
+    """Return the firmware's source with these settings, as a person would edit them."""
     program = FIRMWARE.read_text()
     as_it_is = '"school", "chalk", b"change me", 4210'
     assert as_it_is in program
@@ -42,7 +42,8 @@ def firmware(secret: bytes, port: int) -> str:
 
 
 class Relay:
-    """Datagrams both ways between one client and the robot, until the line is cut."""
+    """Datagrams in both directions between one client and the robot, until the connection is
+    cut."""
 
     def __init__(self, robot_port: int) -> None:
         self.is_cut = threading.Event()
@@ -81,7 +82,7 @@ class Relay:
 
 
 class FirmwareRobot:
-    """A running firmware on a port of its own."""
+    """A running firmware on a separate port."""
 
     def __init__(self, secret: str = SECRET) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -129,27 +130,27 @@ class FirmwareRobot:
 
     @property
     def moves(self) -> list[tuple[float, float, float]]:
-        """What the wheels were told until now: (seconds, left, right), by its clock.
+        """The wheels' orders so far: (seconds, left, right), by the robot's clock.
 
-        The robot tells its wheels before it reports that it has taken an order, so whoever has the
-        report finds the move here.
+        The robot sets its wheels before it reports an order, so the order is here when its report
+        has arrived.
         """
         self._read()
         return self._moves
 
     def is_moving(self) -> bool:
-        """Return what the wheels were last told."""
+        """Return the wheels' last order."""
         return any(any(move[1:]) for move in self.moves[-1:])
 
     def wait_until_it_stands(self, since: int = 0) -> None:
-        """Wait until the last of more moves than `since` is none."""
+        """Wait until more than `since` orders have come and the last one is a stop."""
         end_s = time.monotonic() + 60.0
         while len(self.moves) <= since or self.is_moving():
             assert time.monotonic() < end_s, "it does not stand"
             self._read(0.5)
 
     def _read(self, wait_s: float = 0.0) -> None:
-        """Read what has been printed."""
+        """Read the printed lines."""
         pipe = self.process.stdout
         while pipe and not pipe.closed and select.select([pipe], [], [], wait_s)[0]:
             new = os.read(pipe.fileno(), 1 << 16)

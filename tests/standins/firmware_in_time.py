@@ -1,7 +1,7 @@
-"""The sample firmware and the hub's program in virtual time: run by this Python, on modules
-of a few lines in the place of MicroPython's and Pybricks'.
+"""The sample firmware and the hub's program in virtual time: run by this Python, with modules of a
+few lines instead of MicroPython's and Pybricks'.
 
-Their real interpreter runs them in tests of their own; here thousands of moments can be tried.
+Other tests run them in their real interpreter; here thousands of moments can be tested.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tests.standins.pybricks_hub import PROGRAM
 
 
 def modules(**found: Any) -> dict[str, Any]:
-    """Return globals in which an import finds these first."""
+    """Return globals in which an import finds these modules first."""
 
     def find(name: str, *args: Any) -> Any:
         return found[name] if name in found else builtins.__import__(name, *args)
@@ -29,11 +29,11 @@ def modules(**found: Any) -> dict[str, Any]:
 
 
 class OverError(BaseException):
-    """Ends a program that would go on for ever."""
+    """Ends a program that would run forever."""
 
 
 class Box:
-    """Messages on their way to one side, each of which takes its time."""
+    """Messages in transit to one side, each with its own delay."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -41,13 +41,13 @@ class Box:
         self._news = threading.Event()
 
     def put(self, data: bytes, delay_s: float) -> None:
-        """Messages stay in order."""
+        """Send a message; messages stay in order."""
         last_s = self._waiting[-1][0] if self._waiting else 0.0
         self._waiting.append((max(last_s, self._clock.now_s() + delay_s), data))
         self._news.set()
 
     def take(self, timeout_s: float) -> bytes | None:
-        """Return the next that has arrived, within `timeout_s`."""
+        """Return the next message that arrives within `timeout_s`."""
         end_s = self._clock.now_s() + timeout_s
         while True:
             now_s = self._clock.now_s()
@@ -104,7 +104,7 @@ class RunningProgram:
 
     @property
     def wheels(self) -> tuple[float, float]:
-        """What the left and the right wheel do."""
+        """The motion of the left and the right wheel."""
         raise NotImplementedError
 
     @property
@@ -121,7 +121,8 @@ class RunningProgram:
 
 
 class RunningFirmware(RunningProgram):
-    """docs/examples/firmware/robot.py; `pins` are its motors': left ahead, back, right alike."""
+    """docs/examples/firmware/robot.py; `pins` are the motors': left ahead, left back, and the same
+    right."""
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:
         super().__init__(clock, seed)
@@ -187,7 +188,7 @@ class RunningFirmware(RunningProgram):
 
 
 class RunningHub(RunningProgram):
-    """docs/examples/firmware/hub.py; the hub's firmware ends what the motors were told."""
+    """docs/examples/firmware/hub.py; the hub's firmware ends the motors' moves."""
 
     def __init__(self, clock: VirtualClock, seed: int) -> None:
         super().__init__(clock, seed)

@@ -1,4 +1,4 @@
-"""The keeper's part in virtual time, on gpiozero's own mock pins: a line without a process."""
+"""The keeper's logic in virtual time, on gpiozero's mock pins: a connection without a process."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOTOR_PINS, CAR_PINS = (17, 18, 22, 23), (12, 13)
 
 
 class MockPins:
-    """`forward` lets time pass, and the keeper look at it every millisecond."""
+    """`forward` lets time pass, and the keeper checks the time every millisecond."""
 
     def __init__(self, clock: VirtualClock) -> None:
         self._clock = clock
@@ -36,7 +36,7 @@ class MockPins:
 
     @property
     def wheels(self) -> tuple[float, float]:
-        """What the left and the right motor do."""
+        """The motion of the left and the right motor."""
         ahead, back, right_ahead, right_back = (
             self.factory.pin(number).state for number in MOTOR_PINS
         )
@@ -46,7 +46,7 @@ class MockPins:
 
     @property
     def car(self) -> tuple[float, float]:
-        """What a car's servo and ESC are at: a pulse of 1.5 ms in 20 is the middle."""
+        """The values of a car's servo and ESC; a pulse of 1.5 ms in 20 is the middle."""
         servo, esc = (round((self.factory.pin(n).state - 0.075) / 0.025, 6) for n in CAR_PINS)
         return servo, esc
 
@@ -55,17 +55,18 @@ class MockPins:
         return any(self.wheels) or (self.is_car and self.car[1] != 0.0)
 
     def freeze_program(self) -> None:
-        """What the robot's program sends arrives no more, and it is answered nothing."""
+        """Lose all messages of the robot's program, and send no answers."""
         self.is_silent = True
 
     def hang_up(self) -> None:
-        """The line ends, as when the robot's program is killed: the keeper stands and ends."""
+        """Close the connection, as when the robot's program is killed: the keeper stops and
+        ends."""
         self.is_silent = True
         if self._motors is not None:
             self._motors.stand()
 
     def tick(self) -> None:
-        """The keeper looks at the time."""
+        """The keeper checks the time."""
         if self._motors is not None:
             self._motors.tick(self._now_ms())
 
@@ -91,7 +92,7 @@ class MockPins:
         return int(1000 * self._clock.now_s())
 
     class Line:
-        """As `MessageLine`; what is waited for in vain takes its time."""
+        """A `MessageLine`; waiting in vain takes time."""
 
         def __init__(self, pins: MockPins) -> None:
             self._pins = pins

@@ -1,4 +1,4 @@
-"""The process that holds the pins, on gpiozero's own mock pins; it notes what they are set to.
+"""The process that holds the pins, on gpiozero's mock pins; it notes the values that are set.
 
 `python -m tests.standins.gpio_keeper NOTES JSON`; a line of NOTES is `SECONDS PIN VALUE`.
 """
@@ -19,7 +19,7 @@ _notes = Path(sys.argv.pop(1)).open("a", buffering=1)  # noqa: SIM115 - as long 
 
 
 class NotedPin(MockPWMPin):
-    """Tells each change of a pin."""
+    """Reports each change of a pin."""
 
     def _change_state(self, value: Any) -> Any:
         _notes.write(f"{time.monotonic()} {self.info.name} {float(value)}\n")

@@ -1,4 +1,4 @@
-"""A Gymnasium environment of pixels: a spot on a line, to be brought to either end."""
+"""A Gymnasium environment of pixels: a spot on a line, to be moved to either end."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 
 class Line(gymnasium.Env[Any, Any]):
-    """The spot begins in the middle; each step costs a point, the ends are worth ten."""
+    """The spot begins in the middle; each step costs a point, and the ends are worth ten."""
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 10}
     compute: ClassVar[Callable[[], None]] = staticmethod(lambda: None)
-    """What each step does besides: a test lets time pass."""
+    """Called at each step; a test lets time pass in it."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class Line(gymnasium.Env[Any, Any]):
 
 
 def names_nothing(render_mode: str | None = None) -> Any:
-    """Return an environment whose numbers of actions have no names."""
+    """Return an environment whose numbered actions have no names."""
     line = Line(render_mode)
     line.get_action_meanings = None  # type: ignore[assignment,method-assign]
     return line

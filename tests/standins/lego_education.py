@@ -1,6 +1,6 @@
 """LEGO's double motor behind the transport seam that LEGO's library documents.
 
-The library is no dependency (its licence allows non-commercial use alone): CI installs it into
+The library is not a dependency (its licence allows only non-commercial use): CI installs it into
 var/legoeducation for these tests.
 """
 
@@ -23,7 +23,7 @@ FOLDER = ROOT / "var/legoeducation"
 
 
 def find_library() -> Any:
-    """Return LEGO's library; skips loudly where it is missing, and fails in CI."""
+    """Return LEGO's library; skips visibly if it is missing, and fails in CI."""
     if not (FOLDER / "legoeducation").is_dir():
         hint = "pip install --no-deps --target var/legoeducation legoeducation"
         if os.environ.get("CI") == "true":
@@ -106,7 +106,7 @@ class FakeDoubleMotor:
         self._lost()
 
     async def obey(self, message: bytes) -> None:
-        """Take the commands of one packet, one after the other."""
+        """Execute the commands of one packet, one after the other."""
         rpc = self.rpc
         while message:
             kind, rest = message[0], message[1:]

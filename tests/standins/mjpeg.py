@@ -11,7 +11,7 @@ import numpy as np
 
 
 class MjpegServer(HTTPServer):
-    """Streams some 30 pictures a second at `/stream`; everything else is a page of text."""
+    """Streams about 30 pictures a second at `/stream`; every other address is a page of text."""
 
     def __init__(self, *, with_length: bool = True, password: str = "") -> None:
         super().__init__(("127.0.0.1", 0), _Stream)
@@ -36,7 +36,7 @@ class MjpegServer(HTTPServer):
         self.server_close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A client that goes is no error here."""
+        """A client that disconnects is not an error here."""
 
 
 class _Stream(BaseHTTPRequestHandler):

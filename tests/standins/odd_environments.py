@@ -1,7 +1,7 @@
-"""Environments as other people write them: one for each seed, with what it truly shows and takes.
+"""Environments as other people write them: one for each seed, with its true content.
 
-`--env tests.standins.odd_environments:Odd --env-options seed=7`. The truth is a picture of three
-upright bands, red, green and blue, with a white bar at the top; grey forms have its luminance.
+`--env tests.standins.odd_environments:Odd --env-options seed=7`. The true picture has three upright
+bands, red, green and blue, and a white bar at the top; grey variants have its luminance.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def _box(low: float, high: float, picture: Any) -> spaces.Box:
 
 
 class _Image:
-    """What Pillow's images have of all that makes them known."""
+    """The attributes by which Pillow's images are recognised."""
 
     def __init__(self, picture: Any) -> None:
         self._picture = picture
@@ -51,7 +51,7 @@ class _Image:
 
 
 _Form = Callable[[Any], tuple[Any, Any]]
-"""Gives a picture in another form, and the space of that; None: nobody says."""
+"""Converts a picture to another form, with the matching space; None: no space is declared."""
 FORMS: dict[str, _Form] = {
     "bytes": lambda p: (p, _box(0, 255, p)),
     "bytes, no space": lambda p: (p, None),
@@ -105,7 +105,7 @@ FORMS: dict[str, _Form] = {
     ),
     "nested": lambda p: ({"agent": np.zeros(2), "world": {"pixels": p, "goal": (1, 2)}}, None),
 }
-"""Ways to give a picture."""
+"""Ways to deliver a picture."""
 NO_PICTURES: dict[str, Any] = {
     "numbers": np.zeros(4, np.float32),
     "a word": "north",
@@ -124,7 +124,7 @@ class Way(enum.IntEnum):
 
 
 class _Legacy(spaces.Discrete):
-    """A kind of numbered actions that a package has of its own."""
+    """A kind of numbered actions that only one package has."""
 
 
 def _names(kind: str, n: int, start: int) -> Any:
@@ -176,7 +176,7 @@ UNDRIVABLE: dict[str, tuple[Callable[[], Any], str]] = {
     "a hand": (lambda: spaces.Box(-1.0, 1.0, (24,)), "49 moves"),
     "none": (lambda: None, "no action space"),
 }
-"""Actions that no thumb can give, with words of the sentence that says so."""
+"""Actions that a thumb cannot give, with words of the sentence that says so."""
 REWARDS: dict[str, tuple[Any, float]] = {
     "a number": (1.5, 1.5),
     "a whole number": (2, 2.0),
@@ -189,7 +189,7 @@ REWARDS: dict[str, tuple[Any, float]] = {
     "a word": ("great", 0.0),
     "yes": (True, 1.0),
 }
-"""Rewards, and what they count."""
+"""Rewards, and their values."""
 BEHAVIOURS = ("new", "no seed", "old", "old reset", "ends in lists")
 SLOW_S = (0.0, 0.0, 0.05, 0.4, 0.7, 1.5, 3.0)
 
@@ -205,7 +205,7 @@ class Odd(gymnasium.Env[Any, Any]):
 
     metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"]}
     compute: ClassVar[Callable[[float], None]] = staticmethod(lambda seconds: None)
-    """How a step takes its time."""
+    """The effect of a step on time."""
     newest: ClassVar[Odd]
 
     def __init__(self, seed: int = 0, **options: Any) -> None:

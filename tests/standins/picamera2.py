@@ -1,4 +1,4 @@
-"""In the place of Raspberry Pi's library `picamera2`, which needs the Pi's own libcamera.
+"""Replaces Raspberry Pi's library `picamera2`, which needs the Pi's own libcamera.
 
 Names, arguments and the order of calls are those of picamera2 0.3.38.
 """
@@ -37,12 +37,12 @@ class Request:
 
 
 class Picamera2:
-    """One camera; a second at the same time is refused, as libcamera does."""
+    """One camera; a second one at the same time is refused, as by libcamera."""
 
     n_cameras = 1
     is_frozen = threading.Event()
     clock: Clock = RealClock()
-    """On which it takes its pictures."""
+    """The clock by which it takes its pictures."""
     _open = threading.Lock()
 
     @staticmethod

@@ -1,7 +1,7 @@
-"""A LEGO hub with Pybricks: its program really runs, on Debian's micropython, with modules in the
-place of `pybricks`; around it the GATT service, as the library `bleak` shows it to a program.
+"""A LEGO hub with Pybricks: its program really runs, on Debian's micropython, with modules instead
+of `pybricks`; around it is the GATT service, as the library `bleak` shows it to a program.
 
-`hub.bluetooth` stands for the module `bleak`.
+`hub.bluetooth` replaces the module `bleak`.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ _OTHERS = {  # what a foreign client reads besides: firmware, protocol, PnP id o
     "00002a50-0000-1000-8000-00805f9b34fb": struct.pack("<BHHH", 1, 0x0397, 0x81, 0),
 }
 MOST_BYTES = 20
-"""The smallest that a hub may take at once."""
+"""The smallest limit of bytes that a hub may have for one write."""
 LOST_AFTER_S = 1.0
-"""When Bluetooth gives up a connection that is out of reach."""
+"""Time after which Bluetooth gives up a connection that is out of range."""
 
 
 class FakeHub:
@@ -83,14 +83,14 @@ class FakeHub:
         return driver
 
     def wait_until(self, happened: Callable[[], bool]) -> None:
-        """Wait for something that the program makes happen."""
+        """Wait for a condition that the program causes."""
         with self._news:
             assert self._news.wait_for(happened, 60.0)
 
     # What a person does with the hub -------------------------------------------------------------
 
     def start_program(self) -> None:
-        """Return when it runs: a hub's program is there at once, a process is not."""
+        """Return when the program runs: a hub's program runs at once, a process does not."""
         self._is_up.clear()
         self.process = subprocess.Popen(
             [find_micropython(), str(PROGRAM)],
@@ -104,7 +104,7 @@ class FakeHub:
         self.report_status()
 
     def end_program(self) -> None:
-        """As by the hub's button; the firmware then stops the motors."""
+        """End the program, like the hub's button; the firmware then stops the motors."""
         process, self.process = self.process, None
         if process is None or self._reader is None:
             return
@@ -119,7 +119,7 @@ class FakeHub:
         self.report_status()
 
     def freeze(self) -> None:
-        """The program hangs; the firmware goes on."""
+        """The program hangs; the firmware continues."""
         assert self.process is not None
         self.process.send_signal(signal.SIGSTOP)
 
@@ -128,7 +128,7 @@ class FakeHub:
         self.process.send_signal(signal.SIGCONT)
 
     def cut(self) -> None:
-        """Carry the hub out of reach: nothing arrives, and later both sides notice."""
+        """Carry the hub out of range: nothing arrives, and later both sides notice."""
         self.is_in_reach = False
         for client in list(self.clients):
             client.lose_later()
@@ -159,7 +159,7 @@ class FakeHub:
             client.notify_soon(self.status())
 
     def obey(self, data: bytes) -> None:
-        """Take what was written to the characteristic; raises BleakError as the hub refuses."""
+        """Receive a write to the characteristic; raises BleakError if the hub refuses it."""
         if len(data) > MOST_BYTES:
             raise BleakError("Invalid Attribute Length")
         if data[:1] == b"\x01":
@@ -181,7 +181,7 @@ class FakeHub:
         )
 
     async def _find(self, matches: Any, timeout: float, **_: Any) -> Any:
-        """As `BleakScanner.find_device_by_filter`; it gives up at once."""
+        """Like `BleakScanner.find_device_by_filter`, but gives up at once."""
         for hub in (self, *self.others):
             found = SimpleNamespace(name=hub.name, address=hub.address, hub=hub)
             said = SimpleNamespace(service_uuids=[_SERVICE], local_name=hub.name)
@@ -194,11 +194,11 @@ class FakeHub:
 
 
 class BleakError(Exception):
-    """In the place of bleak's own."""
+    """Replaces bleak's own class."""
 
 
 class _Client:
-    """As `BleakClient`, on the event loop of whoever connects."""
+    """Like `BleakClient`, on the caller's event loop."""
 
     def __init__(self, hub: FakeHub, on_lost: Any) -> None:
         self._hub, self._on_lost = hub, on_lost
@@ -240,14 +240,14 @@ class _Client:
         self._hub.obey(bytes(data))
 
     async def _pass(self) -> None:
-        """Wait for as long as the hub is out of reach."""
+        """Wait while the hub is out of range."""
         while not self._hub.is_in_reach:
             if self._is_lost:
                 raise BleakError("Not connected")
             await asyncio.sleep(0.01)
 
     def notify_soon(self, data: bytes) -> None:
-        """Send an event from another thread; what is long, in several."""
+        """Send an event from another thread; a long one in several parts."""
         if not self._hub.is_in_reach:
             return
         for start in range(1, max(2, len(data)), MOST_BYTES - 1):

@@ -1,7 +1,7 @@
-"""docs/examples/ros/watchdog.py, run on a few lines in the place of rclpy and its messages.
+"""docs/examples/ros/watchdog.py, run with a few lines instead of rclpy and its messages.
 
-The names and signatures are those of rclpy's Node and of Jazzy's messages as we know them; no ROS
-is here to check them.
+The names and signatures are those of rclpy's Node and of Jazzy's messages as far as known; no ROS
+checks them here.
 """
 
 from __future__ import annotations
@@ -75,13 +75,13 @@ class WatchdogNode:
         self._thread = self._clock.start_thread(self._run, "watchdog")
 
     def end(self) -> None:
-        """As Ctrl-C does."""
+        """End like Ctrl-C."""
         self._ending.set()
         assert self._thread is not None
         self._thread.join()
 
     def take(self, message: dict[str, Any]) -> None:
-        """Give it an order, as JSON has it."""
+        """Give it an order in JSON form."""
         self.hear("/drivelesson/cmd_vel", message)
 
     def hear(self, topic: str, message: dict[str, Any]) -> None:

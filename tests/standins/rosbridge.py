@@ -1,4 +1,4 @@
-"""A small rosbridge with a ROS robot behind it: its base stands where `cmd_vel` is not renewed."""
+"""A small rosbridge with a ROS robot, whose base stops if `cmd_vel` is not renewed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.standins.rclpy_node import WatchdogNode
 IMAGES = "/camera/image_raw/compressed"
 SETTLED = "/settled"
 BASE_TIMEOUT_S = 0.4
-"""As of ros2_control's diff_drive_controller (`cmd_vel_timeout`), a little less than its 0.5."""
+"""Like ros2_control's diff_drive_controller (`cmd_vel_timeout`), slightly below its 0.5."""
 
 
 class RosBridgeServer:
@@ -42,10 +42,10 @@ class RosBridgeServer:
         self.cmd_vel: list[dict[str, Any]] = []
         self.told: dict[str, list[dict[str, Any]]] = defaultdict(list)
         self.nodes: dict[str, Callable[[dict[str, Any]], None]] = {}
-        """What other nodes on the robot do with a topic's messages; see `publish`."""
+        """The reactions of other nodes on the robot to a topic's messages; see `publish`."""
         self.images: Callable[[int], dict[str, Any]] = grey_image
         self.answers: Callable[[dict[str, Any]], list[str]] = lambda asked: []
-        """What it says, besides, to each operation."""
+        """Further messages that answer each operation."""
         self._moved_s = -100.0
         self.port = 0
         self._sockets: set[Any] = set()
@@ -63,7 +63,7 @@ class RosBridgeServer:
 
     @property
     def drives(self) -> Point:
-        """What its base does: a turn to the right, and the way ahead."""
+        """The motion of its base: a turn to the right, and the speed ahead."""
         is_old = self.has_timeout and time.monotonic() - self._moved_s > BASE_TIMEOUT_S
         if not self.cmd_vel or is_old:
             return Point(0.0, 0.0)
@@ -71,11 +71,11 @@ class RosBridgeServer:
         return Point(-twist["angular"]["z"], twist["linear"]["x"])
 
     def listen(self, topic: str, socket: Any) -> None:
-        """Send a socket all that is published on a topic."""
+        """Send a socket every message of a topic."""
         self._listeners[topic].add(socket)
 
     def settle(self, bridge: Any) -> None:
-        """Wait until all that a bridge has sent so far has arrived; None: until nobody is there."""
+        """Wait until all messages sent so far have arrived; None: until no client is connected."""
         if self.frozen.is_set():
             return
         if bridge is None:
@@ -150,7 +150,7 @@ class RosBridgeServer:
         await self._tell_listeners(topic, message)
 
     async def _tell_listeners(self, topic: str, message: dict[str, Any]) -> None:
-        """Tell everybody who is there; who is just leaving spoils it for nobody else."""
+        """Send to all clients; one that is just leaving causes no error for the others."""
         text = json.dumps({"op": "publish", "topic": topic, "msg": message})
         for listener in list(self._listeners[topic]):
             with contextlib.suppress(websockets.ConnectionClosed):
@@ -166,7 +166,7 @@ class RosBridgeServer:
 
     @contextlib.contextmanager
     def watchdog(self, **parameters: Any) -> Iterator[WatchdogNode]:
-        """Run our node on the robot; the network does not stand between it and the base."""
+        """Run our node on the robot, without a network between the node and the base."""
         node = WatchdogNode(RealClock(), self.publish, **parameters)
         node.start()
         self.nodes["/drivelesson/cmd_vel"] = node.take
@@ -177,7 +177,7 @@ class RosBridgeServer:
             node.end()
 
     def publish(self, topic: str, kind: str, message: dict[str, Any]) -> None:
-        """Publish as a node on the robot does: the base hears it whatever rosbridge does."""
+        """Publish like a node on the robot: the base receives it even if rosbridge is frozen."""
         self.topics[topic] = kind
         self._note(topic, message)
         if self._listeners[topic] and not self._over.is_set():

@@ -31,7 +31,7 @@ class WatchedBridge:
         self.where = "rosbridge at robot"
 
     def open(self, *_: Any, on_message: Callable[[str, Any], None], **topics: Any) -> Any:
-        """Stand in for `open_topics`."""
+        """Replaces `open_topics`."""
         self._on_message = on_message
         return self
 
@@ -44,11 +44,11 @@ class WatchedBridge:
         return max(0.0, self._clock.now_s() - self.lost_s)
 
     def publish(self, topic: str, message: Any, *_: Any) -> None:
-        """Without the zero that follows: a server that is gone sends none."""
+        """Without the zero that follows, because a server that is gone sends none."""
         self._send(self._to_robot, json.dumps(message).encode())
 
     def hear(self, topic: str, message: Any) -> None:
-        """Publish as another node on the robot does."""
+        """Publish like another node on the robot."""
         self._node.hear(topic, message)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""A robot that serves a websocket, as docs/reference/robot-protocol.md has it."""
+"""A robot that serves a websocket, by docs/reference/robot-protocol.md."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class WsRobot:
         self._loop.close()
 
     def start_again(self) -> None:
-        """Be switched off and on: all lines end, and nothing is remembered."""
+        """Be switched off and on: all connections end, and all state is lost."""
 
         async def drop() -> None:
             self.nonce, self.seq, self.ends_s = "ddccbbaa", 0, 0.0

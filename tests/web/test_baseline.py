@@ -1,7 +1,7 @@
-"""The page's source keeps to what browsers of the end of 2020 know (docs/howto/page.md).
+"""The page's source uses only features of browsers from the end of 2020 (docs/howto/page.md).
 
-The language's own library is checked by the compiler, whose `lib` is that of ES2021
-(tsconfig.json). Here it is what a compiler does not know: syntax, what the browser offers, styles.
+The compiler checks the language's own library, with the `lib` of ES2021 (tsconfig.json). These
+tests check the rest: syntax, browser features, styles.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ OFFERED = {
     "setHTMLUnsafe": "Chrome 124",
     "startViewTransition": "Chrome 111",
 }
-"""Asked for only where the same file has asked whether it is there."""
+"""Features that a file uses only after it has checked that they exist."""
 STYLED = {
     "inset": r"[;{ ]inset:(?! auto;)",
     "a container": r"@container|container(-type)?:",
@@ -77,7 +77,7 @@ def test_the_drive_screens_styles_keep_to_the_baseline(path: Path) -> None:
 
 
 def test_the_first_script_is_for_any_browser() -> None:
-    """It tells an old browser that it is too old, and so has to run there."""
+    """It tells an old browser that it is too old, so it must run there."""
     [script] = re.findall(r"<script>(.*?)</script>", (WEB / "index.html").read_text(), re.DOTALL)
     code = re.sub(r"'[^']*'|//.*|/\*.*?\*/", "", script)
     for newer in (r"=>", r"\b(let|const|class|async|await)\b", "`", r"\?\.|\?\?", r"\.\.\."):

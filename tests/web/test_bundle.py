@@ -1,4 +1,5 @@
-"""In a wheel the page's modules are few files that mean the same and may be cached indefinitely."""
+"""In a wheel the page's modules are joined into few files with the same meaning, which may be
+cached indefinitely."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page's own tests run in node; here they join the others."""
+"""The page's own tests run in node; this file adds them to the suite."""
 
 from __future__ import annotations
 

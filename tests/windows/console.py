@@ -1,4 +1,4 @@
-"""A program in a console of Windows: one that can be closed, and in which Ctrl-C is pressed."""
+"""A program in a console of Windows, which can be closed, and in which Ctrl-C can be pressed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ END_S = 60
 
 
 class Console:
-    """Runs Windows' Python with these words; what it says is collected in `said`."""
+    """Runs Windows' Python with these arguments; its output is collected in `said`."""
 
     def __init__(self, folder: Path, *words: str) -> None:
         self._master, slave = pty.openpty()

@@ -1,4 +1,4 @@
-"""The tutorial's loop on Windows, by a client: taught, handed over, ended, and there again."""
+"""The tutorial's loop on Windows, by a client: taught, handed over, ended, and restored."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PATIENCE_S = 240.0
 
 
 def run(folder: Path) -> None:
-    """Raise AssertionError where Windows does not do what Linux does."""
+    """Raise AssertionError if Windows differs from Linux."""
     data = folder / "data"
     with _served(data) as (console, address):
         taught = _teach(address)
@@ -95,7 +95,7 @@ def _served(data: Path) -> Iterator[tuple[Console, str]]:
 
 
 def _teach(address: str, lessons: int = LESSONS) -> int:
-    """Drive as a pupil who turns left before walls; return how many examples there are."""
+    """Drive like a pupil who turns left before walls; return the number of examples."""
     with contextlib.closing(_pilot(address)) as pilot:
         end_s, held = time.monotonic() + PATIENCE_S, "forward"
         while pilot.state["lessons"] < lessons:
@@ -113,7 +113,7 @@ def _teach(address: str, lessons: int = LESSONS) -> int:
 
 
 def _hand_over(address: str) -> float:
-    """Let it drive until it has driven long enough without a hand; return for how long."""
+    """Let it drive until it has driven long enough by itself; return the time."""
     with contextlib.closing(_pilot(address)) as pilot:
         alone_s, end_s = 0.0, time.monotonic() + PATIENCE_S
         while alone_s < ALONE_S:

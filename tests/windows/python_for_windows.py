@@ -1,8 +1,9 @@
-"""Puts CPython for Windows together, with what Drivelesson needs, to run it under Wine.
+"""Assembles CPython for Windows, with the requirements of Drivelesson, to run it under Wine.
 
 No installer of Windows' Python runs unattended in every Wine, and the package index has none. But
-panda3d's wheel for Windows carries all of the interpreter but python.exe, and the standard library
-is the one that runs this script. What Wine 8 lacks is named where it is made up for.
+panda3d's wheel for Windows contains the whole interpreter except python.exe, and the standard
+library is the one that runs this script. The code names each thing that Wine 8 lacks where it
+replaces it.
 """
 
 from __future__ import annotations
@@ -31,17 +32,17 @@ FOR_WINE = ["numpy==1.26.4"]
 
 
 def environment() -> dict[str, str]:
-    """Return what a program under Wine is started with."""
+    """Return the environment for a program under Wine."""
     return {**os.environ, "WINEPREFIX": str(PLACE / "prefix"), "WINEDEBUG": "-all", "DISPLAY": ""}
 
 
 def python(*words: str) -> list[str]:
-    """Return the command that runs Windows' Python with these words."""
+    """Return the command that runs Windows' Python with these arguments."""
     return [str(WINE), str(PYTHON / "python.exe"), *words]
 
 
 def make() -> None:
-    """Make it anew in var/windows, with the clone's wheel; needs root where Wine is missing."""
+    """Make it anew in var/windows, with the clone's wheel; needs root if Wine is missing."""
     if not WINE.exists():
         _run("apt-get", "update", "-qq")
         _run("apt-get", "install", "-y", "-qq", "--no-install-recommends", "wine64", "wine")
@@ -88,7 +89,8 @@ def _unpack(wheel: Path) -> None:
 
 
 def _build() -> None:
-    """Compile python.exe, and two libraries: what extensions of every Python 3 want, and Wine."""
+    """Compile python.exe, and two libraries: one for extensions of every Python 3, and one for
+    Wine."""
     forwards = PLACE / "python3.def"
     names = "".join(f"  {name}={DLL[:-4]}.{name}\n" for name in _exports(PYTHON / DLL))
     forwards.write_text(f"LIBRARY python3.dll\nEXPORTS\n{names}", "ascii")
@@ -111,7 +113,7 @@ def _build() -> None:
 
 
 def _exports(library: Path) -> Iterator[str]:
-    """Yield the names that a Windows library of 64 bits exports."""
+    """Yield the names that a 64-bit Windows library exports."""
     data = library.read_bytes()
     (header,) = struct.unpack_from("<I", data, 0x3C)
     sections, optional = struct.unpack_from("<H12xH", data, header + 6)

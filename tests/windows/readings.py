@@ -1,4 +1,4 @@
-"""Prints a digest of all that is read of recordings: the same on every system, or one is wrong.
+"""Prints a digest of the data read from recordings, which must be the same on every system.
 
 python -m tests.windows.readings RECORDING ...
 """
@@ -14,7 +14,7 @@ from robot.recordings.episode import open_episode
 
 
 def digest(path: Path) -> str:
-    """Return a line on a recording: its name, its examples, and what stands in it."""
+    """Return a line on a recording: its name, its examples, and its content."""
     episode, found = open_episode(path), hashlib.sha256(path.read_bytes())
     for frame_id in episode.frames:
         picture = episode.frame(frame_id)

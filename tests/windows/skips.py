@@ -1,4 +1,5 @@
-"""Skips on Windows what no Windows has, each with its reason: a plugin of `make test-windows`."""
+"""Skips tests of functions that Windows lacks, each with its reason: a plugin of `make
+test-windows`."""
 
 from __future__ import annotations
 
@@ -17,7 +18,7 @@ ITSELF = "server/test_damaged_folder.py::test_the_data_folder_itself_may_be_some
 LINKS = "symbolic links, which few may make there"
 NO_EXTRA = "the extra `{}` is not installed there"
 EXTRA_LIBRARIES = ("sklearn", "scipy", "matplotlib", "river", "pyarrow", "av")
-"""Which tests import by themselves; the others learn from the product what is missing."""
+"""Modules that tests import directly; other tests learn from the product what is missing."""
 SKIPPED = {
     "robot/bodies/gpio": KERNEL + "GPIO",
     "robot/bodies/ev3/test_v4l2.py": KERNEL + "V4L2",
@@ -44,7 +45,7 @@ SKIPPED = {
     "robot/bodies/ev3/test_stock.py::test_the_cable_carries": KERNEL + "packets of a local socket",
 }
 ABSENT = {"mkfifo": KERNEL + "named pipes, which a stand-in for a brick has"}
-"""Functions of `os`: a test that calls one is skipped there."""
+"""Functions of `os`; a test that calls one of them is skipped there."""
 TESTS = Path(__file__).parents[1]
 
 
@@ -92,7 +93,7 @@ def pytest_runtest_call() -> Generator[None, Any, Any]:
 
 
 def _without_extras() -> Generator[None, Any, Any]:
-    """Skip a test that finds that an extra's library is not there."""
+    """Skip a test if an extra's library is missing."""
     try:
         return (yield)
     except MissingExtraError as error:

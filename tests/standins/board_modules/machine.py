@@ -1,4 +1,4 @@
-"""MicroPython's `machine`, as far as two motors go: says what the wheels do, by its clock."""
+"""MicroPython's `machine`, reduced to two motors: reports the wheels' motion, by its clock."""
 
 import time
 
@@ -18,7 +18,7 @@ class Pin:
 
 
 class PWM:
-    """Four make two wheels; the last that is set says what they do."""
+    """Four of them drive two wheels; each setting determines the wheels' motion."""
 
     def __init__(self, pin, freq, duty_u16):
         self._place = len(_duties)

@@ -1,4 +1,4 @@
-"""MicroPython's `network`: this machine is in one."""
+"""MicroPython's `network`: this machine is already connected."""
 
 STA_IF = 0
 
@@ -16,7 +16,7 @@ class WLAN:
         """Do nothing."""
 
     def isconnected(self):
-        """Always."""
+        """Always true."""
         return True
 
     def ifconfig(self):

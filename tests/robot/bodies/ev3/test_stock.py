@@ -253,7 +253,7 @@ def test_of_several_bricks_at_cables_one_has_to_be_named(
         plug_in(tmp_path, number, usb_brick(serial))
     with pytest.raises(DriveError, match="which brick") as said:
         find_usb(root=tmp_path)
-    named = str(said.value).partition("cables: ")[2].partition(";")[0].split(", ")
+    named = str(said.value).partition("by USB: ")[2].partition(";")[0].split(", ")
     assert len(named) == 2 and f"--brick {named[0]}" in str(said.value)
     for number, name in enumerate(named):
         assert find_usb(name.replace(":", ""), tmp_path) == Path(f"/dev/hidraw{number}")

@@ -1,4 +1,4 @@
-"""A hub whose light says what it shows."""
+"""A hub whose light reports its colour."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Motors that say what they were told, on a line of their own that begins with a byte 1."""
+"""Motors that report their orders, in separate lines that begin with a byte 1."""
 
 import sys
 
